@@ -1,0 +1,2 @@
+//! The `grim` program.
+fn main() {}

@@ -1,0 +1,1 @@
+//! Georeferenced rasters, coordinate systems, tile grids and metres on the ellipsoid.

@@ -1,0 +1,1 @@
+//! Convolution, pooling and matrix kernels for the grimnet network, chosen for the processor at run time.

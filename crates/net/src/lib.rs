@@ -1,0 +1,1 @@
+//! The GRiM-Net network: description, model file, CPU inference.

@@ -1,0 +1,1 @@
+//! The map pack: levels, tile descriptors and features on disk, search, interruptible building.

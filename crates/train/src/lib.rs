@@ -1,0 +1,1 @@
+//! Training the GRiM-Net network: modules, losses, data, loop, export.

@@ -1,0 +1,274 @@
+//! Activations of one image.
+
+use crate::buffer::AlignedBuffer;
+
+/// Channels are padded to this many floats (one AVX-512 vector, one cache line).
+pub(crate) const CHANNEL_BLOCK: usize = 16;
+/// Up to this many channels (pictures) are padded to this many only.
+const NARROW_CHANNELS: usize = 4;
+
+/// Floats from one pixel to the next for `channels` channels.
+pub(crate) fn channel_stride(channels: usize) -> usize {
+    if channels <= NARROW_CHANNELS {
+        NARROW_CHANNELS
+    } else {
+        channels.next_multiple_of(CHANNEL_BLOCK)
+    }
+}
+
+/// Activations of one image: height x width x channels of `f32`, channels innermost (NHWC).
+///
+/// Around the image lies a halo of one pixel, always zero, so that 3x3 convolutions need no edge cases. Channels are
+/// padded (to a multiple of 16; up to four channels to four), and the padding is always zero too.
+#[derive(Clone)]
+pub struct Tensor {
+    height: usize,
+    width: usize,
+    channels: usize,
+    data: AlignedBuffer,
+}
+
+impl std::fmt::Debug for Tensor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "Tensor({} x {} x {})",
+            self.height, self.width, self.channels
+        )
+    }
+}
+
+impl Default for Tensor {
+    /// An empty tensor, to be reshaped by the kernel that writes it.
+    fn default() -> Self {
+        Self::new(0, 0, 0)
+    }
+}
+
+impl Tensor {
+    /// A tensor of zeros.
+    #[must_use]
+    pub fn new(height: usize, width: usize, channels: usize) -> Self {
+        let floats = (height + 2) * (width + 2) * channel_stride(channels);
+        Self {
+            height,
+            width,
+            channels,
+            data: AlignedBuffer::zeroed(floats),
+        }
+    }
+
+    /// Changes the shape and keeps the allocation where it is large enough. Halo and padding channels are zero
+    /// afterwards; the pixels hold anything.
+    pub fn reshape(&mut self, height: usize, width: usize, channels: usize) {
+        if (self.height, self.width, self.channels) == (height, width, channels) {
+            return;
+        }
+        (self.height, self.width, self.channels) = (height, width, channels);
+        let (floats, row, stride) = (self.floats(), self.row_stride(), self.channel_stride());
+        self.data.grow(floats);
+        let data = &mut self.data.as_mut_slice()[..floats];
+        if stride != channels {
+            data.fill(0.0);
+            return;
+        }
+        data[..row].fill(0.0);
+        data[floats - row..].fill(0.0);
+        for line in data.chunks_exact_mut(row) {
+            line[..stride].fill(0.0);
+            line[row - stride..].fill(0.0);
+        }
+    }
+
+    /// From `channels x height x width` floats (one image of an NCHW batch).
+    ///
+    /// # Panics
+    /// If `data` has not that many elements.
+    #[must_use]
+    pub fn from_chw(data: &[f32], channels: usize, height: usize, width: usize) -> Self {
+        assert_eq!(
+            data.len(),
+            channels * height * width,
+            "elements of a {channels} x {height} x {width} image"
+        );
+        let mut tensor = Self::new(height, width, channels);
+        for (c, plane) in data.chunks_exact((height * width).max(1)).enumerate() {
+            for y in 0..height {
+                for x in 0..width {
+                    tensor.pixel_mut(y, x)[c] = plane[y * width + x];
+                }
+            }
+        }
+        tensor
+    }
+
+    /// From `height x width x channels` floats.
+    ///
+    /// # Panics
+    /// If `data` has not that many elements.
+    #[must_use]
+    pub fn from_hwc(data: &[f32], height: usize, width: usize, channels: usize) -> Self {
+        assert_eq!(
+            data.len(),
+            channels * height * width,
+            "elements of a {height} x {width} x {channels} image"
+        );
+        let mut tensor = Self::new(height, width, channels);
+        for (i, pixel) in data.chunks_exact(channels.max(1)).enumerate() {
+            tensor
+                .pixel_mut(i / width, i % width)
+                .copy_from_slice(pixel);
+        }
+        tensor
+    }
+
+    /// The pixels as `channels x height x width` floats.
+    #[must_use]
+    pub fn to_chw(&self) -> Vec<f32> {
+        let mut planes = vec![0.0; self.channels * self.height * self.width];
+        for y in 0..self.height {
+            for x in 0..self.width {
+                for (c, &value) in self.pixel(y, x).iter().enumerate() {
+                    planes[(c * self.height + y) * self.width + x] = value;
+                }
+            }
+        }
+        planes
+    }
+
+    /// The pixels as `height x width x channels` floats.
+    #[must_use]
+    pub fn to_hwc(&self) -> Vec<f32> {
+        let mut pixels = Vec::with_capacity(self.channels * self.height * self.width);
+        for y in 0..self.height {
+            for x in 0..self.width {
+                pixels.extend_from_slice(self.pixel(y, x));
+            }
+        }
+        pixels
+    }
+
+    /// Sets every channel of every pixel.
+    pub fn fill(&mut self, value: f32) {
+        for y in 0..self.height {
+            for x in 0..self.width {
+                self.pixel_mut(y, x).fill(value);
+            }
+        }
+    }
+
+    /// Rows of pixels.
+    #[must_use]
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Pixels in a row.
+    #[must_use]
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Floats of a pixel.
+    #[must_use]
+    pub fn channels(&self) -> usize {
+        self.channels
+    }
+
+    /// The channels of the pixel in row `y`, column `x`.
+    #[must_use]
+    pub fn pixel(&self, y: usize, x: usize) -> &[f32] {
+        assert!(
+            y < self.height && x < self.width,
+            "pixel ({y}, {x}) of {self:?}"
+        );
+        &self.data.as_slice()[self.offset(y + 1, x + 1)..][..self.channels]
+    }
+
+    /// The channels of the pixel in row `y`, column `x`, to be written.
+    pub fn pixel_mut(&mut self, y: usize, x: usize) -> &mut [f32] {
+        assert!(
+            y < self.height && x < self.width,
+            "pixel ({y}, {x}) of {self:?}"
+        );
+        let (offset, channels) = (self.offset(y + 1, x + 1), self.channels);
+        &mut self.data.as_mut_slice()[offset..][..channels]
+    }
+
+    /// Floats from one pixel to the next, padding channels included.
+    pub(crate) fn channel_stride(&self) -> usize {
+        channel_stride(self.channels)
+    }
+
+    /// Floats from one row to the next, halo included.
+    pub(crate) fn row_stride(&self) -> usize {
+        (self.width + 2) * self.channel_stride()
+    }
+
+    /// Where the pixel at row `y`, column `x` *of the haloed image* starts: `(1, 1)` is the first real pixel.
+    pub(crate) fn offset(&self, y: usize, x: usize) -> usize {
+        y * self.row_stride() + x * self.channel_stride()
+    }
+
+    /// Everything, halo and padding included.
+    pub(crate) fn as_slice(&self) -> &[f32] {
+        &self.data.as_slice()[..self.floats()]
+    }
+
+    /// Everything, halo and padding included. Whoever writes keeps both zero.
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [f32] {
+        let floats = self.floats();
+        &mut self.data.as_mut_slice()[..floats]
+    }
+
+    fn floats(&self) -> usize {
+        (self.height + 2) * self.row_stride()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn halo_and_padding_are_zero(t: &Tensor) -> bool {
+        let stride = t.channel_stride();
+        t.as_slice()
+            .chunks_exact(stride)
+            .enumerate()
+            .all(|(i, pixel)| {
+                let (y, x) = (i / (t.width + 2), i % (t.width + 2));
+                let inside = (1..=t.height).contains(&y) && (1..=t.width).contains(&x);
+                let from = if inside { t.channels } else { 0 };
+                pixel[from..].iter().all(|&v| v == 0.0)
+            })
+    }
+
+    #[test]
+    fn layouts_round_trip() {
+        let (c, h, w) = (3, 4, 5);
+        let chw: Vec<f32> = (0..c * h * w).map(|i| i as f32).collect();
+        let tensor = Tensor::from_chw(&chw, c, h, w);
+        assert_eq!(tensor.pixel(2, 1), &[11.0, 31.0, 51.0]);
+        assert_eq!(tensor.to_chw(), chw);
+        assert_eq!(Tensor::from_hwc(&tensor.to_hwc(), h, w, c).to_chw(), chw);
+    }
+
+    #[test]
+    fn reshape_clears_halo_and_padding_and_keeps_the_allocation() {
+        let mut tensor = Tensor::new(9, 9, 32);
+        tensor.fill(7.0);
+        let address = tensor.as_slice().as_ptr();
+        for (h, w, c) in [(7, 5, 32), (3, 20, 16), (8, 8, 17), (9, 9, 3), (1, 1, 1)] {
+            tensor.reshape(h, w, c);
+            assert!(halo_and_padding_are_zero(&tensor), "{tensor:?}");
+            tensor.fill(7.0);
+            assert!(halo_and_padding_are_zero(&tensor), "{tensor:?}");
+        }
+        assert_eq!(tensor.as_slice().as_ptr(), address);
+    }
+
+    #[test]
+    fn memory_starts_on_a_cache_line() {
+        assert_eq!(Tensor::new(3, 3, 16).as_slice().as_ptr() as usize % 64, 0);
+    }
+}

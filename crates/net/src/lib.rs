@@ -1,1 +1,51 @@
-//! The GRiM-Net network: description, model file, CPU inference.
+//! The GRiM-Net network on the CPU: its description, its model file, and inference.
+//!
+//! One [`NetSpec`] describes both presets (`compact`, the default, and `vgg16`, the paper's); a [`Model`] is such a
+//! description with its numbers; an [`Extractor`] is a model made ready for one [`Domain`] (normalisation folded into the
+//! convolutions) and turns pictures into [`Features`]: keypoints, local descriptors, one global descriptor.
+//!
+//! Pixel convention: keypoints are integer pixel indices, so the centre of the top-left pixel is (0, 0). Add one half to
+//! get continuous picture coordinates.
+//!
+//! ```
+//! use grimnet_net::{Domain, ExtractOptions, Extractor, Model, NetSpec};
+//!
+//! let model = Model::random(&NetSpec::compact(), 7)?;
+//! let extractor = Extractor::new(&model, Domain::Uav)?;
+//! let picture = image::RgbImage::from_fn(64, 96, |x, y| image::Rgb([(x * 4) as u8, (y * 2) as u8, 90]));
+//! let features = extractor.extract(&picture, None, &ExtractOptions::default())?;
+//! assert_eq!(features.global.len(), 512);
+//! assert_eq!(features.descriptors.len(), features.keypoints.len() * features.descriptor_dim);
+//! # Ok::<(), grimnet_net::NetError>(())
+//! ```
+
+mod bundled;
+mod dense;
+mod describe;
+mod error;
+mod extractor;
+mod features;
+mod file;
+mod forward;
+mod heatmap;
+mod keypoints;
+mod layer;
+mod model;
+mod random;
+mod seen;
+mod spec;
+mod statistics;
+mod vlad;
+mod whitening;
+
+pub use dense::Dense;
+pub use error::NetError;
+pub use extractor::Extractor;
+pub use features::{ExtractOptions, Features, Keypoint};
+pub use model::{Card, Model, ModelHash, Parameter, Precision};
+pub use spec::{
+    BATCH_NORM_EPSILON, CELL_PX, Decoder, Domain, Downsample, KEYPOINT_CLASSES, KeypointHead,
+    NetSpec, SIZE_MULTIPLE_PX, Stage, Vlad, VladInput,
+};
+pub use statistics::{LayerStatistics, Statistics};
+pub use vlad::VladSum;

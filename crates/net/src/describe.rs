@@ -1,0 +1,127 @@
+//! Local descriptors at keypoints.
+
+use grimnet_kernels::Tensor;
+use rayon::prelude::*;
+
+use crate::Keypoint;
+use crate::spec::CELL_PX;
+
+/// Keypoints described by one task.
+const BATCH: usize = 64;
+
+/// Samples `field` (one vector for each 8 x 8 px cell) bilinearly at the keypoints and scales each vector to unit length.
+/// The vector of a cell sits at the cell's centre, as in PyTorch's `grid_sample(align_corners=False)`; outside the outermost
+/// centres the nearest counts (PyTorch's padding with zeros has the same direction).
+pub(crate) fn describe(field: &Tensor, keypoints: &[Keypoint]) -> Vec<f32> {
+    let dim = field.channels();
+    let mut out = vec![0.0; keypoints.len() * dim];
+    out.par_chunks_mut(BATCH * dim)
+        .zip(keypoints.par_chunks(BATCH))
+        .for_each(|(rows, keypoints)| {
+            for (row, keypoint) in rows.chunks_exact_mut(dim).zip(keypoints) {
+                let (x0, x1, fx) = neighbours(keypoint.x_px, field.width());
+                let (y0, y1, fy) = neighbours(keypoint.y_px, field.height());
+                let corners = [
+                    (y0, x0, (1.0 - fy) * (1.0 - fx)),
+                    (y0, x1, (1.0 - fy) * fx),
+                    (y1, x0, fy * (1.0 - fx)),
+                    (y1, x1, fy * fx),
+                ];
+                let [a, b, c, d] = corners.map(|(y, x, _)| field.pixel(y, x));
+                let [wa, wb, wc, wd] = corners.map(|(_, _, weight)| weight);
+                for ((((v, a), b), c), d) in row.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                    *v = a * wa + b * wb + c * wc + d * wd;
+                }
+                normalise(row);
+            }
+        });
+    out
+}
+
+/// The two cells around a pixel, and the share of the second.
+fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
+    let last = cells.saturating_sub(1);
+    let at = ((at_px + 0.5) / CELL_PX as f32 - 0.5).clamp(0.0, last as f32);
+    let first = at as usize;
+    (first, (first + 1).min(last), at - first as f32)
+}
+
+/// Length below which a vector counts as zero (PyTorch's `normalize`).
+const SMALLEST_NORM: f32 = 1e-12;
+
+/// Scales to unit length.
+pub(crate) fn normalise(row: &mut [f32]) {
+    let factor = inverse_norm(row);
+    row.iter_mut().for_each(|v| *v *= factor);
+}
+
+/// One over the length.
+pub(crate) fn inverse_norm(row: &[f32]) -> f32 {
+    1.0 / dot(row, row).sqrt().max(SMALLEST_NORM)
+}
+
+/// Scalar product, in eight partial sums that a compiler keeps in vector registers.
+pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
+    let (a8, a_rest) = a.as_chunks::<8>();
+    let (b8, b_rest) = b.as_chunks::<8>();
+    let mut sums = [0.0f32; 8];
+    for (a, b) in a8.iter().zip(b8) {
+        for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+            *sum += a * b;
+        }
+    }
+    let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
+    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(x_px: f32, y_px: f32) -> Keypoint {
+        Keypoint {
+            x_px,
+            y_px,
+            score: 1.0,
+        }
+    }
+
+    #[test]
+    fn vectors_are_interpolated_between_cell_centres() {
+        let field = Tensor::from_hwc(&[1.0, 0.0, 0.0, 1.0], 1, 2, 2);
+        let rows = describe(
+            &field,
+            &[
+                at(3.5, 3.0),
+                at(7.5, 0.0),
+                at(0.0, 7.0),
+                at(15.0, 7.0),
+                at(5.5, 1.0),
+            ],
+        );
+        let half = 0.5f32.sqrt();
+        let norm = (0.75f32 * 0.75 + 0.25 * 0.25).sqrt();
+        let expected = [
+            1.0,
+            0.0,
+            half,
+            half,
+            1.0,
+            0.0,
+            0.0,
+            1.0,
+            0.75 / norm,
+            0.25 / norm,
+        ];
+        for (value, expected) in rows.iter().zip(expected) {
+            assert!((value - expected).abs() < 1e-6, "{rows:?}");
+        }
+    }
+
+    #[test]
+    fn zero_stays_zero_and_dot_is_a_scalar_product() {
+        assert_eq!(describe(&Tensor::new(1, 1, 3), &[at(0.0, 0.0)]), [0.0; 3]);
+        let a: Vec<f32> = (0..19).map(|v| v as f32).collect();
+        assert_eq!(dot(&a, &a), 2109.0);
+    }
+}

@@ -1,0 +1,289 @@
+//! A model made ready for one domain.
+
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+
+use grimnet_kernels::Isa;
+use image::{GrayImage, RgbImage};
+
+use crate::forward::{Network, Output, Scratch};
+use crate::layer::{Gathering, LayerSource};
+use crate::seen::{Seen, check_mask};
+use crate::spec::SIZE_MULTIPLE_PX;
+use crate::vlad::{VladLayer, VladScratch};
+use crate::{Dense, Domain, ExtractOptions, Features, Model, NetError, Statistics, VladInput};
+
+/// The network for one domain, normalisation folded into the weights. May be used from several threads at once; memory is
+/// pooled, so that nothing grows after the largest picture has been seen by as many threads as there are.
+pub struct Extractor {
+    model: Model,
+    domain: Domain,
+    statistics: Statistics,
+    folded: Network,
+    instance: OnceLock<Network>,
+    shared: Arc<Shared>,
+}
+
+/// What an extractor shares with its answers.
+pub(crate) struct Shared {
+    pub isa: Isa,
+    pub vlad: VladLayer,
+    pub vlad_input: VladInput,
+    scratches: Pool<Scratch>,
+    outputs: Pool<Output>,
+    vlad_scratches: Pool<VladScratch>,
+}
+
+impl Shared {
+    pub(crate) fn give_back(&self, output: Output) {
+        self.outputs.put(output);
+    }
+
+    pub(crate) fn with_vlad_scratch<R>(&self, f: impl FnOnce(&mut VladScratch) -> R) -> R {
+        let mut scratch = self.vlad_scratches.take();
+        let result = f(&mut scratch);
+        self.vlad_scratches.put(scratch);
+        result
+    }
+}
+
+impl Extractor {
+    /// With the statistics stored in the model.
+    ///
+    /// # Errors
+    /// [`NetError::Kernel`] for a shape that the kernels cannot run.
+    pub fn new(model: &Model, domain: Domain) -> Result<Self, NetError> {
+        Self::with_statistics(model, domain, &Statistics::of_model(model, domain)?)
+    }
+
+    /// With adapted statistics: the domain's affine parameters, but these means and variances.
+    ///
+    /// # Errors
+    /// [`NetError::Statistics`] where they are another model's; [`NetError::Kernel`] for a shape that the kernels cannot run.
+    pub fn with_statistics(
+        model: &Model,
+        domain: Domain,
+        statistics: &Statistics,
+    ) -> Result<Self, NetError> {
+        Self::with_isa(model, domain, statistics, Isa::detect())
+    }
+
+    /// On a chosen instruction set, for tests and measurements.
+    ///
+    /// # Errors
+    /// As [`Extractor::with_statistics`].
+    pub fn with_isa(
+        model: &Model,
+        domain: Domain,
+        statistics: &Statistics,
+        isa: Isa,
+    ) -> Result<Self, NetError> {
+        if !statistics.same_layers(&Statistics::of_model(model, domain)?) {
+            return Err(NetError::Statistics {
+                reason: "they belong to another model".into(),
+            });
+        }
+        let folded = Network::new(&LayerSource {
+            isa,
+            model,
+            domain,
+            statistics,
+            instance: false,
+        })?;
+        let shared = Shared {
+            isa,
+            vlad: VladLayer::new(model)?,
+            vlad_input: model.spec().vlad.input,
+            scratches: Pool::default(),
+            outputs: Pool::default(),
+            vlad_scratches: Pool::default(),
+        };
+        let (model, statistics) = (model.clone(), statistics.clone());
+        Ok(Self {
+            model,
+            domain,
+            statistics,
+            folded,
+            instance: OnceLock::new(),
+            shared: Arc::new(shared),
+        })
+    }
+
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    /// The domain.
+    pub fn domain(&self) -> Domain {
+        self.domain
+    }
+
+    /// The statistics it normalises by.
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// Runs the network on a picture of any size whose sides are multiples of 32 px. Pixels where the mask (of the same size)
+    /// is 0 enter as the mean colour: what lies there does not matter.
+    ///
+    /// # Errors
+    /// [`NetError::ImageSize`], [`NetError::MaskSize`].
+    pub fn dense(&self, image: &RgbImage, mask: Option<&GrayImage>) -> Result<Dense, NetError> {
+        check_size(image, mask)?;
+        Ok(self.run(&self.folded, image, mask, &mut Gathering::default()))
+    }
+
+    /// Runs the network normalised by the picture's own statistics, over the places that the mask shows, and gives these
+    /// statistics: adaptation to one photo, and, through [`Statistics::mean_of`], to a map or a flight. A layer of which
+    /// nothing is seen keeps this extractor's statistics.
+    ///
+    /// # Errors
+    /// [`NetError::ImageSize`], [`NetError::MaskSize`].
+    pub fn dense_instance(
+        &self,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+    ) -> Result<(Dense, Statistics), NetError> {
+        check_size(image, mask)?;
+        let network = match self.instance.get() {
+            Some(network) => network,
+            None => {
+                let Self {
+                    model,
+                    domain,
+                    statistics,
+                    shared,
+                    ..
+                } = self;
+                let source = LayerSource {
+                    isa: shared.isa,
+                    model,
+                    domain: *domain,
+                    statistics,
+                    instance: true,
+                };
+                let network = Network::new(&source)?;
+                self.instance.get_or_init(|| network)
+            }
+        };
+        let seen = mask.map(Seen::new);
+        let mut gathering = Gathering {
+            seen: seen.as_ref(),
+            layers: Vec::new(),
+        };
+        let dense = self.run(network, image, mask, &mut gathering);
+        Ok((dense, Statistics::new(self.model.hash(), gathering.layers)))
+    }
+
+    /// Keypoints, local descriptors and the global descriptor of a picture; the mask as in [`Extractor::dense`],
+    /// [`Dense::keypoints`] and [`Dense::vlad`].
+    ///
+    /// # Errors
+    /// [`NetError::ImageSize`], [`NetError::MaskSize`].
+    pub fn extract(
+        &self,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+        options: &ExtractOptions,
+    ) -> Result<Features, NetError> {
+        Ok(self.features(&self.dense(image, mask)?, mask, options))
+    }
+
+    /// [`Extractor::extract`] normalised by the picture's own statistics, as [`Extractor::dense_instance`] does.
+    ///
+    /// # Errors
+    /// [`NetError::ImageSize`], [`NetError::MaskSize`].
+    pub fn extract_instance(
+        &self,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+        options: &ExtractOptions,
+    ) -> Result<Features, NetError> {
+        Ok(self.features(&self.dense_instance(image, mask)?.0, mask, options))
+    }
+
+    fn features(
+        &self,
+        dense: &Dense,
+        mask: Option<&GrayImage>,
+        options: &ExtractOptions,
+    ) -> Features {
+        let keypoints = dense.keypoints(dense.whole(), options, mask);
+        Features {
+            descriptors: dense.describe(&keypoints),
+            keypoints,
+            descriptor_dim: self.model.spec().descriptor_dim,
+            global: self
+                .model
+                .global_descriptor(&dense.vlad(dense.whole(), mask)),
+        }
+    }
+
+    fn run(
+        &self,
+        network: &Network,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+        gathering: &mut Gathering,
+    ) -> Dense {
+        let shared = &self.shared;
+        let (mut scratch, mut output) = (shared.scratches.take(), shared.outputs.take());
+        network.run(
+            image,
+            mask,
+            &shared.vlad,
+            &mut scratch,
+            &mut output,
+            gathering,
+        );
+        shared.scratches.put(scratch);
+        Dense::new(output, Arc::clone(shared))
+    }
+}
+
+impl std::fmt::Debug for Extractor {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Extractor")
+            .field("model", &self.model)
+            .field("domain", &self.domain)
+            .finish_non_exhaustive()
+    }
+}
+
+fn check_size(image: &RgbImage, mask: Option<&GrayImage>) -> Result<(), NetError> {
+    let (width_px, height_px) = image.dimensions();
+    let fits = |side: u32| side > 0 && side.is_multiple_of(SIZE_MULTIPLE_PX);
+    if !fits(width_px) || !fits(height_px) {
+        return Err(NetError::ImageSize {
+            width_px,
+            height_px,
+        });
+    }
+    check_mask(mask, width_px, height_px)
+}
+
+/// Memory to be used again: the last put back is the first taken.
+struct Pool<T>(Mutex<Vec<T>>);
+
+impl<T> Default for Pool<T> {
+    fn default() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+}
+
+impl<T: Default> Pool<T> {
+    fn take(&self) -> T {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .pop()
+            .unwrap_or_default()
+    }
+
+    fn put(&self, value: T) {
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .push(value);
+    }
+}

@@ -1,0 +1,264 @@
+//! A convolution with its normalisation, folded into the weights or taken from the picture itself.
+
+use grimnet_kernels::{
+    Activation, Conv2d, ConvSpec, ConvTranspose2d, Isa, Tensor, Workspace, channel_moments,
+    scale_shift,
+};
+
+use crate::seen::Seen;
+use crate::spec::BATCH_NORM_EPSILON;
+use crate::{Domain, LayerStatistics, Model, NetError, Statistics};
+
+/// What the layers of one network are made from.
+#[derive(Clone, Copy)]
+pub(crate) struct LayerSource<'a> {
+    pub isa: Isa,
+    pub model: &'a Model,
+    pub domain: Domain,
+    /// Of this domain, of all layers.
+    pub statistics: &'a Statistics,
+    /// Whether layers normalise by the picture's own moments instead.
+    pub instance: bool,
+}
+
+/// Which convolution a layer has.
+#[derive(Clone, Copy)]
+pub(crate) enum Kind {
+    Conv {
+        kernel: usize,
+        stride: usize,
+    },
+    /// 4 x 4, stride 2, padding 1.
+    Transposed,
+}
+
+enum Convolution {
+    Plain(Conv2d),
+    Transposed(ConvTranspose2d),
+}
+
+/// Normalisation that is not folded: affine parameters, and stored moments for layers of which nothing was seen.
+struct InstanceNorm {
+    weight: Vec<f32>,
+    bias: Vec<f32>,
+    stored: LayerStatistics,
+}
+
+pub(crate) struct Layer {
+    convolution: Convolution,
+    instance: Option<InstanceNorm>,
+}
+
+/// What a pass through layers that normalise by the picture itself needs and gives.
+#[derive(Default)]
+pub(crate) struct Gathering<'a> {
+    pub seen: Option<&'a Seen>,
+    pub layers: Vec<LayerStatistics>,
+}
+
+impl Layer {
+    /// Convolution, DA-BN, ReLU.
+    pub(crate) fn normalised(
+        source: &LayerSource,
+        name: &str,
+        kind: Kind,
+    ) -> Result<Self, NetError> {
+        let &LayerSource {
+            isa,
+            model,
+            domain,
+            statistics,
+            instance,
+        } = source;
+        let part = |part: &str| model.values(&format!("{name}.norm.{}.{part}", domain.name()));
+        let (weight, bias) = (part("weight")?, part("bias")?);
+        let missing = || NetError::Statistics {
+            reason: format!("they lack the layer `{name}`"),
+        };
+        let moments = statistics
+            .layers()
+            .iter()
+            .find(|layer| layer.name == name)
+            .ok_or_else(missing)?;
+        let mut kernel = model.values(&format!("{name}.weight"))?;
+        if instance {
+            let convolution = Convolution::new(
+                isa,
+                model,
+                name,
+                kind,
+                &kernel,
+                &vec![0.0; bias.len()],
+                Activation::Identity,
+            )?;
+            return Ok(Self {
+                convolution,
+                instance: Some(InstanceNorm {
+                    weight,
+                    bias,
+                    stored: moments.clone(),
+                }),
+            });
+        }
+        let (scale, shift) = affine(&weight, &bias, &moments.mean, &moments.var);
+        let shape = shape(model, name)?;
+        match kind {
+            Kind::Conv { .. } => {
+                let per_output: usize = shape[1..].iter().product();
+                kernel
+                    .chunks_exact_mut(per_output)
+                    .zip(&scale)
+                    .for_each(|(row, s)| row.iter_mut().for_each(|w| *w *= s));
+            }
+            Kind::Transposed => {
+                let taps: usize = shape[2..].iter().product();
+                let outputs = scale.iter().cycle();
+                kernel
+                    .chunks_exact_mut(taps)
+                    .zip(outputs)
+                    .for_each(|(row, s)| row.iter_mut().for_each(|w| *w *= s));
+            }
+        }
+        let convolution =
+            Convolution::new(isa, model, name, kind, &kernel, &shift, Activation::Relu)?;
+        Ok(Self {
+            convolution,
+            instance: None,
+        })
+    }
+
+    /// Convolution and bias only.
+    pub(crate) fn plain(source: &LayerSource, name: &str, kind: Kind) -> Result<Self, NetError> {
+        let &LayerSource { isa, model, .. } = source;
+        let (kernel, bias) = (
+            model.values(&format!("{name}.weight"))?,
+            model.values(&format!("{name}.bias"))?,
+        );
+        Ok(Self {
+            convolution: Convolution::new(
+                isa,
+                model,
+                name,
+                kind,
+                &kernel,
+                &bias,
+                Activation::Identity,
+            )?,
+            instance: None,
+        })
+    }
+
+    /// A matrix product at each place.
+    pub(crate) fn product(source: &LayerSource, name: &str) -> Result<Self, NetError> {
+        let &LayerSource { isa, model, .. } = source;
+        let (kernel, kind) = (
+            model.values(&format!("{name}.weight"))?,
+            Kind::Conv {
+                kernel: 1,
+                stride: 1,
+            },
+        );
+        let bias = vec![0.0; shape(model, name)?[0]];
+        Ok(Self {
+            convolution: Convolution::new(
+                isa,
+                model,
+                name,
+                kind,
+                &kernel,
+                &bias,
+                Activation::Identity,
+            )?,
+            instance: None,
+        })
+    }
+
+    /// Runs it; `output` is reshaped.
+    pub(crate) fn forward(
+        &self,
+        isa: Isa,
+        input: &Tensor,
+        output: &mut Tensor,
+        workspace: &mut Workspace,
+        gathering: &mut Gathering,
+    ) {
+        match &self.convolution {
+            Convolution::Plain(conv) => conv.forward(input, output, workspace),
+            Convolution::Transposed(conv) => conv.forward(input, output, workspace),
+        }
+        if let Some(norm) = &self.instance {
+            let mask = gathering.seen.map(|seen| seen.at_height(output.height()));
+            let moments = match mask {
+                None => Some(channel_moments(output, None)),
+                Some(Some(mask)) => Some(channel_moments(output, Some(mask))),
+                Some(None) => None,
+            };
+            let name = norm.stored.name.clone();
+            let layer = moments.map_or_else(
+                || norm.stored.clone(),
+                |(mean, var)| LayerStatistics { name, mean, var },
+            );
+            let (scale, shift) = affine(&norm.weight, &norm.bias, &layer.mean, &layer.var);
+            scale_shift(isa, output, &scale, &shift, Activation::Relu);
+            gathering.layers.push(layer);
+        }
+    }
+}
+
+impl Convolution {
+    fn new(
+        isa: Isa,
+        model: &Model,
+        name: &str,
+        kind: Kind,
+        weight: &[f32],
+        bias: &[f32],
+        activation: Activation,
+    ) -> Result<Self, NetError> {
+        let shape = shape(model, name)?;
+        Ok(match kind {
+            Kind::Conv { kernel, stride } => {
+                let spec = ConvSpec {
+                    in_channels: shape[1],
+                    out_channels: shape[0],
+                    kernel,
+                    stride,
+                };
+                Self::Plain(Conv2d::new(isa, spec, weight, bias, activation)?)
+            }
+            Kind::Transposed => Self::Transposed(ConvTranspose2d::new(
+                isa, shape[0], shape[1], weight, bias, activation,
+            )?),
+        })
+    }
+}
+
+/// Shape of a layer's weight: four numbers, or K x D for NetVLAD's assignment, which is a 1 x 1 convolution.
+fn shape(model: &Model, name: &str) -> Result<[usize; 4], NetError> {
+    let shape = model
+        .parameter(&format!("{name}.weight"))
+        .map(|parameter| parameter.shape());
+    match shape {
+        Some(&[out, input, rows, columns]) => Ok([out, input, rows, columns]),
+        Some(&[out, input]) => Ok([out, input, 1, 1]),
+        _ => Err(NetError::Parameters {
+            reason: format!("`{name}.weight` is missing"),
+        }),
+    }
+}
+
+/// gamma (x - mean) / sqrt(var + eps) + beta as x * scale + shift (paper, eq. 3).
+fn affine(weight: &[f32], bias: &[f32], mean: &[f32], var: &[f32]) -> (Vec<f32>, Vec<f32>) {
+    let scale: Vec<f32> = weight
+        .iter()
+        .zip(var)
+        .map(|(w, v)| w / (v + BATCH_NORM_EPSILON).sqrt())
+        .collect();
+    let shift = bias
+        .iter()
+        .zip(mean)
+        .zip(&scale)
+        .map(|((b, m), s)| b - m * s)
+        .collect();
+    (scale, shift)
+}

@@ -1,0 +1,512 @@
+//! The network's description: presets, layer shapes, and the names and shapes of all parameters.
+
+use serde::{Deserialize, Serialize};
+
+use crate::NetError;
+
+/// Sides of a picture must be multiples of this: five halvings.
+pub const SIZE_MULTIPLE_PX: u32 = 32;
+/// Side of a keypoint cell and pitch of the local descriptors.
+pub const CELL_PX: u32 = 8;
+/// Keypoint classes of a cell: its 64 pixels in raster order, then "none" (SuperPoint, DeTone et al. 2018).
+pub const KEYPOINT_CLASSES: usize = 65;
+/// Added to the variance in every normalisation (paper, eq. 3).
+pub const BATCH_NORM_EPSILON: f32 = 1e-5;
+/// Number of stages; the last works at 1/32 of the picture's side.
+pub(crate) const STAGES: usize = 5;
+/// Widest layer and largest number of layers or clusters that a description may ask for; guards against damaged files.
+const LARGEST_WIDTH: usize = 8192;
+
+/// Which of the two sets of DA-BN statistics and affine parameters is used (paper, section 3.3, eq. 3).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Domain {
+    /// Maps: satellite pictures and orthophotos.
+    Sat,
+    /// Photos taken by a drone.
+    Uav,
+}
+
+impl Domain {
+    /// Both domains, in the order of their storage.
+    pub const ALL: [Domain; 2] = [Domain::Sat, Domain::Uav];
+
+    /// The name used in tensor names: `sat` or `uav`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Domain::Sat => "sat",
+            Domain::Uav => "uav",
+        }
+    }
+}
+
+/// How a stage halves the picture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Downsample {
+    /// The first convolution has stride 2.
+    StrideFirst,
+    /// A 2 x 2 maximum after the last convolution (VGG).
+    MaxPoolLast,
+}
+
+/// One stage of the encoder: 3 x 3 convolutions, each with DA-BN and ReLU, halving the picture once.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Stage {
+    /// Output channels of each convolution.
+    pub widths: Vec<usize>,
+    /// How the stage halves the picture.
+    pub downsample: Downsample,
+}
+
+/// How features at 1/8 of the picture's side are made from the stages' outputs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Decoder {
+    /// `compact`: H/16 and H/32 go through 1 x 1 convolutions to `width` channels, are bilinearly upsampled and added to H/8
+    /// (whose width must be `width`); a 3 x 3 convolution with DA-BN and ReLU fuses, a 1 x 1 convolution gives descriptors.
+    Lateral {
+        /// Channels of the fused features.
+        width: usize,
+    },
+    /// The paper's (eq. 4): two 4 x 4 transposed convolutions, stride 2, padding 1, each with DA-BN and ReLU, from H/32 to
+    /// H/8; a 3 x 3 convolution gives descriptors.
+    Transposed {
+        /// Output channels of both transposed convolutions.
+        width: usize,
+    },
+}
+
+impl Decoder {
+    /// Channels of the features at 1/8 of the picture's side.
+    pub fn width(self) -> usize {
+        match self {
+            Decoder::Lateral { width } | Decoder::Transposed { width } => width,
+        }
+    }
+}
+
+/// Where keypoints are seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum KeypointHead {
+    /// In the picture itself: the channel mean of the normalised input, each 8 x 8 cell unshuffled to 64 channels, then
+    /// `layers` 1 x 1 convolutions of `width` channels with DA-BN and ReLU, then 1 x 1 to 65 classes.
+    FromGrey {
+        /// Channels of the hidden layers.
+        width: usize,
+        /// Number of hidden layers.
+        layers: usize,
+    },
+    /// In the decoder's features, by a 3 x 3 convolution to 65 classes (the paper's).
+    FromDecoder,
+}
+
+/// What NetVLAD aggregates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum VladInput {
+    /// The encoder's last output, at 1/32 (the paper's).
+    Deepest,
+    /// The local descriptors, at 1/8.
+    Descriptors,
+}
+
+/// The NetVLAD layer (paper, eq. 5-7; Arandjelovic et al. 2016).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Vlad {
+    /// What it aggregates.
+    pub input: VladInput,
+    /// Number of clusters K.
+    pub clusters: usize,
+}
+
+/// The description of a network. It is written into the model file, so that one code runs every variant.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct NetSpec {
+    /// Name of the preset that this is, or is a variant of.
+    pub preset: String,
+    /// Subtracted from red, green, blue, each in 0..1.
+    pub input_mean: [f32; 3],
+    /// Divides what is left.
+    pub input_std: [f32; 3],
+    /// The encoder: five stages.
+    pub stages: Vec<Stage>,
+    /// From the encoder's outputs to features at 1/8.
+    pub decoder: Decoder,
+    /// Length D of a local descriptor.
+    pub descriptor_dim: usize,
+    /// Where keypoints are seen.
+    pub keypoints: KeypointHead,
+    /// The global descriptor's aggregation.
+    pub vlad: Vlad,
+    /// Length of the global descriptor after PCA whitening (eq. 8); 0 for none, where it has K x D values.
+    pub global_dim: usize,
+}
+
+/// One batch normalisation with its two domains: the prefix of its tensors' names and its channels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct NormSpec {
+    pub name: String,
+    pub channels: usize,
+}
+
+impl NetSpec {
+    /// The default network: narrow early stages, lateral decoder, keypoints from the grey picture, NetVLAD on the local
+    /// descriptors.
+    pub fn compact() -> Self {
+        let stage = |width: usize| Stage {
+            widths: vec![width, width],
+            downsample: Downsample::StrideFirst,
+        };
+        Self {
+            preset: "compact".into(),
+            input_mean: [0.45; 3],
+            input_std: [0.25; 3],
+            stages: [16, 48, 128, 128, 128].map(stage).into(),
+            decoder: Decoder::Lateral { width: 128 },
+            descriptor_dim: 128,
+            keypoints: KeypointHead::FromGrey {
+                width: 64,
+                layers: 3,
+            },
+            vlad: Vlad {
+                input: VladInput::Descriptors,
+                clusters: 64,
+            },
+            global_dim: 512,
+        }
+    }
+
+    /// The paper's network: VGG-16 (Simonyan and Zisserman 2015) conv1 to conv5, two transposed convolutions, NetVLAD on the
+    /// deepest features with whitening from 32,768 to 512 values. Input is normalised as ImageNet's.
+    pub fn vgg16() -> Self {
+        let stage = |&(width, layers): &(usize, usize)| Stage {
+            widths: vec![width; layers],
+            downsample: Downsample::MaxPoolLast,
+        };
+        Self {
+            preset: "vgg16".into(),
+            input_mean: [0.485, 0.456, 0.406],
+            input_std: [0.229, 0.224, 0.225],
+            stages: [(64, 2), (128, 2), (256, 3), (512, 3), (512, 3)]
+                .iter()
+                .map(stage)
+                .collect(),
+            decoder: Decoder::Transposed { width: 512 },
+            descriptor_dim: 256,
+            keypoints: KeypointHead::FromDecoder,
+            vlad: Vlad {
+                input: VladInput::Deepest,
+                clusters: 64,
+            },
+            global_dim: 512,
+        }
+    }
+
+    /// The preset of that name, if there is one.
+    pub fn preset(name: &str) -> Option<Self> {
+        match name {
+            "compact" => Some(Self::compact()),
+            "vgg16" => Some(Self::vgg16()),
+            _ => None,
+        }
+    }
+
+    /// Channels of the encoder's output after stage `index` (0 to 4), at 1/2^(index+1) of the picture's side.
+    pub fn stage_width(&self, index: usize) -> usize {
+        self.stages
+            .get(index)
+            .and_then(|stage| stage.widths.last())
+            .copied()
+            .unwrap_or(0)
+    }
+
+    /// Length D of the vectors that NetVLAD aggregates.
+    pub fn vlad_dim(&self) -> usize {
+        match self.vlad.input {
+            VladInput::Deepest => self.stage_width(STAGES - 1),
+            VladInput::Descriptors => self.descriptor_dim,
+        }
+    }
+
+    /// Pitch of the vectors that NetVLAD aggregates, in pixels: 32 or 8.
+    pub fn vlad_pitch_px(&self) -> u32 {
+        match self.vlad.input {
+            VladInput::Deepest => SIZE_MULTIPLE_PX,
+            VladInput::Descriptors => CELL_PX,
+        }
+    }
+
+    /// Length K x D of a VLAD vector before whitening.
+    pub fn vlad_len(&self) -> usize {
+        self.vlad.clusters * self.vlad_dim()
+    }
+
+    /// Whether the global descriptor is whitened.
+    pub fn has_whitening(&self) -> bool {
+        self.global_dim != 0 && self.global_dim != self.vlad_len()
+    }
+
+    /// Length of the global descriptor.
+    pub fn global_len(&self) -> usize {
+        if self.has_whitening() {
+            self.global_dim
+        } else {
+            self.vlad_len()
+        }
+    }
+
+    /// Names and shapes of all parameters, in a fixed order. Convolution weights are `[out, in, k, k]`, transposed ones
+    /// `[in, out, 4, 4]` (PyTorch's layouts).
+    pub fn parameters(&self) -> Vec<(String, Vec<usize>)> {
+        let mut all = Vec::new();
+        let mut push = |name: String, shape: &[usize]| all.push((name, shape.to_vec()));
+        let norm = |push: &mut dyn FnMut(String, &[usize]), layer: &str, channels: usize| {
+            for domain in Domain::ALL {
+                for part in ["weight", "bias", "mean", "var"] {
+                    push(
+                        format!("{layer}.norm.{}.{part}", domain.name()),
+                        &[channels],
+                    );
+                }
+            }
+        };
+        let mut channels = 3;
+        for (s, stage) in self.stages.iter().enumerate() {
+            for (c, &width) in stage.widths.iter().enumerate() {
+                push(format!("encoder.{s}.{c}.weight"), &[width, channels, 3, 3]);
+                norm(&mut push, &format!("encoder.{s}.{c}"), width);
+                channels = width;
+            }
+        }
+        match self.decoder {
+            Decoder::Lateral { width } => {
+                for (name, stage) in [("lateral.h16", 3), ("lateral.h32", 4)] {
+                    push(
+                        format!("{name}.weight"),
+                        &[width, self.stage_width(stage), 1, 1],
+                    );
+                    push(format!("{name}.bias"), &[width]);
+                }
+                push("fuse.weight".into(), &[width, width, 3, 3]);
+                norm(&mut push, "fuse", width);
+            }
+            Decoder::Transposed { width } => {
+                for (i, from) in [self.stage_width(STAGES - 1), width]
+                    .into_iter()
+                    .enumerate()
+                {
+                    push(format!("upsample.{i}.weight"), &[from, width, 4, 4]);
+                    norm(&mut push, &format!("upsample.{i}"), width);
+                }
+            }
+        }
+        let kernel = self.descriptor_kernel();
+        push(
+            "descriptor.weight".into(),
+            &[self.descriptor_dim, self.decoder.width(), kernel, kernel],
+        );
+        push("descriptor.bias".into(), &[self.descriptor_dim]);
+        match self.keypoints {
+            KeypointHead::FromGrey { width, layers } => {
+                let mut from = (CELL_PX * CELL_PX) as usize;
+                for i in 0..layers {
+                    push(format!("keypoint.{i}.weight"), &[width, from, 1, 1]);
+                    norm(&mut push, &format!("keypoint.{i}"), width);
+                    from = width;
+                }
+                push(
+                    "keypoint.out.weight".into(),
+                    &[KEYPOINT_CLASSES, from, 1, 1],
+                );
+                push("keypoint.out.bias".into(), &[KEYPOINT_CLASSES]);
+            }
+            KeypointHead::FromDecoder => {
+                push(
+                    "keypoint.weight".into(),
+                    &[KEYPOINT_CLASSES, self.decoder.width(), 3, 3],
+                );
+                push("keypoint.bias".into(), &[KEYPOINT_CLASSES]);
+            }
+        }
+        let (clusters, dim) = (self.vlad.clusters, self.vlad_dim());
+        push("netvlad.assign.weight".into(), &[clusters, dim]);
+        push("netvlad.assign.bias".into(), &[clusters]);
+        push("netvlad.centres".into(), &[clusters, dim]);
+        if self.has_whitening() {
+            push("whitening.mean".into(), &[self.vlad_len()]);
+            push(
+                "whitening.projection".into(),
+                &[self.global_dim, self.vlad_len()],
+            );
+        }
+        all
+    }
+
+    /// Kernel side of the convolution that gives descriptors.
+    pub(crate) fn descriptor_kernel(&self) -> usize {
+        match self.decoder {
+            Decoder::Lateral { .. } => 1,
+            Decoder::Transposed { .. } => 3,
+        }
+    }
+
+    /// All batch normalisations, in the order of [`NetSpec::parameters`].
+    pub(crate) fn norms(&self) -> Vec<NormSpec> {
+        let suffix = ".norm.sat.mean";
+        let norm = |(name, shape): (String, Vec<usize>)| {
+            let name = name.strip_suffix(suffix)?.to_owned();
+            Some(NormSpec {
+                name,
+                channels: shape.first().copied().unwrap_or(0),
+            })
+        };
+        self.parameters().into_iter().filter_map(norm).collect()
+    }
+
+    /// Checks that the network can be built.
+    ///
+    /// # Errors
+    /// [`NetError::Spec`] with the rule that is broken.
+    pub fn validate(&self) -> Result<(), NetError> {
+        let broken = |reason: String| Err(NetError::Spec { reason });
+        if self.stages.len() != STAGES {
+            return broken(format!(
+                "it has {} stages, and {STAGES} are needed",
+                self.stages.len()
+            ));
+        }
+        if self
+            .stages
+            .iter()
+            .any(|stage| stage.widths.is_empty() || stage.widths.len() > 64)
+        {
+            return broken("a stage has no convolution, or more than 64".into());
+        }
+        let (head_width, head_layers) = match self.keypoints {
+            KeypointHead::FromGrey { width, layers } => (width, layers),
+            KeypointHead::FromDecoder => (1, 0),
+        };
+        if head_layers > 64 {
+            return broken("the keypoint head has more than 64 layers".into());
+        }
+        let widths = self
+            .stages
+            .iter()
+            .flat_map(|stage| stage.widths.iter().copied());
+        let sizes = [
+            self.decoder.width(),
+            self.descriptor_dim,
+            head_width,
+            self.vlad.clusters,
+        ];
+        if let Some(width) = widths
+            .chain(sizes)
+            .find(|width| !(1..=LARGEST_WIDTH).contains(width))
+        {
+            return broken(format!("a width is {width}, outside 1 to {LARGEST_WIDTH}"));
+        }
+        if let Decoder::Lateral { width } = self.decoder
+            && width != self.stage_width(2)
+        {
+            return broken(format!(
+                "the lateral decoder adds {width} channels to the third stage's {}",
+                self.stage_width(2)
+            ));
+        }
+        if self.global_dim > self.vlad_len()
+            || self.global_dim > 2 * LARGEST_WIDTH && self.has_whitening()
+        {
+            return broken(format!(
+                "whitening cannot give {} values from {}",
+                self.global_dim,
+                self.vlad_len()
+            ));
+        }
+        if !self
+            .input_mean
+            .iter()
+            .chain(&self.input_std)
+            .all(|v| v.is_finite())
+            || self.input_std.iter().any(|&v| v <= 0.0)
+        {
+            return broken("the input normalisation is not finite, or divides by nothing".into());
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn count(spec: &NetSpec) -> usize {
+        spec.parameters()
+            .iter()
+            .map(|(_, shape)| shape.iter().product::<usize>())
+            .sum()
+    }
+
+    #[test]
+    fn presets_are_valid_and_have_the_published_sizes() {
+        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+            spec.validate().unwrap();
+            assert_eq!(NetSpec::preset(&spec.preset).as_ref(), Some(&spec));
+            assert_eq!(spec.global_len(), 512);
+        }
+        // VGG-16's 13 convolutions hold 14,710,464 weights without biases.
+        let encoder = |(name, shape): &(String, Vec<usize>)| {
+            (name.starts_with("encoder") && shape.len() == 4)
+                .then(|| shape.iter().product::<usize>())
+        };
+        assert_eq!(
+            NetSpec::vgg16()
+                .parameters()
+                .iter()
+                .filter_map(encoder)
+                .sum::<usize>(),
+            14_710_464
+        );
+        assert_eq!(NetSpec::vgg16().vlad_len(), 32_768);
+    }
+
+    #[test]
+    fn parameter_names_are_unique() {
+        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+            let mut names: Vec<_> = spec
+                .parameters()
+                .into_iter()
+                .map(|(name, _)| name)
+                .collect();
+            let all = names.len();
+            names.sort();
+            names.dedup();
+            assert_eq!(names.len(), all);
+            assert!(count(&spec) > 0);
+        }
+    }
+
+    #[test]
+    fn invalid_descriptions_are_refused() {
+        let refuse = |change: &dyn Fn(&mut NetSpec)| {
+            let mut spec = NetSpec::compact();
+            change(&mut spec);
+            spec.validate().unwrap_err()
+        };
+        refuse(&|s| s.stages.truncate(4));
+        refuse(&|s| s.stages[1].widths.clear());
+        refuse(&|s| s.stages[1].widths[0] = usize::MAX);
+        refuse(&|s| s.decoder = Decoder::Lateral { width: 64 });
+        refuse(&|s| s.input_std[1] = 0.0);
+        refuse(&|s| s.global_dim = 8193);
+    }
+
+    #[test]
+    fn descriptions_survive_json() {
+        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+            let text = serde_json::to_string(&spec).unwrap();
+            assert_eq!(serde_json::from_str::<NetSpec>(&text).unwrap(), spec);
+        }
+    }
+}

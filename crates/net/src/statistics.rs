@@ -1,0 +1,277 @@
+//! Normalisation statistics of a domain, gathered without labels from its own pictures.
+
+use crate::{Domain, Model, ModelHash, NetError};
+
+const MAGIC: &[u8; 8] = b"GRIMSTA1";
+
+/// Moments of one layer's convolution outputs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct LayerStatistics {
+    /// The layer's name, as in its tensors' names.
+    pub name: String,
+    /// Mean of each channel.
+    pub mean: Vec<f32>,
+    /// Biased variance of each channel.
+    pub var: Vec<f32>,
+}
+
+/// Mean and variance of every normalised layer of one model, for one domain: what DA-BN (paper, eq. 3) subtracts and divides
+/// by. Taking them anew, of a map over its own blocks or of a photo over itself, adapts the network without labels.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Statistics {
+    model: ModelHash,
+    layers: Vec<LayerStatistics>,
+}
+
+impl Statistics {
+    pub(crate) fn new(model: ModelHash, layers: Vec<LayerStatistics>) -> Self {
+        Self { model, layers }
+    }
+
+    /// Those stored in the model.
+    ///
+    /// # Errors
+    /// None for a model that could be opened.
+    pub fn of_model(model: &Model, domain: Domain) -> Result<Self, NetError> {
+        let layer = |norm: crate::spec::NormSpec| {
+            let (mean, var) = model.norm_moments(&norm.name, domain)?;
+            Ok(LayerStatistics {
+                name: norm.name,
+                mean,
+                var,
+            })
+        };
+        Ok(Self {
+            model: model.hash(),
+            layers: model
+                .spec()
+                .norms()
+                .into_iter()
+                .map(layer)
+                .collect::<Result<_, NetError>>()?,
+        })
+    }
+
+    /// The layers, in the order of the network's parameters.
+    pub fn layers(&self) -> &[LayerStatistics] {
+        &self.layers
+    }
+
+    /// The model whose layers these are.
+    pub fn model(&self) -> ModelHash {
+        self.model
+    }
+
+    /// The statistics of several pictures together, each with the same weight: the mean of the means, and the variance
+    /// within pictures plus that between them.
+    ///
+    /// # Errors
+    /// [`NetError::Statistics`] for none, or for those of different models.
+    pub fn mean_of(all: &[Statistics]) -> Result<Self, NetError> {
+        let weight = 1.0 / all.len().max(1) as f64;
+        Self::mixture(
+            &all.iter()
+                .map(|statistics| (statistics, weight))
+                .collect::<Vec<_>>(),
+        )
+    }
+
+    /// Between these and `other`, of the same model: `share` 0 gives these, 1 the other.
+    ///
+    /// # Errors
+    /// [`NetError::Statistics`] for those of different models, or a share outside 0 to 1.
+    pub fn blend(&self, other: &Statistics, share: f64) -> Result<Self, NetError> {
+        if !(0.0..=1.0).contains(&share) {
+            return Err(NetError::Statistics {
+                reason: format!("a share of {share} is outside 0 to 1"),
+            });
+        }
+        Self::mixture(&[(self, 1.0 - share), (other, share)])
+    }
+
+    /// Moments of the mixture of pictures with weights that sum to one.
+    fn mixture(all: &[(&Statistics, f64)]) -> Result<Self, NetError> {
+        let wrong = |reason: &str| NetError::Statistics {
+            reason: reason.into(),
+        };
+        let (first, _) = all
+            .first()
+            .ok_or_else(|| wrong("there are none to average"))?;
+        if all.iter().any(|(other, _)| !first.same_layers(other)) {
+            return Err(wrong("they come from different models"));
+        }
+        let layer = |index: usize, like: &LayerStatistics| {
+            let moments = |channel: usize| {
+                let parts = all.iter().map(|(s, weight)| {
+                    let layer = &s.layers[index];
+                    (
+                        *weight,
+                        f64::from(layer.mean[channel]),
+                        f64::from(layer.var[channel]),
+                    )
+                });
+                let mean: f64 = parts.clone().map(|(weight, mean, _)| weight * mean).sum();
+                let var: f64 = parts
+                    .map(|(weight, m, var)| weight * (var + (m - mean).powi(2)))
+                    .sum();
+                (mean as f32, var as f32)
+            };
+            let (mean, var) = (0..like.mean.len()).map(moments).unzip();
+            LayerStatistics {
+                name: like.name.clone(),
+                mean,
+                var,
+            }
+        };
+        let layers = first
+            .layers
+            .iter()
+            .enumerate()
+            .map(|(i, like)| layer(i, like))
+            .collect();
+        Ok(Self {
+            model: first.model,
+            layers,
+        })
+    }
+
+    pub(crate) fn same_layers(&self, other: &Self) -> bool {
+        let alike = |(a, b): (&LayerStatistics, &LayerStatistics)| {
+            a.name == b.name && a.mean.len() == b.mean.len()
+        };
+        self.model == other.model
+            && self.layers.len() == other.layers.len()
+            && self.layers.iter().zip(&other.layers).all(alike)
+    }
+
+    /// Bytes to store beside a map or a flight.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(self.model.as_bytes());
+        bytes.extend((self.layers.len() as u32).to_le_bytes());
+        for layer in &self.layers {
+            bytes.extend((layer.name.len() as u32).to_le_bytes());
+            bytes.extend(layer.name.as_bytes());
+            bytes.extend((layer.mean.len() as u32).to_le_bytes());
+            bytes.extend(
+                layer
+                    .mean
+                    .iter()
+                    .chain(&layer.var)
+                    .flat_map(|v| v.to_le_bytes()),
+            );
+        }
+        bytes
+    }
+
+    /// From [`Statistics::to_bytes`].
+    ///
+    /// # Errors
+    /// [`NetError::Statistics`] for bytes that are something else, cut short, or hold numbers that cannot be.
+    pub fn from_bytes(bytes: &[u8]) -> Result<Self, NetError> {
+        let mut reader = Reader(bytes);
+        Self::read(&mut reader)
+            .filter(|_| reader.0.is_empty())
+            .ok_or_else(|| NetError::Statistics {
+                reason: "their stored bytes are damaged".into(),
+            })
+    }
+
+    fn read(reader: &mut Reader) -> Option<Self> {
+        if reader.take(MAGIC.len())? != MAGIC {
+            return None;
+        }
+        let model = ModelHash::from_bytes(reader.take(32)?.try_into().ok()?);
+        let layers = reader.u32()?;
+        let mut statistics = Self {
+            model,
+            layers: Vec::new(),
+        };
+        for _ in 0..layers {
+            let len = reader.u32()?;
+            let name = std::str::from_utf8(reader.take(len)?).ok()?.to_owned();
+            let channels = reader.u32()?;
+            let (mean, var) = (reader.floats(channels)?, reader.floats(channels)?);
+            if !mean.iter().chain(&var).all(|v| v.is_finite()) || var.iter().any(|&v| v < 0.0) {
+                return None;
+            }
+            statistics.layers.push(LayerStatistics { name, mean, var });
+        }
+        Some(statistics)
+    }
+}
+
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn take(&mut self, len: usize) -> Option<&'a [u8]> {
+        let (head, rest) = self.0.split_at_checked(len)?;
+        self.0 = rest;
+        Some(head)
+    }
+
+    fn u32(&mut self) -> Option<usize> {
+        Some(u32::from_le_bytes(self.take(4)?.try_into().ok()?) as usize)
+    }
+
+    fn floats(&mut self, len: usize) -> Option<Vec<f32>> {
+        let bytes = self.take(len.checked_mul(4)?)?;
+        Some(
+            bytes
+                .chunks_exact(4)
+                .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+                .collect(),
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn statistics(mean: f32, var: f32) -> Statistics {
+        let layer = LayerStatistics {
+            name: "fuse".into(),
+            mean: vec![mean; 3],
+            var: vec![var; 3],
+        };
+        Statistics::new(ModelHash::from_bytes([7; 32]), vec![layer])
+    }
+
+    #[test]
+    fn the_mean_has_the_moments_of_all_pictures_together() {
+        let mean = Statistics::mean_of(&[statistics(1.0, 2.0), statistics(3.0, 4.0)]).unwrap();
+        assert_eq!(mean, statistics(2.0, 4.0), "3 within, 1 between");
+        assert_eq!(
+            statistics(1.0, 2.0)
+                .blend(&statistics(3.0, 4.0), 0.0)
+                .unwrap(),
+            statistics(1.0, 2.0)
+        );
+        assert!(Statistics::mean_of(&[]).is_err());
+        let mut other = statistics(1.0, 2.0);
+        other.model = ModelHash::from_bytes([8; 32]);
+        assert!(Statistics::mean_of(&[statistics(1.0, 2.0), other]).is_err());
+        assert!(
+            statistics(1.0, 2.0)
+                .blend(&statistics(3.0, 4.0), f64::NAN)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn bytes_round_trip_and_damage_is_seen() {
+        let good = statistics(1.5, 2.5);
+        let bytes = good.to_bytes();
+        assert_eq!(Statistics::from_bytes(&bytes).unwrap(), good);
+        for cut in 0..bytes.len() {
+            assert!(Statistics::from_bytes(&bytes[..cut]).is_err());
+        }
+        assert!(Statistics::from_bytes(&[&bytes[..], &[0]].concat()).is_err());
+        assert!(Statistics::from_bytes(&statistics(f32::NAN, 1.0).to_bytes()).is_err());
+        assert!(Statistics::from_bytes(&statistics(0.0, -1.0).to_bytes()).is_err());
+        let mut huge = bytes.clone();
+        huge[40..44].fill(0xff);
+        assert!(Statistics::from_bytes(&huge).is_err());
+    }
+}

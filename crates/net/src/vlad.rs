@@ -1,0 +1,193 @@
+//! NetVLAD (paper, eq. 5-7; Arandjelovic et al. 2016) as sums that can be added up.
+
+use std::ops::AddAssign;
+
+use grimnet_kernels::{Isa, Tensor, matmul_nn};
+use image::GrayImage;
+use rayon::prelude::*;
+
+use crate::describe::{inverse_norm, normalise};
+use crate::heatmap::softmax;
+use crate::seen::square_is_seen;
+use crate::{Model, NetError};
+
+/// Unnormalised VLAD of some part of a picture: K x D, row k the sum over positions n of a_nk (u_n - c_k), where u_n is the
+/// position's vector at unit length and a_n its soft assignment. Sums of parts add up to the sum of the whole.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct VladSum(Vec<f32>);
+
+impl VladSum {
+    /// From K x D numbers that [`VladSum::as_slice`] gave.
+    pub fn from_vec(values: Vec<f32>) -> Self {
+        Self(values)
+    }
+
+    /// K x D numbers, empty for the default sum of nothing.
+    pub fn as_slice(&self) -> &[f32] {
+        &self.0
+    }
+
+    /// Writes the VLAD vector (each row of `dim` to unit length, then all) to `out`, of K x D values.
+    pub(crate) fn normalise_into(&self, dim: usize, out: &mut [f32]) {
+        let len = self.0.len().min(out.len());
+        out[..len].copy_from_slice(&self.0[..len]);
+        out[len..].fill(0.0);
+        out.chunks_exact_mut(dim).for_each(normalise);
+        normalise(out);
+    }
+}
+
+impl AddAssign<&VladSum> for VladSum {
+    fn add_assign(&mut self, other: &VladSum) {
+        if self.0.len() < other.0.len() {
+            self.0.resize(other.0.len(), 0.0);
+        }
+        self.0.iter_mut().zip(&other.0).for_each(|(a, b)| *a += b);
+    }
+}
+
+impl AddAssign for VladSum {
+    fn add_assign(&mut self, other: VladSum) {
+        *self += &other;
+    }
+}
+
+/// The layer's numbers, apart from the assignment's weights, which are a convolution of the network.
+pub(crate) struct VladLayer {
+    pub clusters: usize,
+    pub pitch_px: u32,
+    assign_bias: Vec<f32>,
+    centres: Vec<f32>,
+}
+
+/// What the layer keeps of a picture: enough for the sum over any window.
+#[derive(Default)]
+pub(crate) struct VladField {
+    /// Positions x clusters: soft assignments.
+    assignments: Vec<f32>,
+    /// One over the length of each position's vector.
+    inverse_norms: Vec<f32>,
+}
+
+/// Scratch of a window's sum.
+#[derive(Default)]
+pub(crate) struct VladScratch {
+    assignments_by_cluster: Vec<f32>,
+    vectors: Vec<f32>,
+    positions: Vec<(u32, u32)>,
+}
+
+impl VladLayer {
+    pub(crate) fn new(model: &Model) -> Result<Self, NetError> {
+        let spec = model.spec();
+        Ok(Self {
+            clusters: spec.vlad.clusters,
+            pitch_px: spec.vlad_pitch_px(),
+            assign_bias: model.values("netvlad.assign.bias")?,
+            centres: model.values("netvlad.centres")?,
+        })
+    }
+
+    /// Soft assignments of all positions. `products` holds for each position the products of the assignment's weights with
+    /// its vector as it is; the length is divided out here.
+    pub(crate) fn assign(&self, vectors: &Tensor, products: &Tensor, field: &mut VladField) {
+        let (height, width, clusters) = (vectors.height(), vectors.width(), self.clusters);
+        field.assignments.resize(height * width * clusters, 0.0);
+        field.inverse_norms.resize(height * width, 0.0);
+        let rows = field
+            .assignments
+            .par_chunks_exact_mut(width * clusters)
+            .zip(field.inverse_norms.par_chunks_exact_mut(width));
+        rows.enumerate().for_each(|(y, (assignments, norms))| {
+            for (x, (row, norm)) in assignments
+                .chunks_exact_mut(clusters)
+                .zip(norms)
+                .enumerate()
+            {
+                *norm = inverse_norm(vectors.pixel(y, x));
+                for ((v, product), bias) in row
+                    .iter_mut()
+                    .zip(products.pixel(y, x))
+                    .zip(&self.assign_bias)
+                {
+                    *v = product * *norm + bias;
+                }
+                softmax(row);
+            }
+        });
+    }
+
+    /// The sum over the positions whose centres lie in the window (left, top, right, bottom in pixels) and that were seen.
+    pub(crate) fn sum(
+        &self,
+        isa: Isa,
+        vectors: &Tensor,
+        field: &VladField,
+        [left, top, right, bottom]: [u32; 4],
+        mask: Option<&GrayImage>,
+        scratch: &mut VladScratch,
+    ) -> VladSum {
+        let (clusters, dim, pitch) = (self.clusters, vectors.channels(), self.pitch_px);
+        let first = |from: u32| (from.saturating_sub(pitch / 2)).div_ceil(pitch);
+        let (columns, rows) = (first(left)..first(right), first(top)..first(bottom));
+        let VladScratch {
+            assignments_by_cluster,
+            vectors: gathered,
+            positions,
+        } = scratch;
+        positions.clear();
+        positions.extend(
+            rows.flat_map(|y| columns.clone().map(move |x| (y, x)))
+                .filter(|&(y, x)| {
+                    mask.is_none_or(|mask| square_is_seen(mask, x * pitch, y * pitch, pitch))
+                }),
+        );
+        let count = positions.len();
+        gathered.resize(count * dim, 0.0);
+        assignments_by_cluster.resize(clusters * count, 0.0);
+        let index = |&(y, x): &(u32, u32)| {
+            (
+                y as usize,
+                x as usize,
+                y as usize * vectors.width() + x as usize,
+            )
+        };
+        for (row, position) in gathered.chunks_exact_mut(dim).zip(&*positions) {
+            let (y, x, at) = index(position);
+            let norm = field.inverse_norms[at];
+            row.iter_mut()
+                .zip(vectors.pixel(y, x))
+                .for_each(|(out, v)| *out = v * norm);
+        }
+        let mut sum = vec![0.0; clusters * dim];
+        if count > 0 {
+            assignments_by_cluster
+                .par_chunks_exact_mut(count)
+                .enumerate()
+                .for_each(|(k, line)| {
+                    for (out, position) in line.iter_mut().zip(&*positions) {
+                        let (_, _, at) = index(position);
+                        *out = field.assignments[at * clusters + k];
+                    }
+                });
+            matmul_nn(
+                isa,
+                clusters,
+                dim,
+                count,
+                assignments_by_cluster,
+                gathered,
+                &mut sum,
+            );
+            for ((row, line), centre) in sum
+                .chunks_exact_mut(dim)
+                .zip(assignments_by_cluster.chunks_exact(count))
+                .zip(self.centres.chunks_exact(dim))
+            {
+                let mass = line.iter().map(|&a| f64::from(a)).sum::<f64>() as f32;
+                row.iter_mut().zip(centre).for_each(|(v, c)| *v -= mass * c);
+            }
+        }
+        VladSum(sum)
+    }
+}

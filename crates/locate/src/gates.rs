@@ -1,0 +1,338 @@
+//! When a transform is not believed. A wrong fix is worse than none.
+//!
+//! The limits are those that other systems converged on (GISNav, AnyVisLoc, wildnav and their issue threads).
+
+use nalgebra::{Matrix2, Point2};
+use serde::{Deserialize, Serialize};
+
+use crate::{homography::Homography, transform::Transform};
+
+/// The limits.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Gates {
+    /// Inliers at least.
+    pub min_inliers: usize,
+    /// Scale, relative to the expected one, within this factor of 1 both ways: 0.35 allows 1 / 1.35 to 1.35.
+    pub max_scale_change: f64,
+    /// Difference of the two principal scales at the centre over their geometric mean; for a pure shear it is the shear.
+    pub max_shear: f64,
+    /// Length of the homography's perspective row relative to its value at the centre, per pixel.
+    pub max_perspective_per_px: f64,
+    /// Standard deviation of the inliers along their short axis over the photo's mean half side.
+    pub min_spread: f64,
+    /// Share of the matches that are inliers, at least.
+    pub min_inlier_share: f64,
+    /// Inliers at least this many times the runner-up's at another place.
+    pub min_margin: f64,
+}
+
+impl Default for Gates {
+    fn default() -> Self {
+        Self {
+            min_inliers: 12,
+            max_scale_change: 0.35,
+            max_shear: 0.25,
+            max_perspective_per_px: 1e-3,
+            min_spread: 0.12,
+            min_inlier_share: 0.0,
+            min_margin: 1.25,
+        }
+    }
+}
+
+/// A gate that a transform did not pass, with what was found.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[serde(rename_all = "snake_case", tag = "gate")]
+pub enum Rejection {
+    /// Too few matches agree.
+    #[error("only {found} matches agree on a position, {needed} are needed")]
+    Inliers {
+        /// Matches that agree.
+        found: usize,
+        /// The limit.
+        needed: usize,
+    },
+    /// Too small a share of the matches agrees.
+    #[error("only {percent:.0} % of the matches agree on a position")]
+    InlierShare {
+        /// Share in per cent.
+        percent: f64,
+    },
+    /// A number is not finite, or the centre maps to infinity.
+    #[error("the geometry is singular")]
+    NotFinite,
+    /// The transform mirrors the photo.
+    #[error("the geometry mirrors the photo")]
+    Mirrored,
+    /// The photo would be much larger or smaller than expected.
+    #[error("the photo would be {factor:.2} times as large as expected")]
+    Scale {
+        /// Found over expected scale.
+        factor: f64,
+    },
+    /// The photo would be sheared or stretched.
+    #[error("the photo would be sheared by {shear:.2}")]
+    Shear {
+        /// See [`Gates::max_shear`].
+        shear: f64,
+    },
+    /// The photo would be seen at a steep angle.
+    #[error("the photo would be distorted by a perspective of {per_px:.1e} per pixel")]
+    Perspective {
+        /// See [`Gates::max_perspective_per_px`].
+        per_px: f64,
+    },
+    /// The photo's centre would lie off the map.
+    #[error("the photo's centre would lie outside the map")]
+    OutsideMap,
+    /// The centre is outside the area that the caller allowed.
+    #[error("the photo's centre would lie outside the given area")]
+    OutsideArea,
+    /// The inliers crowd in a corner or along a line.
+    #[error("the matches that agree crowd together or lie on a line (spread {spread:.2})")]
+    Spread {
+        /// See [`Gates::min_spread`].
+        spread: f64,
+    },
+    /// Another place fits nearly as well.
+    #[error("another place fits nearly as well ({inliers} against {runner_up} matches)")]
+    Ambiguous {
+        /// Inliers of the best.
+        inliers: usize,
+        /// Inliers of the best at another place.
+        runner_up: usize,
+    },
+}
+
+/// How a homography bends the picture around a point.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shape {
+    /// Geometric mean of the two principal scales.
+    pub scale: f64,
+    /// Difference of the two principal scales over their geometric mean.
+    pub shear: f64,
+    /// Relative change of the homogeneous denominator per pixel.
+    pub perspective_per_px: f64,
+}
+
+impl Shape {
+    /// The shape of `homography` at `point`; the reason why there is none otherwise.
+    pub fn at(homography: &Homography, point: Point2<f64>) -> Result<Self, Rejection> {
+        let jacobian: Matrix2<f64> = homography
+            .point_jacobian(point)
+            .ok_or(Rejection::NotFinite)?;
+        let area = jacobian.determinant();
+        let mapped = homography.map(point).ok_or(Rejection::NotFinite)?;
+        if !area.is_finite()
+            || !mapped
+                .coords
+                .iter()
+                .all(|coordinate| coordinate.is_finite())
+        {
+            return Err(Rejection::NotFinite);
+        }
+        if area < 0.0 {
+            return Err(Rejection::Mirrored);
+        }
+        let scale = area.sqrt();
+        if !(scale > 1e-9) {
+            return Err(Rejection::NotFinite);
+        }
+        // With singular values s1 >= s2: s1^2 + s2^2 is the squared Frobenius norm, s1 s2 the determinant.
+        let shear = (jacobian.norm_squared() - 2.0 * area).max(0.0).sqrt() / scale;
+        let m = homography.as_matrix();
+        let denominator = m[(2, 0)] * point.x + m[(2, 1)] * point.y + m[(2, 2)];
+        let perspective_per_px = m[(2, 0)].hypot(m[(2, 1)]) / denominator.abs();
+        Ok(Self {
+            scale,
+            shear,
+            perspective_per_px,
+        })
+    }
+}
+
+/// Standard deviation along the short axis of `points`, over `half_side_px`; zero for fewer than two points.
+pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f64) -> f64 {
+    let count = points.clone().count() as f64;
+    if count < 2.0 {
+        return 0.0;
+    }
+    let mean = points
+        .clone()
+        .fold(nalgebra::Vector2::zeros(), |sum, point| sum + point.coords)
+        / count;
+    let scatter = points.fold(Matrix2::zeros(), |sum, point| {
+        let d = point.coords - mean;
+        sum + d * d.transpose()
+    }) / count;
+    let apart = ((scatter[(0, 0)] - scatter[(1, 1)]) / 2.0).hypot(scatter[(0, 1)]);
+    (scatter.trace() / 2.0 - apart).max(0.0).sqrt() / half_side_px
+}
+
+impl Gates {
+    /// Checks the shape of `homography` at the photo's `centre`, against an expected scale.
+    pub fn check_shape(
+        &self,
+        homography: &Homography,
+        centre: Point2<f64>,
+        expected_scale: f64,
+    ) -> Result<Shape, Rejection> {
+        let shape = Shape::at(homography, centre)?;
+        let factor = shape.scale / expected_scale;
+        if !(factor.max(1.0 / factor) <= 1.0 + self.max_scale_change) {
+            return Err(Rejection::Scale { factor });
+        }
+        if !(shape.shear <= self.max_shear) {
+            return Err(Rejection::Shear { shear: shape.shear });
+        }
+        if !(shape.perspective_per_px <= self.max_perspective_per_px) {
+            return Err(Rejection::Perspective {
+                per_px: shape.perspective_per_px,
+            });
+        }
+        Ok(shape)
+    }
+
+    /// Checks how many of `matches` agree and how they lie on the photo. `inliers` are their positions on the photo.
+    pub fn check_support(
+        &self,
+        inliers: impl Iterator<Item = Point2<f64>> + Clone,
+        matches: usize,
+        half_side_px: f64,
+    ) -> Result<(), Rejection> {
+        let found = inliers.clone().count();
+        if found < self.min_inliers {
+            return Err(Rejection::Inliers {
+                found,
+                needed: self.min_inliers,
+            });
+        }
+        let share = found as f64 / matches.max(1) as f64;
+        if share < self.min_inlier_share {
+            return Err(Rejection::InlierShare {
+                percent: share * 100.0,
+            });
+        }
+        let spread = spread(inliers, half_side_px);
+        if !(spread >= self.min_spread) {
+            return Err(Rejection::Spread { spread });
+        }
+        Ok(())
+    }
+
+    /// Checks the lead over the best candidate at another place.
+    pub fn check_margin(&self, inliers: usize, runner_up: usize) -> Result<(), Rejection> {
+        if (inliers as f64) < self.min_margin * runner_up as f64 {
+            return Err(Rejection::Ambiguous { inliers, runner_up });
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+
+    const CENTRE: Point2<f64> = Point2::new(256.0, 256.0);
+
+    /// A linear map around the centre, with a perspective row that vanishes there.
+    fn around_centre(linear: Matrix2<f64>, perspective: f64) -> Homography {
+        let to = Matrix3::new(1.0, 0.0, 256.0, 0.0, 1.0, 256.0, 0.0, 0.0, 1.0);
+        let from = Matrix3::new(1.0, 0.0, -256.0, 0.0, 1.0, -256.0, 0.0, 0.0, 1.0);
+        let l = linear;
+        let middle = Matrix3::new(
+            l[(0, 0)],
+            l[(0, 1)],
+            0.0,
+            l[(1, 0)],
+            l[(1, 1)],
+            0.0,
+            perspective,
+            0.0,
+            1.0,
+        );
+        Homography::from_matrix(to * middle * from).unwrap()
+    }
+
+    fn check(linear: Matrix2<f64>, perspective: f64) -> Result<Shape, Rejection> {
+        Gates::default().check_shape(&around_centre(linear, perspective), CENTRE, 1.0)
+    }
+
+    #[test]
+    fn shape_gates_hold_their_limits() {
+        let scale = |s: f64| Matrix2::new(s, 0.0, 0.0, s);
+        assert!(check(scale(1.34), 0.0).is_ok());
+        assert!(check(scale(1.0 / 1.34), 0.0).is_ok());
+        assert!(matches!(
+            check(scale(1.36), 0.0),
+            Err(Rejection::Scale { .. })
+        ));
+        assert!(matches!(
+            check(scale(1.0 / 1.36), 0.0),
+            Err(Rejection::Scale { .. })
+        ));
+        assert!(check(Matrix2::new(0.0, -1.0, 1.0, 0.0), 0.0).is_ok());
+        assert_eq!(
+            check(Matrix2::new(-1.0, 0.0, 0.0, 1.0), 0.0),
+            Err(Rejection::Mirrored)
+        );
+        assert!(check(Matrix2::new(1.0, 0.24, 0.0, 1.0), 0.0).is_ok());
+        assert!(matches!(
+            check(Matrix2::new(1.0, 0.26, 0.0, 1.0), 0.0),
+            Err(Rejection::Shear { .. })
+        ));
+        assert!(matches!(
+            check(Matrix2::new(1.14, 0.0, 0.0, 0.88), 0.0),
+            Err(Rejection::Shear { .. })
+        ));
+        assert!(check(scale(1.0), 0.9e-3).is_ok());
+        assert!(matches!(
+            check(scale(1.0), 1.1e-3),
+            Err(Rejection::Perspective { .. })
+        ));
+        assert!(matches!(
+            check(Matrix2::zeros(), 0.0),
+            Err(Rejection::NotFinite)
+        ));
+        let shape = check(Matrix2::new(1.0, 0.2, 0.0, 1.0), 5e-4).unwrap();
+        assert!((shape.shear - 0.2).abs() < 1e-12);
+        assert!((shape.perspective_per_px - 5e-4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn support_gates_hold_their_limits() {
+        let gates = Gates::default();
+        let grid = |count: usize, side: f64| {
+            (0..count)
+                .map(move |i| Point2::new((i % 5) as f64 * side, (i / 5) as f64 * side))
+                .collect::<Vec<_>>()
+        };
+        assert!(
+            gates
+                .check_support(grid(25, 60.0).into_iter(), 60, 256.0)
+                .is_ok()
+        );
+        let few = gates.check_support(grid(gates.min_inliers - 1, 60.0).into_iter(), 60, 256.0);
+        assert!(matches!(few, Err(Rejection::Inliers { .. })));
+        let crowded = gates.check_support(grid(25, 5.0).into_iter(), 60, 256.0);
+        assert!(matches!(crowded, Err(Rejection::Spread { .. })));
+        let line = (0..40).map(|i| Point2::new(f64::from(i) * 10.0, 3.0 * f64::from(i)));
+        assert!(matches!(
+            gates.check_support(line, 60, 256.0),
+            Err(Rejection::Spread { .. })
+        ));
+        let strict = Gates {
+            min_inlier_share: 0.5,
+            ..gates
+        };
+        let lost = strict.check_support(grid(25, 60.0).into_iter(), 60, 256.0);
+        assert!(matches!(lost, Err(Rejection::InlierShare { .. })));
+        assert!(gates.check_margin(25, 20).is_ok());
+        assert!(matches!(
+            gates.check_margin(24, 20),
+            Err(Rejection::Ambiguous { .. })
+        ));
+    }
+}

@@ -1,0 +1,98 @@
+//! Which pairs RANSAC draws.
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Draws samples of distinct indices.
+pub trait Sampler {
+    /// Fills `sample` with distinct indices below `count`, which is at least `sample.len()` and the same at every call.
+    fn draw(&mut self, count: usize, sample: &mut [usize]);
+}
+
+/// Every index is as likely as any other.
+#[derive(Debug, Clone)]
+pub struct Uniform {
+    rng: ChaCha8Rng,
+}
+
+impl Uniform {
+    /// The same sequence for the same seed.
+    pub fn new(seed: u64) -> Self {
+        Self {
+            rng: ChaCha8Rng::seed_from_u64(seed),
+        }
+    }
+}
+
+impl Sampler for Uniform {
+    fn draw(&mut self, count: usize, sample: &mut [usize]) {
+        draw_distinct(&mut self.rng, count, sample);
+    }
+}
+
+/// The best matches first, all of them in the end (PROSAC, Chum & Matas 2005). Indices must be sorted by falling quality.
+#[derive(Debug, Clone)]
+pub struct Progressive {
+    rng: ChaCha8Rng,
+    pool: usize,
+    drawn: usize,
+    /// Samples that uniform drawing would have taken from the present pool, of [`PROSAC_SAMPLES`].
+    expected: f64,
+    /// Draws after which the pool grows.
+    grow_at: usize,
+}
+
+/// Samples after which PROSAC and uniform drawing are the same (the T_N of the publication).
+const PROSAC_SAMPLES: f64 = 10_000.0;
+
+impl Progressive {
+    /// The same sequence for the same seed.
+    pub fn new(seed: u64) -> Self {
+        Self {
+            rng: ChaCha8Rng::seed_from_u64(seed),
+            pool: 0,
+            drawn: 0,
+            expected: 0.0,
+            grow_at: 0,
+        }
+    }
+}
+
+impl Sampler for Progressive {
+    fn draw(&mut self, count: usize, sample: &mut [usize]) {
+        let size = sample.len();
+        if self.pool == 0 {
+            self.pool = size.min(count);
+            self.expected = (0..size).fold(PROSAC_SAMPLES, |t, i| {
+                t * (size - i) as f64 / (count - i) as f64
+            });
+            self.grow_at = 1;
+        }
+        self.drawn += 1;
+        while self.drawn > self.grow_at && self.pool < count {
+            let next = self.expected * (self.pool + 1) as f64 / (self.pool + 1 - size) as f64;
+            self.grow_at += (next - self.expected).ceil().max(1.0) as usize;
+            self.expected = next;
+            self.pool += 1;
+        }
+        if self.pool == count || self.pool <= size {
+            draw_distinct(&mut self.rng, self.pool, sample);
+        } else {
+            // The newest member of the pool and others before it: no sample is drawn twice on purpose.
+            let (last, others) = (size - 1, self.pool - 1);
+            draw_distinct(&mut self.rng, others, &mut sample[..last]);
+            sample[last] = others;
+        }
+    }
+}
+
+fn draw_distinct(rng: &mut ChaCha8Rng, count: usize, sample: &mut [usize]) {
+    for at in 0..sample.len() {
+        sample[at] = loop {
+            let index = rng.random_range(0..count);
+            if !sample[..at].contains(&index) {
+                break index;
+            }
+        };
+    }
+}

@@ -1,0 +1,35 @@
+//! What the two models of the geometry, similarity and homography, have in common.
+
+use nalgebra::{Matrix3, Point2, SMatrix, SVector};
+
+use crate::correspondence::Normalisation;
+
+/// A plane-to-plane transform with `N` free parameters, from one picture's pixels to another's.
+pub trait Transform<const N: usize>: Copy + Send + Sync + std::fmt::Debug {
+    /// The parameters, in the order of [`Transform::parameter_jacobian`]'s columns.
+    fn parameters(&self) -> SVector<f64, N>;
+
+    /// The transform with these parameters.
+    fn from_parameters(parameters: &SVector<f64, N>) -> Self;
+
+    /// Maps a point; none where it lies on or behind the line at infinity.
+    fn map(&self, point: Point2<f64>) -> Option<Point2<f64>>;
+
+    /// Derivative of the mapped point by the parameters, 2 x N; none where [`Transform::map`] is none.
+    fn parameter_jacobian(&self, point: Point2<f64>) -> Option<SMatrix<f64, 2, N>>;
+
+    /// The same transform acting between normalised coordinates: `to * self * from^-1`.
+    fn normalised(&self, from: &Normalisation, to: &Normalisation) -> Option<Self>;
+
+    /// The inverse of [`Transform::normalised`].
+    fn denormalised(&self, from: &Normalisation, to: &Normalisation) -> Option<Self>;
+
+    /// As a matrix acting on homogeneous pixels.
+    fn matrix(&self) -> Matrix3<f64>;
+
+    /// Squared distance between the mapped point and where it should be, square pixels; infinite where it cannot be mapped.
+    fn squared_error(&self, from: Point2<f64>, to: Point2<f64>) -> f64 {
+        self.map(from)
+            .map_or(f64::INFINITY, |mapped| (mapped - to).norm_squared())
+    }
+}

@@ -100,7 +100,9 @@ impl Model {
             .parent()
             .filter(|folder| !folder.as_os_str().is_empty())
             .unwrap_or(Path::new("."));
-        let mut file = tempfile::NamedTempFile::new_in(folder).map_err(io)?;
+        let mut file = readable_by_all(&mut tempfile::Builder::new())
+            .tempfile_in(folder)
+            .map_err(io)?;
         let write = |file: &mut tempfile::NamedTempFile| {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
             out.write_all(&(header.len() as u64).to_le_bytes())?;
@@ -142,6 +144,22 @@ impl Model {
         bytes.resize(bytes.len().next_multiple_of(8), b' ');
         Ok(bytes)
     }
+}
+
+/// Temporary files belong to their maker alone unless asked otherwise; a model is a file like any other (umask applies).
+#[cfg(unix)]
+fn readable_by_all<'a, 'b>(
+    builder: &'b mut tempfile::Builder<'a, 'a>,
+) -> &'b mut tempfile::Builder<'a, 'a> {
+    use std::os::unix::fs::PermissionsExt;
+    builder.permissions(std::fs::Permissions::from_mode(0o666))
+}
+
+#[cfg(not(unix))]
+fn readable_by_all<'a, 'b>(
+    builder: &'b mut tempfile::Builder<'a, 'a>,
+) -> &'b mut tempfile::Builder<'a, 'a> {
+    builder
 }
 
 fn write_little_endian(out: &mut impl Write, values: &Values) -> std::io::Result<()> {

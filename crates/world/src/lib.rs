@@ -1,1 +1,57 @@
 //! A procedural town and countryside, as a map and as a drone sees it, with exact truth.
+//!
+//! A [`World`] is built from a seed: roads, buildings with height and roofs, trees, fields, water,
+//! cars. The same world is rendered as an orthophoto ([`World::render_map`]) and as a perspective
+//! photo ([`World::render_photo`]) under two different [`Look`]s (season, sun, sensor, time), so
+//! that the pair differs as a satellite map and a drone photo of one place do, while the mapping
+//! between their pixels stays known exactly ([`View`], [`MapFrame`]).
+//!
+//! # Frames
+//! - *world*: metres, `x_m` to grid east, `y_m` to grid north, origin at the south-west corner of
+//!   the map, `z_m` height above the (flat) ground.
+//! - *layout*: the plane in which the plan of roads and parcels is drawn with straight lines; a
+//!   smooth warp bends it into the world. Internal.
+//! - *photo px*, *map px*: continuous, (0, 0) is the outer corner of the top-left pixel.
+//!
+//! # Example
+//! ```
+//! use grimnet_world::{Camera, Look, Pose, RegionM, Season, World, WorldConfig};
+//!
+//! let world = World::new(WorldConfig { seed: 7, size_m: 300.0, ..WorldConfig::default() });
+//! let map = world.render_map(
+//!     RegionM { x_min_m: 100.0, y_min_m: 100.0, width_m: 20.0, height_m: 10.0 },
+//!     0.5,
+//!     &Look::satellite(Season::Summer),
+//! );
+//! assert_eq!(map.dimensions(), (40, 20));
+//! let pose = Pose { x_m: 150.0, y_m: 150.0, height_agl_m: 110.0, ..Pose::default() };
+//! let camera = Camera { hfov_deg: 70.0, width_px: 64, height_px: 48 };
+//! let photo = world.render_photo(&pose, &camera, &Look::drone(Season::Summer));
+//! assert_eq!(photo.dimensions(), (64, 48));
+//! ```
+
+mod bucket_grid;
+mod camera;
+mod cast;
+mod colour;
+mod convex;
+mod cover;
+mod ground;
+mod layout;
+mod look;
+mod noise;
+mod populate;
+mod random;
+mod render;
+mod road;
+mod sensor;
+mod shade;
+mod solid;
+mod tree;
+mod warp;
+mod world;
+
+pub use camera::{Camera, Pose, View};
+pub use look::{Look, Season, SensorModel};
+pub use render::{MapFrame, RegionM};
+pub use world::{SurfaceHit, World, WorldConfig};

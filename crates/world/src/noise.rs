@@ -1,0 +1,199 @@
+//! Tileable noise, baked once into small tables so that one lookup gives several octaves.
+
+use std::sync::LazyLock;
+
+use crate::random::{hash_cell, unit};
+
+const SIDE: usize = 512;
+const MASK: i32 = SIDE as i32 - 1;
+
+/// Heights and slopes of many overlapping balls: what foliage looks like from above.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Clump {
+    /// 0 in the gaps, 1 on top.
+    pub(crate) height: f32,
+    /// Slope of the surface along x and y, about -1 to 1.
+    pub(crate) slope: [f32; 2],
+}
+
+struct Tables {
+    fbm: Vec<i8>,
+    clump: Vec<[i8; 3]>,
+}
+
+static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
+    fbm: bake_fbm(),
+    clump: bake_clumps(),
+});
+
+fn smooth(t: f32) -> f32 {
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Periodic value noise with `period` lattice points across the table.
+fn lattice(seed: u32, period: i32, x: f32, y: f32) -> f32 {
+    let (fx, fy) = (x.floor(), y.floor());
+    let (ix, iy) = (fx as i32, fy as i32);
+    let (u, v) = (smooth(x - fx), smooth(y - fy));
+    let at = |dx: i32, dy: i32| {
+        unit(hash_cell(
+            seed,
+            (ix + dx).rem_euclid(period),
+            (iy + dy).rem_euclid(period),
+        ))
+    };
+    let top = at(0, 0) + (at(1, 0) - at(0, 0)) * u;
+    let bottom = at(0, 1) + (at(1, 1) - at(0, 1)) * u;
+    (top + (bottom - top) * v) * 2.0 - 1.0
+}
+
+fn bake_fbm() -> Vec<i8> {
+    let octaves: [(i32, f32); 6] = [
+        (8, 0.8),
+        (16, 0.8),
+        (32, 0.7),
+        (64, 0.6),
+        (128, 0.5),
+        (256, 0.45),
+    ];
+    let mut table = Vec::with_capacity(SIDE * SIDE);
+    for y in 0..SIDE {
+        for x in 0..SIDE {
+            let mut sum = 0.0;
+            for (i, &(period, weight)) in octaves.iter().enumerate() {
+                let k = period as f32 / SIDE as f32;
+                sum += weight * lattice(11 + i as u32, period, x as f32 * k, y as f32 * k);
+            }
+            table.push((sum * 74.0).clamp(-127.0, 127.0) as i8);
+        }
+    }
+    table
+}
+
+fn bake_clumps() -> Vec<[i8; 3]> {
+    // Balls of two sizes on jittered lattices; the upper envelope is the surface.
+    let mut height = vec![0.0_f32; SIDE * SIDE];
+    for (seed, cell, lift) in [(71_u32, 32_i32, 0.35_f32), (72, 16, 0.18), (73, 16, 0.0)] {
+        let cells = SIDE as i32 / cell;
+        for cy in 0..cells {
+            for cx in 0..cells {
+                let h = hash_cell(seed, cx, cy);
+                let px = (cx as f32 + unit(h)) * cell as f32;
+                let py = (cy as f32 + unit(h.rotate_left(11))) * cell as f32;
+                let radius = cell as f32 * (0.55 + 0.4 * unit(h.rotate_left(22)));
+                let reach = radius.ceil() as i32;
+                for dy in -reach..=reach {
+                    for dx in -reach..=reach {
+                        let (qx, qy) = (px as i32 + dx, py as i32 + dy);
+                        let d2 = (qx as f32 - px).powi(2) + (qy as f32 - py).powi(2);
+                        let inside = 1.0 - d2 / (radius * radius);
+                        if inside > 0.0 {
+                            let ball = lift * unit(h.rotate_left(5)) + (1.0 - lift) * inside.sqrt();
+                            let at = (qy & MASK) as usize * SIDE + (qx & MASK) as usize;
+                            height[at] = height[at].max(ball);
+                        }
+                    }
+                }
+            }
+        }
+    }
+    let at = |x: i32, y: i32| height[(y & MASK) as usize * SIDE + (x & MASK) as usize];
+    let quantise = |v: f32| (v * 127.0).clamp(-127.0, 127.0) as i8;
+    let mut table = Vec::with_capacity(SIDE * SIDE);
+    for y in 0..SIDE as i32 {
+        for x in 0..SIDE as i32 {
+            let slope_x = (at(x + 1, y) - at(x - 1, y)) * 4.0;
+            let slope_y = (at(x, y + 1) - at(x, y - 1)) * 4.0;
+            table.push([quantise(at(x, y)), quantise(slope_x), quantise(slope_y)]);
+        }
+    }
+    table
+}
+
+struct Corners {
+    at: [usize; 4],
+    u: f32,
+    v: f32,
+}
+
+#[inline]
+fn corners(x: f32, y: f32) -> Corners {
+    let (fx, fy) = (x.floor(), y.floor());
+    let (ix, iy) = (fx as i32, fy as i32);
+    let (x0, x1) = ((ix & MASK) as usize, ((ix + 1) & MASK) as usize);
+    let (y0, y1) = (
+        (iy & MASK) as usize * SIDE,
+        ((iy + 1) & MASK) as usize * SIDE,
+    );
+    Corners {
+        at: [y0 + x0, y0 + x1, y1 + x0, y1 + x1],
+        u: x - fx,
+        v: y - fy,
+    }
+}
+
+/// Fractal noise, about -1 to 1 (deviation about 0.35), period 512 along each axis; features from 2
+/// to 64 units.
+#[inline]
+pub(crate) fn fbm(x: f32, y: f32) -> f32 {
+    let Corners { at, u, v } = corners(x, y);
+    let t = &TABLES.fbm;
+    let f = |i: usize| f32::from(t[at[i]]);
+    let top = f(0) + (f(1) - f(0)) * u;
+    let bottom = f(2) + (f(3) - f(2)) * u;
+    (top + (bottom - top) * v) * (1.0 / 127.0)
+}
+
+/// Foliage clumps, period 512 along each axis; balls of 9 to 30 units radius.
+#[inline]
+pub(crate) fn clump(x: f32, y: f32) -> Clump {
+    let Corners { at, u, v } = corners(x, y);
+    let t = &TABLES.clump;
+    let f = |i: usize, k: usize| f32::from(t[at[i]][k]);
+    let lerp = |k: usize| {
+        let top = f(0, k) + (f(1, k) - f(0, k)) * u;
+        let bottom = f(2, k) + (f(3, k) - f(2, k)) * u;
+        (top + (bottom - top) * v) * (1.0 / 127.0)
+    };
+    Clump {
+        height: lerp(0),
+        slope: [lerp(1), lerp(2)],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fbm_is_centred_varied_and_periodic() {
+        let n = 4000;
+        let values: Vec<f32> = (0..n)
+            .map(|i| fbm(i as f32 * 7.37, i as f32 * 3.11))
+            .collect();
+        let mean = values.iter().sum::<f32>() / n as f32;
+        let var = values.iter().map(|v| (v - mean).powi(2)).sum::<f32>() / n as f32;
+        assert!(mean.abs() < 0.06, "mean {mean}");
+        assert!(
+            var.sqrt() > 0.2 && var.sqrt() < 0.5,
+            "deviation {}",
+            var.sqrt()
+        );
+        assert!((fbm(3.3, 4.4) - fbm(3.3 + 512.0, 4.4 - 512.0)).abs() < 1e-3);
+    }
+
+    #[test]
+    fn clump_slope_is_the_derivative_of_its_height() {
+        let (mut agree, mut total) = (0, 0);
+        for i in 0..2000 {
+            let (x, y) = ((i * 13 % 509) as f32, (i * 29 % 503) as f32);
+            let rise = clump(x + 1.0, y).height - clump(x - 1.0, y).height;
+            let slope = clump(x, y).slope[0];
+            if rise.abs() > 0.03 {
+                total += 1;
+                agree += usize::from(rise.signum() == slope.signum());
+            }
+        }
+        assert!(total > 100 && agree * 20 > total * 19, "{agree} of {total}");
+    }
+}

@@ -1,1 +1,50 @@
 //! Drone photos: decoding, EXIF and XMP metadata, camera model, resampling to a query.
+//!
+//! ```no_run
+//! use grimnet_photo::{Overrides, Photo, QueryOptions};
+//! let photo = Photo::open_reduced("DJI_0042.jpg", 2000)?;
+//! let view = photo.view(&Overrides::default());
+//! for evidence in &view.set_aside {
+//!     eprintln!("not believed: {evidence}");
+//! }
+//! if let (Some(heading), Some(footprint)) = (view.heading, view.footprint) {
+//!     let maker = photo.query_maker(&QueryOptions {
+//!         tilt: view.tilt,
+//!         ..QueryOptions::new(0.3, footprint.width_m)
+//!     })?;
+//!     let query = maker.make(heading.heading_deg); // for a map with north up
+//!     assert_eq!(query.image.width() % 32, 0);
+//! }
+//! # Ok::<(), grimnet_photo::PhotoError>(())
+//! ```
+
+mod area;
+mod camera;
+mod container;
+mod decode;
+mod error;
+mod evidence;
+mod exif_fields;
+mod heading;
+mod jpeg_structure;
+mod level;
+mod metadata;
+mod photo;
+mod query;
+mod scale;
+mod view;
+mod warp;
+mod xmp_fields;
+
+pub use camera::{
+    EquivalentFocal, FULL_FRAME_DIAGONAL_MM, MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG,
+    NativeFrame, Tilt, focal_px, focal_px_from_35mm, fov_deg,
+};
+pub use decode::{MAX_PIXELS, MIN_SIDE_PX};
+pub use error::PhotoError;
+pub use evidence::Evidence;
+pub use metadata::{GpsPosition, ImageDirection, Metadata};
+pub use photo::Photo;
+pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
+pub use view::{Footprint, Heading, HeadingSource, Overrides, View};
+pub use warp::Interpolation;

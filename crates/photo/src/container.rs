@@ -1,0 +1,196 @@
+//! Where EXIF and XMP sit in JPEG, PNG, WebP and TIFF files.
+
+/// Raw metadata blocks of one file.
+#[derive(Debug, Default)]
+pub(crate) struct Embedded {
+    /// The TIFF structure of EXIF.
+    pub exif: Option<Vec<u8>>,
+    /// XMP packets, XML text.
+    pub xmp: Vec<Vec<u8>>,
+}
+
+/// Metadata blocks larger than this are not looked at.
+const MAX_BLOCK_BYTES: usize = 16 << 20;
+
+const XMP_SIGNATURE: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
+const EXIF_SIGNATURE: &[u8] = b"Exif\0\0";
+
+impl Embedded {
+    /// Finds the blocks; an unknown or damaged container gives what was found before the damage.
+    pub(crate) fn find(bytes: &[u8]) -> Self {
+        let mut found = Self::default();
+        if bytes.starts_with(&[0xFF, 0xD8]) {
+            found.find_in_jpeg(bytes);
+        } else if bytes.starts_with(b"\x89PNG\r\n\x1a\n") {
+            found.find_in_png(bytes);
+        } else if bytes.starts_with(b"RIFF") && bytes.get(8..12) == Some(b"WEBP") {
+            found.find_in_webp(bytes);
+        } else if bytes.starts_with(b"II*\0") || bytes.starts_with(b"MM\0*") {
+            found.find_in_tiff(bytes);
+        }
+        found
+    }
+
+    /// APP1 segments before the first scan (EXIF 2.32 section 4.5; XMP part 3 section 1.1.3).
+    fn find_in_jpeg(&mut self, bytes: &[u8]) {
+        for (marker, body) in JpegSegments::new(bytes) {
+            if marker != 0xE1 {
+                continue;
+            }
+            if let Some(exif) = body.strip_prefix(EXIF_SIGNATURE) {
+                self.exif.get_or_insert_with(|| exif.to_vec());
+            } else if let Some(xmp) = body.strip_prefix(XMP_SIGNATURE) {
+                self.xmp.push(xmp.to_vec());
+            }
+        }
+    }
+
+    /// `eXIf` and uncompressed `iTXt` chunks (PNG third edition, 11.3.4.5 and 11.3.3.4).
+    fn find_in_png(&mut self, bytes: &[u8]) {
+        let mut rest = bytes.get(8..).unwrap_or_default();
+        while let Some((length, after)) = rest.split_first_chunk::<4>() {
+            let length = u32::from_be_bytes(*length) as usize;
+            let (Some(kind), Some(body)) = (after.get(..4), after.get(4..4 + length)) else {
+                return;
+            };
+            match kind {
+                b"eXIf" if length <= MAX_BLOCK_BYTES => self.exif = Some(body.to_vec()),
+                b"iTXt" if length <= MAX_BLOCK_BYTES => {
+                    // Keyword, NUL, compression flag and method, language, NUL, translated keyword, NUL, text.
+                    if let Some(text) = body.strip_prefix(b"XML:com.adobe.xmp\0\0\0")
+                        && let Some(text) = after_nul(text).and_then(after_nul)
+                    {
+                        self.xmp.push(text.to_vec());
+                    }
+                }
+                _ => {}
+            }
+            rest = after.get(8 + length..).unwrap_or_default();
+        }
+    }
+
+    /// `EXIF` and `XMP ` chunks of the extended RIFF container.
+    fn find_in_webp(&mut self, bytes: &[u8]) {
+        let mut rest = bytes.get(12..).unwrap_or_default();
+        while rest.len() >= 8 {
+            let length = u32::from_le_bytes([rest[4], rest[5], rest[6], rest[7]]) as usize;
+            let Some(body) = rest.get(8..8usize.saturating_add(length)) else {
+                return;
+            };
+            if length <= MAX_BLOCK_BYTES {
+                match &rest[..4] {
+                    b"EXIF" => {
+                        self.exif =
+                            Some(body.strip_prefix(EXIF_SIGNATURE).unwrap_or(body).to_vec());
+                    }
+                    b"XMP " => self.xmp.push(body.to_vec()),
+                    _ => {}
+                }
+            }
+            rest = rest.get(8 + length + length % 2..).unwrap_or_default();
+        }
+    }
+
+    /// A TIFF file is an EXIF structure itself, with XMP in tag 700 of its first directory. The structure is copied
+    /// as far as its directories may reach: they are read by offset, so the whole file counts.
+    fn find_in_tiff(&mut self, bytes: &[u8]) {
+        if let Some(xmp) = tiff_xmp(bytes) {
+            self.xmp.push(xmp.to_vec());
+        }
+        self.exif = Some(bytes.to_vec());
+    }
+}
+
+fn after_nul(bytes: &[u8]) -> Option<&[u8]> {
+    let at = bytes.iter().position(|&b| b == 0)?;
+    bytes.get(at + 1..)
+}
+
+/// Bytes of tag 700 in the first directory of a TIFF file.
+fn tiff_xmp(bytes: &[u8]) -> Option<&[u8]> {
+    let little = bytes.starts_with(b"II");
+    let u16_at = |at: usize| -> Option<u16> {
+        let b = bytes.get(at..)?.first_chunk::<2>()?;
+        Some(if little {
+            u16::from_le_bytes(*b)
+        } else {
+            u16::from_be_bytes(*b)
+        })
+    };
+    let u32_at = |at: usize| -> Option<usize> {
+        let b = bytes.get(at..)?.first_chunk::<4>()?;
+        Some(if little {
+            u32::from_le_bytes(*b)
+        } else {
+            u32::from_be_bytes(*b)
+        } as usize)
+    };
+    let directory = u32_at(4)?;
+    let entries = u16_at(directory)?;
+    for index in 0..usize::from(entries) {
+        let entry = directory + 2 + 12 * index;
+        if u16_at(entry)? == 700 {
+            let length = u32_at(entry + 4)?;
+            let start = u32_at(entry + 8)?;
+            if length > MAX_BLOCK_BYTES {
+                return None;
+            }
+            return bytes.get(start..start.checked_add(length)?);
+        }
+    }
+    None
+}
+
+/// The segments of a JPEG file up to the first scan, as marker and body.
+pub(crate) struct JpegSegments<'a> {
+    bytes: &'a [u8],
+    /// Offset of the next marker.
+    pub position: usize,
+    ended: bool,
+}
+
+impl<'a> JpegSegments<'a> {
+    pub(crate) fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            bytes,
+            position: 2,
+            ended: false,
+        }
+    }
+}
+
+impl<'a> Iterator for JpegSegments<'a> {
+    type Item = (u8, &'a [u8]);
+
+    /// The last item is the header of the first scan (0xDA); `position` then points at its entropy-coded data.
+    fn next(&mut self) -> Option<Self::Item> {
+        if self.ended {
+            return None;
+        }
+        loop {
+            if *self.bytes.get(self.position)? != 0xFF {
+                return None;
+            }
+            // Any number of 0xFF may precede a marker (T.81, B.1.1.2).
+            while *self.bytes.get(self.position + 1)? == 0xFF {
+                self.position += 1;
+            }
+            let marker = self.bytes[self.position + 1];
+            if matches!(marker, 0x01 | 0xD0..=0xD8) {
+                self.position += 2;
+                continue;
+            }
+            if marker == 0xD9 || marker == 0 {
+                return None;
+            }
+            let length = self.bytes.get(self.position + 2..)?.first_chunk::<2>()?;
+            let length = usize::from(u16::from_be_bytes(*length));
+            let body = self
+                .bytes
+                .get(self.position + 4..self.position + 2 + length.max(2))?;
+            self.position += 2 + length.max(2);
+            self.ended = marker == 0xDA;
+            return Some((marker, body));
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! From a photo file to 8-bit RGB, sizes checked before anything is allocated.
+
+use std::io::Cursor;
+use std::path::Path;
+
+use image::metadata::Orientation;
+use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, RgbImage};
+
+use crate::area;
+use crate::error::PhotoError;
+use crate::jpeg_structure::JpegStructure;
+
+/// The most pixels that a photo may claim.
+pub const MAX_PIXELS: u64 = 400_000_000;
+
+/// The least side of a photo, px.
+pub const MIN_SIDE_PX: u32 = 16;
+
+/// Pixels of one file, turned as EXIF orientation asks.
+#[derive(Debug)]
+pub(crate) struct Decoded {
+    pub image: RgbImage,
+    /// Size of the whole picture after orientation, px.
+    pub full_size_px: (u32, u32),
+}
+
+/// Decodes a file's bytes, at reduced size where `max_long_side_px` is less than its long side.
+pub(crate) fn decode(
+    path: &Path,
+    bytes: &[u8],
+    orientation: u8,
+    max_long_side_px: Option<u32>,
+) -> Result<Decoded, PhotoError> {
+    if bytes.is_empty() {
+        return Err(PhotoError::Empty { path: path.into() });
+    }
+    let format = image::guess_format(bytes).map_err(|_| PhotoError::Unsupported {
+        path: path.into(),
+        found: "the first bytes are not those of a picture".into(),
+    })?;
+    let (stored, full_size_px) = match format {
+        ImageFormat::Jpeg => decode_jpeg(path, bytes, max_long_side_px)?,
+        ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP => {
+            let image = decode_other(path, bytes, format)?;
+            let size = image.dimensions();
+            (image, size)
+        }
+        other => {
+            return Err(PhotoError::Unsupported {
+                path: path.into(),
+                found: format!("a picture in the format {other:?}"),
+            });
+        }
+    };
+    let stored = match max_long_side_px {
+        Some(limit) => area::limit_long_side(stored, limit),
+        None => stored,
+    };
+    let orientation = Orientation::from_exif(orientation).unwrap_or(Orientation::NoTransforms);
+    let swaps = orientation.to_exif() >= 5;
+    let mut image = DynamicImage::ImageRgb8(stored);
+    image.apply_orientation(orientation);
+    Ok(Decoded {
+        image: image.into_rgb8(),
+        full_size_px: if swaps {
+            (full_size_px.1, full_size_px.0)
+        } else {
+            full_size_px
+        },
+    })
+}
+
+/// Refuses sizes that cannot be a photo.
+fn check_size(path: &Path, (width_px, height_px): (u32, u32)) -> Result<(), PhotoError> {
+    if u64::from(width_px) * u64::from(height_px) > MAX_PIXELS {
+        return Err(PhotoError::TooLarge {
+            path: path.into(),
+            width_px,
+            height_px,
+            limit_px: MAX_PIXELS,
+        });
+    }
+    if width_px.min(height_px) < MIN_SIDE_PX {
+        return Err(PhotoError::TooSmall {
+            path: path.into(),
+            width_px,
+            height_px,
+            minimum_px: MIN_SIDE_PX,
+        });
+    }
+    Ok(())
+}
+
+fn decode_jpeg(
+    path: &Path,
+    bytes: &[u8],
+    _max_long_side_px: Option<u32>,
+) -> Result<(RgbImage, (u32, u32)), PhotoError> {
+    let structure = JpegStructure::read(path, bytes)?;
+    let size = structure.size_px;
+    check_size(path, size)?;
+    structure.check_complete(path, bytes)?;
+    let decoder = image::codecs::jpeg::JpegDecoder::new(Cursor::new(bytes))
+        .map_err(|error| from_image(path, error))?;
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| from_image(path, error))?;
+    Ok((image.into_rgb8(), size))
+}
+
+fn decode_other(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<RgbImage, PhotoError> {
+    let mut decoder = ImageReader::with_format(Cursor::new(bytes), format)
+        .into_decoder()
+        .map_err(|error| from_image(path, error))?;
+    check_size(path, decoder.dimensions())?;
+    let mut limits = image::Limits::default();
+    limits.max_alloc = Some(MAX_PIXELS * 8);
+    decoder
+        .set_limits(limits)
+        .map_err(|error| from_image(path, error))?;
+    if matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F) {
+        return Err(PhotoError::Unsupported {
+            path: path.into(),
+            found: "a picture of floating-point samples".into(),
+        });
+    }
+    let image = DynamicImage::from_decoder(decoder).map_err(|error| from_image(path, error))?;
+    Ok(opaque_rgb(image))
+}
+
+/// 8-bit RGB; what is transparent fades to black, which counts as "nothing seen" further on.
+fn opaque_rgb(image: DynamicImage) -> RgbImage {
+    if !image.color().has_alpha() {
+        return image.into_rgb8();
+    }
+    let rgba = image.into_rgba8();
+    let (width, height) = rgba.dimensions();
+    let mut rgb = RgbImage::new(width, height);
+    for (out, pixel) in rgb.pixels_mut().zip(rgba.pixels()) {
+        let [r, g, b, alpha] = pixel.0;
+        let fade = |sample: u8| ((u32::from(sample) * u32::from(alpha) + 127) / 255) as u8;
+        out.0 = [fade(r), fade(g), fade(b)];
+    }
+    rgb
+}
+
+/// The decoder's complaint as one of ours.
+fn from_image(path: &Path, error: image::ImageError) -> PhotoError {
+    let path = path.to_owned();
+    match error {
+        image::ImageError::Unsupported(error) => PhotoError::Unsupported {
+            path,
+            found: error.to_string(),
+        },
+        image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+            PhotoError::Truncated {
+                path,
+                detail: error.to_string(),
+            }
+        }
+        error => PhotoError::Corrupt {
+            path,
+            detail: error.to_string(),
+        },
+    }
+}

@@ -1,0 +1,52 @@
+//! A reduced photo as the resampler reads it.
+
+use image::RgbImage;
+
+/// Pixels of four bytes with a border that repeats the edge, so that no filter tap needs a check.
+#[derive(Debug)]
+pub(crate) struct Level {
+    pub width: usize,
+    pub height: usize,
+    stride: usize,
+    pixels: Vec<[u8; 4]>,
+}
+
+impl Level {
+    /// Filter taps reach at most this far beyond the picture, px.
+    pub const BORDER: usize = 3;
+
+    pub(crate) fn new(image: &RgbImage) -> Self {
+        let (width, height) = (image.width() as usize, image.height() as usize);
+        let stride = width + 2 * Self::BORDER;
+        let mut pixels = vec![[0; 4]; stride * (height + 2 * Self::BORDER)];
+        let row_bytes = 3 * width.max(1);
+        for (y, row) in pixels.chunks_exact_mut(stride).enumerate() {
+            let source_y = y.saturating_sub(Self::BORDER).min(height - 1);
+            let source = &image.as_raw()[source_y * row_bytes..][..row_bytes];
+            let (body, _) = source.as_chunks::<3>();
+            for (out, &[r, g, b]) in row[Self::BORDER..].iter_mut().zip(body) {
+                *out = [r, g, b, 0];
+            }
+            let (first, last) = (row[Self::BORDER], row[Self::BORDER + width - 1]);
+            row[..Self::BORDER].fill(first);
+            row[Self::BORDER + width..].fill(last);
+        }
+        Self {
+            width,
+            height,
+            stride,
+            pixels,
+        }
+    }
+
+    /// `N` neighbouring pixels of one row, `x` and `y` counted from the border's outer corner.
+    #[inline(always)]
+    pub(crate) fn taps<const N: usize>(&self, x: usize, y: usize) -> &[[u8; 4]; N] {
+        let start = y * self.stride + x;
+        match self.pixels.get(start..).and_then(|row| row.first_chunk()) {
+            Some(taps) => taps,
+            // Not reached: callers stay within the border. Black rather than a panic.
+            None => const { &[[0; 4]; N] },
+        }
+    }
+}

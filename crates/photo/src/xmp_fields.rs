@@ -1,0 +1,250 @@
+//! From XMP packets of drones (DJI, Parrot, Pix4D's `Camera` names) to [`Metadata`].
+//!
+//! Both serialisations of RDF are read: properties as attributes of `rdf:Description`, and as elements in it.
+
+use quick_xml::Reader;
+use quick_xml::events::Event;
+
+use crate::metadata::Metadata;
+
+/// Namespaces by what their properties mean, recognised by address rather than by prefix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Maker {
+    /// `http://www.dji.com/drone-dji/1.0/`
+    Dji,
+    /// `http://www.parrot.com/drone-parrot/1.0/`
+    Parrot,
+    /// `http://pix4d.com/camera/1.0` (Parrot Sequoia, senseFly and others).
+    Camera,
+}
+
+/// One property: maker, local name, text.
+type Property = (Maker, String, String);
+
+/// Reads what an XMP packet gives; a packet that cannot be parsed gives what came before the fault, and a note.
+pub(crate) fn read_into(packet: &[u8], metadata: &mut Metadata) {
+    let text = String::from_utf8_lossy(packet);
+    // Packets are padded with spaces, and a DJI firmware pads with NUL.
+    let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
+    let (properties, fault) = properties(text);
+    if let Some(fault) = fault {
+        metadata.note("XMP", fault, "not readable to its end");
+    }
+    take_properties(&properties, metadata);
+}
+
+/// Collects the properties of the makers known here.
+fn properties(text: &str) -> (Vec<Property>, Option<String>) {
+    let mut reader = Reader::from_str(text);
+    reader.config_mut().check_end_names = false;
+    let mut namespaces: Vec<(String, Maker)> = vec![
+        ("drone-dji".into(), Maker::Dji),
+        ("drone-parrot".into(), Maker::Parrot),
+        ("Camera".into(), Maker::Camera),
+    ];
+    let mut properties = Vec::new();
+    let mut open: Option<(Maker, String)> = None;
+    loop {
+        let event = match reader.read_event() {
+            Ok(event) => event,
+            Err(error) => return (properties, Some(error.to_string())),
+        };
+        match event {
+            Event::Eof => return (properties, None),
+            Event::Start(ref start) | Event::Empty(ref start) => {
+                // Bindings first: they hold for the attributes beside them.
+                for attribute in start.attributes().with_checks(false).flatten() {
+                    if let Some(prefix) = attribute.key.0.strip_prefix("xmlns:")
+                        && let Some(maker) = maker_of(&attribute.value)
+                    {
+                        namespaces.insert(0, (prefix.to_owned(), maker));
+                    }
+                }
+                for attribute in start.attributes().with_checks(false).flatten() {
+                    if let Some((maker, name)) = known(&namespaces, attribute.key.0) {
+                        properties.push((maker, name, attribute.value.trim().to_owned()));
+                    }
+                }
+                open = match &event {
+                    Event::Start(start) => known(&namespaces, start.name().0),
+                    _ => None,
+                };
+            }
+            Event::Text(text) => {
+                if let Some((maker, name)) = open.take() {
+                    properties.push((maker, name, text.trim().to_owned()));
+                }
+            }
+            Event::End(_) => open = None,
+            _ => {}
+        }
+    }
+}
+
+fn maker_of(address: &str) -> Option<Maker> {
+    let address = address.to_ascii_lowercase();
+    if address.contains("dji.com/drone-dji") {
+        Some(Maker::Dji)
+    } else if address.contains("parrot.com/drone-parrot") {
+        Some(Maker::Parrot)
+    } else if address.contains("pix4d.com/camera") {
+        Some(Maker::Camera)
+    } else {
+        None
+    }
+}
+
+fn known(namespaces: &[(String, Maker)], qualified: &str) -> Option<(Maker, String)> {
+    let (prefix, name) = qualified.split_once(':')?;
+    let (_, maker) = namespaces.iter().find(|(known, _)| known == prefix)?;
+    Some((*maker, name.to_owned()))
+}
+
+/// A number as XMP writers put it: `+12.30`, `12.3`, `123/10`, with blanks around.
+fn parse_number(text: &str) -> Option<f64> {
+    let text = text.trim();
+    if let Some((top, bottom)) = text.split_once('/') {
+        return Some(top.trim().parse::<f64>().ok()? / bottom.trim().parse::<f64>().ok()?);
+    }
+    text.parse().ok()
+}
+
+/// The values of one maker's property, with a note for each that is no number in its range.
+struct Numbers<'a> {
+    properties: &'a [Property],
+}
+
+impl Numbers<'_> {
+    fn within(
+        &self,
+        maker: Maker,
+        name: &str,
+        range: std::ops::RangeInclusive<f64>,
+        metadata: &mut Metadata,
+    ) -> Option<f64> {
+        let (_, _, text) = self
+            .properties
+            .iter()
+            .find(|(m, n, _)| *m == maker && n.eq_ignore_ascii_case(name))?;
+        match parse_number(text) {
+            Some(value) if value.is_finite() && range.contains(&value) => Some(value),
+            Some(value) if value.is_finite() => {
+                let reason = format!("outside {} to {}", range.start(), range.end());
+                metadata.note(&format!("XMP {name}"), text, &reason);
+                None
+            }
+            _ => {
+                metadata.note(&format!("XMP {name}"), text, "not a number");
+                None
+            }
+        }
+    }
+}
+
+/// Angles under Pix4D's names, which count the pitch from straight down (0 nadir, 90 horizon); DJI's count from the
+/// horizon. Some makers put DJI's numbers under Pix4D's names, so a pitch near 90 either way could be both.
+fn take_pix4d_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
+    let mut angle = |name| numbers.within(Maker::Camera, name, -360.0..=360.0, metadata);
+    let (yaw, pitch, roll) = (angle("Yaw"), angle("Pitch"), angle("Roll"));
+    if yaw == Some(0.0) && pitch.unwrap_or(0.0) == 0.0 && roll.unwrap_or(0.0) == 0.0 {
+        metadata.note(
+            "XMP Camera:Yaw, Camera:Pitch, Camera:Roll",
+            "0, 0, 0",
+            "all zero: not recorded, rather than exactly north",
+        );
+        return;
+    }
+    metadata.gimbal_yaw_deg = yaw;
+    metadata.gimbal_roll_deg = roll;
+    match pitch {
+        Some(pitch) if pitch.abs() < 60.0 => metadata.gimbal_pitch_deg = Some(pitch - 90.0),
+        Some(pitch) => metadata.note(
+            "XMP Camera:Pitch",
+            pitch.to_string(),
+            "straight down or at the horizon, by which convention the maker follows",
+        ),
+        None => {}
+    }
+}
+
+fn take_properties(properties: &[Property], metadata: &mut Metadata) {
+    const TURN: std::ops::RangeInclusive<f64> = -360.0..=360.0;
+    const HEIGHT: std::ops::RangeInclusive<f64> = -20_000.0..=100_000.0;
+    let numbers = Numbers { properties };
+    for (maker, yaw, pitch, roll) in [
+        (
+            Maker::Dji,
+            "GimbalYawDegree",
+            "GimbalPitchDegree",
+            "GimbalRollDegree",
+        ),
+        (
+            Maker::Parrot,
+            "CameraYawDegree",
+            "CameraPitchDegree",
+            "CameraRollDegree",
+        ),
+    ] {
+        if let Some(value) = numbers.within(maker, yaw, TURN, metadata) {
+            metadata.gimbal_yaw_deg = Some(value);
+        }
+        if let Some(value) = numbers.within(maker, pitch, TURN, metadata) {
+            metadata.gimbal_pitch_deg = Some(value);
+        }
+        if let Some(value) = numbers.within(maker, roll, TURN, metadata) {
+            metadata.gimbal_roll_deg = Some(value);
+        }
+    }
+    if metadata.gimbal_yaw_deg.is_none() {
+        take_pix4d_angles(&numbers, metadata);
+    }
+    for (maker, yaw, pitch, roll) in [
+        (
+            Maker::Dji,
+            "FlightYawDegree",
+            "FlightPitchDegree",
+            "FlightRollDegree",
+        ),
+        (
+            Maker::Parrot,
+            "DroneYawDegree",
+            "DronePitchDegree",
+            "DroneRollDegree",
+        ),
+    ] {
+        if let Some(value) = numbers.within(maker, yaw, TURN, metadata) {
+            metadata.flight_yaw_deg = Some(value);
+        }
+        if let Some(value) = numbers.within(maker, pitch, TURN, metadata) {
+            metadata.flight_pitch_deg = Some(value);
+        }
+        if let Some(value) = numbers.within(maker, roll, TURN, metadata) {
+            metadata.flight_roll_deg = Some(value);
+        }
+    }
+    if let Some(value) = numbers.within(Maker::Dji, "RelativeAltitude", HEIGHT, metadata) {
+        metadata.relative_altitude_m = Some(value);
+    }
+    if metadata.gps_altitude_m.is_none() {
+        metadata.gps_altitude_m = numbers.within(Maker::Dji, "AbsoluteAltitude", HEIGHT, metadata);
+    }
+    if let Some(value) = numbers.within(Maker::Camera, "AboveGroundAltitude", HEIGHT, metadata) {
+        metadata.above_ground_m = Some(value);
+    }
+    if let Some(value) = numbers.within(
+        Maker::Dji,
+        "CalibratedFocalLength",
+        50.0..=200_000.0,
+        metadata,
+    ) {
+        metadata.calibrated_focal_px = Some(value);
+    }
+    let lat = numbers.within(Maker::Dji, "GpsLatitude", -90.0..=90.0, metadata);
+    // `GpsLongtitude` is how several firmwares spell it.
+    let lon = numbers
+        .within(Maker::Dji, "GpsLongitude", -180.0..=180.0, metadata)
+        .or_else(|| numbers.within(Maker::Dji, "GpsLongtitude", -180.0..=180.0, metadata));
+    if let (Some(lat), Some(lon)) = (lat, lon) {
+        metadata.take_position("XMP GpsLatitude, GpsLongitude", lat, lon);
+    }
+}

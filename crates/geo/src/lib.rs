@@ -1,1 +1,66 @@
 //! Georeferenced rasters, coordinate systems, tile grids and metres on the ellipsoid.
+//!
+//! [`open_map`] opens a GeoTIFF or COG, a picture with a world file, a picture with two corners
+//! or a CSV of corner-annotated pictures, and gives a [`Raster`]: windows of it can be read at
+//! any ground resolution, and its [`Georeference`] turns map pixels into longitude and latitude.
+//!
+//! # Frames
+//! - [`MapPx`]: continuous pixel coordinates of the full-resolution map, GDAL's convention:
+//!   `(0, 0)` is the outer corner of the top-left pixel, whose centre is `(0.5, 0.5)`.
+//! - [`LonLat`]: degrees on the WGS 84 ellipsoid, longitude in `[-180, 180)`.
+//! - Metres are metres on that ellipsoid: geodesics after Karney (2013).
+//!
+//! # Example
+//! ```no_run
+//! use grimnet_geo::{MapOptions, MapPx, WindowPx, open_map};
+//!
+//! # fn main() -> Result<(), grimnet_geo::GeoError> {
+//! let map = open_map("map.tif".as_ref(), &MapOptions::default())?;
+//! let patch = map.read(WindowPx::new(0.0, 0.0, 1024.0, 1024.0), 512, 512)?;
+//! let corner = map.georeference().lonlat_from_map_px(MapPx::new(0.0, 0.0))?;
+//! assert_eq!(patch.rgb.dimensions(), patch.valid.dimensions());
+//! # let _ = corner;
+//! # Ok(())
+//! # }
+//! ```
+
+mod affine;
+mod block;
+mod block_cache;
+mod content_hash;
+mod corners;
+mod crs;
+mod csv_mosaic;
+mod error;
+mod geokeys;
+mod georeference;
+mod level_frame;
+mod map_px;
+mod metres;
+mod open;
+mod paper_equations;
+mod picture;
+mod raster;
+mod resample;
+mod samples;
+mod tiff;
+mod tiff_georeference;
+mod tiff_images;
+mod tile_grid;
+mod windowed;
+mod world_file;
+
+pub use affine::Affine;
+pub use corners::Corners;
+pub use crs::Crs;
+pub use error::GeoError;
+pub use georeference::Georeference;
+pub use level_frame::LevelFrame;
+pub use map_px::{MapPx, WindowPx};
+pub use metres::{
+    LonLat, bearing_deg, destination, destination_en_m, distance_m, offset_en_m, wrap_longitude_deg,
+};
+pub use open::{MapOptions, open_map};
+pub use paper_equations::{PaperCorners, PaperTile};
+pub use raster::{Raster, RasterPatch};
+pub use tile_grid::{Tile, TileGrid, TilePlan};

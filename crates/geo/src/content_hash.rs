@@ -1,0 +1,61 @@
+//! The hash of a map's files.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use crate::GeoError;
+
+/// Bytes read at a time.
+const CHUNK_BYTES: usize = 1 << 20;
+
+/// BLAKE3 over the files of a map, computed when it is first asked for.
+#[derive(Debug, Default)]
+pub(crate) struct ContentHash {
+    files: Vec<PathBuf>,
+    hash: OnceLock<[u8; 32]>,
+}
+
+impl ContentHash {
+    /// Of these files, in this order. One file alone has the hash that `b3sum` prints.
+    pub fn of(files: Vec<PathBuf>) -> Self {
+        Self {
+            files,
+            hash: OnceLock::new(),
+        }
+    }
+
+    /// The hash.
+    pub fn get(&self) -> Result<[u8; 32], GeoError> {
+        if let Some(hash) = self.hash.get() {
+            return Ok(*hash);
+        }
+        let mut hasher = blake3::Hasher::new();
+        for (i, file) in self.files.iter().enumerate() {
+            let length = hash_file(&mut hasher, file)?;
+            if i > 0 {
+                // Marks where a file ends, so that bytes cannot move from one to the next.
+                hasher.update(&length.to_le_bytes());
+            }
+        }
+        let hash: [u8; 32] = hasher.finalize().into();
+        Ok(*self.hash.get_or_init(|| hash))
+    }
+}
+
+fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> Result<u64, GeoError> {
+    let mut file = std::fs::File::open(path).map_err(|e| GeoError::io(path, e))?;
+    let mut buffer = vec![0_u8; CHUNK_BYTES];
+    let mut length = 0_u64;
+    loop {
+        match file.read(&mut buffer) {
+            Ok(0) => return Ok(length),
+            Ok(n) => {
+                hasher.update(&buffer[..n]);
+                length += n as u64;
+            }
+            Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
+            Err(e) => return Err(GeoError::io(path, e)),
+        }
+    }
+}

@@ -1,0 +1,280 @@
+//! Coordinate reference systems, to and from longitude and latitude on WGS 84.
+
+use std::f64::consts::TAU;
+use std::sync::LazyLock;
+
+use proj4rs::Proj;
+use proj4rs::adaptors::transform_vertex_2d;
+use serde::{Deserialize, Serialize};
+
+use crate::metres::wrap_longitude_deg;
+use crate::{GeoError, LonLat};
+
+const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
+
+static WGS84_PROJ: LazyLock<Option<Proj>> = LazyLock::new(|| Proj::from_proj_string(WGS84).ok());
+
+/// A coordinate reference system. It is written as `EPSG:CODE` or as a PROJ string, and read back
+/// from that.
+///
+/// Definitions come from the EPSG registry (`crs-definitions`), transformations from `proj4rs`.
+/// Datum shifts are those of the definition (`+towgs84`); grids are not used: see
+/// [`Crs::caveat`].
+#[derive(Clone)]
+pub struct Crs {
+    definition: String,
+    proj_string: String,
+    proj: Proj,
+    /// Longitude and latitude on WGS 84 itself: nothing to compute.
+    is_wgs84_lonlat: bool,
+    caveat: Option<String>,
+}
+
+impl Crs {
+    /// Longitude and latitude on WGS 84, in degrees (x is the longitude).
+    ///
+    /// # Errors
+    /// None in practice; the definition goes the way of all others.
+    pub fn wgs84() -> Result<Self, GeoError> {
+        Self::from_epsg(4326)
+    }
+
+    /// By EPSG code. x is always easting or longitude, y northing or latitude, as in GeoTIFF and
+    /// world files, whatever the registry's axis order.
+    ///
+    /// # Errors
+    /// [`GeoError::UnknownCrs`] if the code is not in the list or its projection is not supported.
+    pub fn from_epsg(code: u32) -> Result<Self, GeoError> {
+        let definition = format!("EPSG:{code}");
+        let unknown = |reason: &str| GeoError::UnknownCrs {
+            crs: definition.clone(),
+            reason: reason.to_string(),
+        };
+        let def = u16::try_from(code)
+            .ok()
+            .and_then(crs_definitions::from_code)
+            .ok_or_else(|| unknown("the code is not in the list of known systems"))?;
+        Self::from_parts(definition.clone(), def.proj4)
+    }
+
+    /// By PROJ string (`+proj=...`).
+    ///
+    /// # Errors
+    /// [`GeoError::UnknownCrs`] if it cannot be parsed or is not supported.
+    pub fn from_proj_string(proj_string: &str) -> Result<Self, GeoError> {
+        Self::from_parts(proj_string.to_string(), proj_string)
+    }
+
+    /// From what a user writes: `EPSG:32651`, `epsg:32651`, `32651`,
+    /// `urn:ogc:def:crs:EPSG::32651`, `OGC:CRS84`, or a PROJ string.
+    ///
+    /// # Errors
+    /// [`GeoError::UnknownCrs`] as above.
+    pub fn parse(text: &str) -> Result<Self, GeoError> {
+        let text = text.trim();
+        if text.contains("+proj") {
+            return Self::from_proj_string(text);
+        }
+        let upper = text.to_ascii_uppercase();
+        if upper.ends_with("CRS84") {
+            return Self::from_epsg(4326);
+        }
+        let digits = upper.rsplit(':').next().unwrap_or_default();
+        let prefix = &upper[..upper.len() - digits.len()];
+        let is_epsg = prefix.is_empty() || prefix.contains("EPSG");
+        match digits.parse::<u32>() {
+            Ok(code) if is_epsg => Self::from_epsg(code),
+            _ => Err(GeoError::UnknownCrs {
+                crs: text.to_string(),
+                reason: "neither an EPSG code nor a PROJ string".to_string(),
+            }),
+        }
+    }
+
+    fn from_parts(definition: String, proj_string: &str) -> Result<Self, GeoError> {
+        let unknown = |reason: String| GeoError::UnknownCrs {
+            crs: definition.clone(),
+            reason,
+        };
+        let proj = Proj::from_proj_string(proj_string).map_err(|e| unknown(e.to_string()))?;
+        if proj.is_geocent() {
+            return Err(unknown(
+                "geocentric coordinates are not those of a map".to_string(),
+            ));
+        }
+        if !proj.has_inverse() || !proj.has_forward() {
+            return Err(unknown(
+                "the projection works in one direction only".to_string(),
+            ));
+        }
+        let is_wgs84_lonlat = proj.is_latlong()
+            && (proj_string.contains("+datum=WGS84") || proj_string.contains("+ellps=WGS84"))
+            && !["+pm", "+towgs84", "+axis", "+nadgrids", "+geoc"]
+                .iter()
+                .any(|key| proj_string.contains(key));
+        let caveat = caveat_of(proj_string);
+        Ok(Self {
+            definition,
+            proj_string: proj_string.to_string(),
+            proj,
+            is_wgs84_lonlat,
+            caveat,
+        })
+    }
+
+    /// `EPSG:CODE` or the PROJ string: [`Crs::parse`] reads it back.
+    pub fn definition(&self) -> &str {
+        &self.definition
+    }
+
+    /// The PROJ string that is in use.
+    pub fn proj_string(&self) -> &str {
+        &self.proj_string
+    }
+
+    /// Whether coordinates are degrees of longitude and latitude.
+    pub fn is_geographic(&self) -> bool {
+        self.proj.is_latlong()
+    }
+
+    /// What limits the accuracy, if something does: a datum whose shift is known only as a grid,
+    /// or not at all, can be off by metres to hundreds of metres.
+    pub fn caveat(&self) -> Option<&str> {
+        self.caveat.as_deref()
+    }
+
+    /// Period of x, where the world repeats itself along x: 360 degrees, or the equator's length
+    /// in a cylindrical projection.
+    pub(crate) fn period_x(&self) -> Option<f64> {
+        if self.is_geographic() {
+            return Some(360.0);
+        }
+        let (a_m, _) = self.proj.ellipse_parameters();
+        let cylindrical = matches!(
+            self.proj.projname(),
+            "merc" | "webmerc" | "eqc" | "mill" | "cea"
+        );
+        // Of the cylindrical ones only Mercator's circumference is a * k without further ado.
+        (cylindrical && self.proj.projname().ends_with("merc"))
+            .then(|| TAU * a_m * self.proj.scaling_factor() / self.proj.to_meter())
+            .filter(|period| period.is_finite() && *period > 0.0)
+    }
+
+    /// Longitude and latitude of coordinates.
+    ///
+    /// # Errors
+    /// [`GeoError::OutsideDomain`] where the projection has no answer.
+    pub fn lonlat_from_xy(&self, x: f64, y: f64) -> Result<LonLat, GeoError> {
+        if !x.is_finite() || !y.is_finite() {
+            return Err(self.outside(x, y, "not finite"));
+        }
+        let lonlat = if self.is_wgs84_lonlat {
+            LonLat::new(wrap_longitude_deg(x), y)
+        } else {
+            let wgs84 = WGS84_PROJ
+                .as_ref()
+                .ok_or_else(|| self.outside(x, y, "no WGS 84"))?;
+            let point = if self.is_geographic() {
+                (x.to_radians(), y.to_radians())
+            } else {
+                (x, y)
+            };
+            let (lon, lat) = transform_vertex_2d(&self.proj, wgs84, point)
+                .map_err(|e| self.outside(x, y, &e.to_string()))?;
+            LonLat::new(wrap_longitude_deg(lon.to_degrees()), lat.to_degrees())
+        };
+        if lonlat.is_valid() {
+            Ok(lonlat)
+        } else {
+            Err(self.outside(x, y, "the result is not a latitude"))
+        }
+    }
+
+    /// Coordinates of a longitude and latitude.
+    ///
+    /// # Errors
+    /// [`GeoError::OutsideDomain`] where the projection has no answer.
+    pub fn xy_from_lonlat(&self, place: LonLat) -> Result<(f64, f64), GeoError> {
+        let (lon, lat) = (place.lon_deg, place.lat_deg);
+        if !place.is_valid() {
+            return Err(self.outside(lon, lat, "not a longitude and latitude"));
+        }
+        if self.is_wgs84_lonlat {
+            return Ok((lon, lat));
+        }
+        let wgs84 = WGS84_PROJ
+            .as_ref()
+            .ok_or_else(|| self.outside(lon, lat, "no WGS 84"))?;
+        let (x, y) = transform_vertex_2d(wgs84, &self.proj, (lon.to_radians(), lat.to_radians()))
+            .map_err(|e| self.outside(lon, lat, &e.to_string()))?;
+        let (x, y) = if self.is_geographic() {
+            (x.to_degrees(), y.to_degrees())
+        } else {
+            (x, y)
+        };
+        if x.is_finite() && y.is_finite() {
+            Ok((x, y))
+        } else {
+            Err(self.outside(lon, lat, "the result is not finite"))
+        }
+    }
+
+    fn outside(&self, x: f64, y: f64, reason: &str) -> GeoError {
+        GeoError::OutsideDomain {
+            crs: self.definition.clone(),
+            x,
+            y,
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// Says what is known to be inexact about a definition.
+fn caveat_of(proj_string: &str) -> Option<String> {
+    let has = |key: &str| proj_string.contains(key);
+    let grids = has("+datum=NAD27") || (has("+nadgrids=") && !has("+nadgrids=@null"));
+    if grids {
+        return Some(
+            "its datum shift is a grid, which is not applied: positions can be off by tens of metres"
+                .to_string(),
+        );
+    }
+    let shift_known = has("+datum=") || has("+towgs84=") || has("+nadgrids=@null");
+    // GRS 80 without a shift is a frame that moves with a continent: within a metre or two.
+    let modern = has("+ellps=GRS80") || has("+ellps=WGS84");
+    (!shift_known && !modern).then(|| {
+        "its definition has no shift to WGS 84: positions can be off by hundreds of metres"
+            .to_string()
+    })
+}
+
+impl std::fmt::Debug for Crs {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "Crs({})", self.definition)
+    }
+}
+
+impl std::fmt::Display for Crs {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(&self.definition)
+    }
+}
+
+impl PartialEq for Crs {
+    fn eq(&self, other: &Self) -> bool {
+        self.proj_string == other.proj_string
+    }
+}
+
+impl Serialize for Crs {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.serialize_str(&self.definition)
+    }
+}
+
+impl<'de> Deserialize<'de> for Crs {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        let text = String::deserialize(deserializer)?;
+        Self::parse(&text).map_err(serde::de::Error::custom)
+    }
+}

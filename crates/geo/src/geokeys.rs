@@ -1,0 +1,296 @@
+//! The CRS that GeoKeys describe, by code or by parameters.
+
+use std::path::Path;
+
+use geotiff_core::geokeys::{self as ids, GeoKeyDirectory, GeoKeyValue};
+
+use crate::{Crs, GeoError};
+
+/// OGC GeoTIFF 1.1: the value that means "described by parameters".
+const USER_DEFINED: u16 = 32767;
+/// GTModelTypeGeoKey: projected.
+const MODEL_PROJECTED: u16 = 1;
+/// GTModelTypeGeoKey: geographic.
+const MODEL_GEOGRAPHIC: u16 = 2;
+
+// Keys that the library does not name (OGC GeoTIFF 1.1, annex B).
+const KEY_PRIME_MERIDIAN: u16 = 2051;
+const KEY_ELLIPSOID: u16 = 2056;
+const KEY_SEMI_MAJOR_AXIS: u16 = 2057;
+const KEY_SEMI_MINOR_AXIS: u16 = 2058;
+const KEY_INVERSE_FLATTENING: u16 = 2059;
+const KEY_PRIME_MERIDIAN_LONGITUDE: u16 = 2061;
+const KEY_TO_WGS84: u16 = 2062;
+const KEY_LINEAR_UNIT_SIZE: u16 = 3077;
+const KEY_STD_PARALLEL_1: u16 = 3078;
+const KEY_STD_PARALLEL_2: u16 = 3079;
+const KEY_NATURAL_ORIGIN_LON: u16 = 3080;
+const KEY_NATURAL_ORIGIN_LAT: u16 = 3081;
+const KEY_FALSE_EASTING: u16 = 3082;
+const KEY_FALSE_NORTHING: u16 = 3083;
+const KEY_FALSE_ORIGIN_LON: u16 = 3084;
+const KEY_FALSE_ORIGIN_LAT: u16 = 3085;
+const KEY_FALSE_ORIGIN_EASTING: u16 = 3086;
+const KEY_FALSE_ORIGIN_NORTHING: u16 = 3087;
+const KEY_CENTER_LON: u16 = 3088;
+const KEY_CENTER_LAT: u16 = 3089;
+const KEY_CENTER_EASTING: u16 = 3090;
+const KEY_CENTER_NORTHING: u16 = 3091;
+const KEY_SCALE_AT_NATURAL_ORIGIN: u16 = 3092;
+const KEY_SCALE_AT_CENTER: u16 = 3093;
+const KEY_STRAIGHT_VERTICAL_POLE_LON: u16 = 3095;
+
+/// The CRS of a file's GeoKeys.
+pub(crate) fn crs_from_geokeys(keys: &GeoKeyDirectory, path: &Path) -> Result<Crs, GeoError> {
+    let result = match keys.get_short(ids::GT_MODEL_TYPE) {
+        Some(MODEL_GEOGRAPHIC) => geographic(keys),
+        Some(MODEL_PROJECTED) | None => projected(keys),
+        // Some writers leave the model type undefined and give a code all the same.
+        Some(0 | USER_DEFINED) if code(keys, ids::PROJECTED_CRS_TYPE).is_some() => projected(keys),
+        Some(0 | USER_DEFINED) if code(keys, ids::GEODETIC_CRS_TYPE).is_some() => geographic(keys),
+        Some(other) => Err(Problem::Unsupported(format!("model type {other}"))),
+    };
+    result.map_err(|problem| match problem {
+        Problem::Missing => GeoError::MissingCrs {
+            path: path.to_path_buf(),
+            reason: "its GeoKeys do not say which".to_string(),
+        },
+        Problem::Unsupported(reason) => GeoError::UnsupportedCrs {
+            path: path.to_path_buf(),
+            crs: citation(keys),
+            reason,
+        },
+        Problem::Crs(GeoError::UnknownCrs { crs, reason }) => GeoError::UnsupportedCrs {
+            path: path.to_path_buf(),
+            crs,
+            reason,
+        },
+        Problem::Crs(other) => other,
+    })
+}
+
+enum Problem {
+    Missing,
+    Unsupported(String),
+    Crs(GeoError),
+}
+
+impl From<GeoError> for Problem {
+    fn from(error: GeoError) -> Self {
+        Self::Crs(error)
+    }
+}
+
+fn code(keys: &GeoKeyDirectory, key: u16) -> Option<u16> {
+    keys.get_short(key).filter(|&c| c != 0 && c != USER_DEFINED)
+}
+
+fn citation(keys: &GeoKeyDirectory) -> String {
+    [ids::PROJ_CITATION, ids::GT_CITATION, ids::GEODETIC_CITATION]
+        .iter()
+        .find_map(|&key| keys.get_ascii(key))
+        .map_or_else(
+            || "user-defined".to_string(),
+            |text| text.trim_end_matches('|').to_string(),
+        )
+}
+
+fn geographic(keys: &GeoKeyDirectory) -> Result<Crs, Problem> {
+    if let Some(code) = code(keys, ids::GEODETIC_CRS_TYPE) {
+        return Ok(Crs::from_epsg(u32::from(code))?);
+    }
+    let unit = keys
+        .get_short(ids::GEOG_ANGULAR_UNITS)
+        .unwrap_or(ANGLE_DEGREE);
+    if unit != ANGLE_DEGREE {
+        return Err(Problem::Unsupported(format!(
+            "coordinates in angular unit {unit}"
+        )));
+    }
+    Ok(Crs::from_proj_string(&format!(
+        "+proj=longlat {} +no_defs",
+        datum(keys)?
+    ))?)
+}
+
+fn projected(keys: &GeoKeyDirectory) -> Result<Crs, Problem> {
+    if let Some(code) = code(keys, ids::PROJECTED_CRS_TYPE) {
+        return Ok(Crs::from_epsg(u32::from(code))?);
+    }
+    let datum = datum(keys)?;
+    let units = linear_unit(keys)?;
+    let projection = match code(keys, ids::PROJECTION) {
+        // EPSG's UTM conversions: 16001 to 16060 north, 16101 to 16160 south.
+        Some(c @ 16001..=16060) => format!("+proj=utm +zone={}", c - 16000),
+        Some(c @ 16101..=16160) => format!("+proj=utm +zone={} +south", c - 16100),
+        Some(other) => {
+            return Err(Problem::Unsupported(format!("projection code {other}")));
+        }
+        None => projection(keys)?,
+    };
+    Ok(Crs::from_proj_string(&format!(
+        "{projection} {datum} {units} +no_defs"
+    ))?)
+}
+
+/// EPSG unit code of the degree.
+const ANGLE_DEGREE: u16 = 9102;
+
+fn number(keys: &GeoKeyDirectory, key: u16) -> Option<f64> {
+    match &keys.get(key)?.value {
+        GeoKeyValue::Double(values) => values.first().copied(),
+        GeoKeyValue::Short(value) => Some(f64::from(*value)),
+        GeoKeyValue::Ascii(_) => None,
+    }
+}
+
+fn datum(keys: &GeoKeyDirectory) -> Result<String, Problem> {
+    // A known geographic CRS under an own projection: its ellipsoid and shift.
+    if let Some(code) = code(keys, ids::GEODETIC_CRS_TYPE) {
+        let crs = Crs::from_epsg(u32::from(code))?;
+        let kept = [
+            "+datum=",
+            "+ellps=",
+            "+towgs84=",
+            "+a=",
+            "+b=",
+            "+rf=",
+            "+pm=",
+            "+nadgrids=",
+        ];
+        let parts: Vec<&str> = crs
+            .proj_string()
+            .split_whitespace()
+            .filter(|part| kept.iter().any(|k| part.starts_with(k)))
+            .collect();
+        return Ok(parts.join(" "));
+    }
+    let mut text = match code(keys, ids::GEODETIC_DATUM) {
+        Some(6326) => "+datum=WGS84".to_string(),
+        Some(6269) => "+datum=NAD83".to_string(),
+        Some(6258) => "+ellps=GRS80 +towgs84=0,0,0,0,0,0,0".to_string(),
+        _ => ellipsoid(keys)?,
+    };
+    if let Some(shift) = keys.get_double(KEY_TO_WGS84) {
+        let numbers: Vec<String> = shift.iter().map(f64::to_string).collect();
+        text.push_str(&format!(" +towgs84={}", numbers.join(",")));
+    }
+    match (
+        code(keys, KEY_PRIME_MERIDIAN),
+        number(keys, KEY_PRIME_MERIDIAN_LONGITUDE),
+    ) {
+        (Some(8901) | None, None) => {}
+        (_, Some(lon)) => text.push_str(&format!(" +pm={lon}")),
+        (Some(other), None) => {
+            return Err(Problem::Unsupported(format!("prime meridian {other}")));
+        }
+    }
+    Ok(text)
+}
+
+fn ellipsoid(keys: &GeoKeyDirectory) -> Result<String, Problem> {
+    let a = number(keys, KEY_SEMI_MAJOR_AXIS);
+    match (
+        a,
+        number(keys, KEY_INVERSE_FLATTENING),
+        number(keys, KEY_SEMI_MINOR_AXIS),
+    ) {
+        (Some(a), Some(rf), _) if rf > 0.0 => return Ok(format!("+a={a} +rf={rf}")),
+        (Some(a), _, Some(b)) => return Ok(format!("+a={a} +b={b}")),
+        _ => {}
+    }
+    // EPSG ellipsoids.
+    match code(keys, KEY_ELLIPSOID) {
+        Some(7030) => Ok("+ellps=WGS84".to_string()),
+        Some(7019) => Ok("+ellps=GRS80".to_string()),
+        Some(7004) => Ok("+ellps=bessel".to_string()),
+        Some(7022) => Ok("+ellps=intl".to_string()),
+        Some(7001) => Ok("+ellps=airy".to_string()),
+        Some(7008) => Ok("+ellps=clrk66".to_string()),
+        Some(7024) => Ok("+ellps=krass".to_string()),
+        Some(other) => Err(Problem::Unsupported(format!("ellipsoid {other}"))),
+        None => Err(Problem::Missing),
+    }
+}
+
+fn linear_unit(keys: &GeoKeyDirectory) -> Result<String, Problem> {
+    // EPSG units: metre, foot, US survey foot.
+    match keys.get_short(ids::PROJ_LINEAR_UNITS) {
+        None | Some(9001) => Ok("+units=m".to_string()),
+        Some(9002) => Ok("+units=ft".to_string()),
+        Some(9003) => Ok("+units=us-ft".to_string()),
+        Some(USER_DEFINED) => number(keys, KEY_LINEAR_UNIT_SIZE)
+            .map(|size| format!("+to_meter={size}"))
+            .ok_or_else(|| Problem::Unsupported("a linear unit without size".to_string())),
+        Some(other) => Err(Problem::Unsupported(format!("linear unit {other}"))),
+    }
+}
+
+/// The projection of ProjMethodGeoKey (OGC GeoTIFF 1.1, table of projection methods) as a PROJ
+/// string without datum.
+fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
+    let method = keys
+        .get_short(ids::PROJ_COORD_TRANS)
+        .ok_or(Problem::Missing)?;
+    // Angles are in the unit of GeogAngularUnits; offsets in that of ProjLinearUnits.
+    let any = |choices: &[u16]| choices.iter().find_map(|&key| number(keys, key));
+    let lat_0 = any(&[KEY_NATURAL_ORIGIN_LAT, KEY_FALSE_ORIGIN_LAT, KEY_CENTER_LAT]).unwrap_or(0.0);
+    let lon_0 = any(&[
+        KEY_NATURAL_ORIGIN_LON,
+        KEY_FALSE_ORIGIN_LON,
+        KEY_CENTER_LON,
+        KEY_STRAIGHT_VERTICAL_POLE_LON,
+    ])
+    .unwrap_or(0.0);
+    let unit_m = match keys.get_short(ids::PROJ_LINEAR_UNITS) {
+        Some(9002) => 0.3048,
+        Some(9003) => 1200.0 / 3937.0,
+        Some(USER_DEFINED) => number(keys, KEY_LINEAR_UNIT_SIZE).unwrap_or(1.0),
+        _ => 1.0,
+    };
+    let x_0 = any(&[
+        KEY_FALSE_EASTING,
+        KEY_FALSE_ORIGIN_EASTING,
+        KEY_CENTER_EASTING,
+    ])
+    .unwrap_or(0.0)
+        * unit_m;
+    let y_0 = any(&[
+        KEY_FALSE_NORTHING,
+        KEY_FALSE_ORIGIN_NORTHING,
+        KEY_CENTER_NORTHING,
+    ])
+    .unwrap_or(0.0)
+        * unit_m;
+    let k = any(&[KEY_SCALE_AT_NATURAL_ORIGIN, KEY_SCALE_AT_CENTER]).unwrap_or(1.0);
+    let lat_1 = number(keys, KEY_STD_PARALLEL_1);
+    let lat_2 = number(keys, KEY_STD_PARALLEL_2);
+    let parallels = || match (lat_1, lat_2) {
+        (Some(a), Some(b)) => Ok(format!("+lat_1={a} +lat_2={b}")),
+        _ => Err(Problem::Unsupported(
+            "a conic projection without its parallels".to_string(),
+        )),
+    };
+    let offsets = format!("+lon_0={lon_0} +x_0={x_0} +y_0={y_0}");
+    Ok(match method {
+        1 => format!("+proj=tmerc +lat_0={lat_0} +k={k} {offsets}"),
+        7 => match lat_1 {
+            Some(lat_ts) => format!("+proj=merc +lat_ts={lat_ts} {offsets}"),
+            None => format!("+proj=merc +k={k} {offsets}"),
+        },
+        8 => format!("+proj=lcc {} +lat_0={lat_0} {offsets}", parallels()?),
+        9 => format!("+proj=lcc +lat_1={lat_0} +lat_0={lat_0} +k_0={k} {offsets}"),
+        10 => format!("+proj=laea +lat_0={lat_0} {offsets}"),
+        11 => format!("+proj=aea {} +lat_0={lat_0} {offsets}", parallels()?),
+        15 => {
+            let pole = if lat_0 < 0.0 { -90 } else { 90 };
+            if (lat_0.abs() - 90.0).abs() < 1e-9 {
+                format!("+proj=stere +lat_0={pole} +k={k} {offsets}")
+            } else {
+                format!("+proj=stere +lat_0={pole} +lat_ts={lat_0} {offsets}")
+            }
+        }
+        16 => format!("+proj=sterea +lat_0={lat_0} +k={k} {offsets}"),
+        other => return Err(Problem::Unsupported(format!("projection method {other}"))),
+    })
+}

@@ -1,0 +1,79 @@
+//! A level: the map resampled to square ground pixels.
+
+use serde::{Deserialize, Serialize};
+
+use crate::{GeoError, Georeference, MapPx, WindowPx};
+
+/// The frame of a level of the map at a given ground resolution. Its axes are the map's own; x and
+/// y have their own scale, so that a geographic CRS, whose degrees are unequal on the ground, comes
+/// out square at the map's centre.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct LevelFrame {
+    /// Metres per level pixel at the map's centre.
+    pub gsd_m: f64,
+    /// Map pixels per level pixel along x.
+    pub map_px_per_level_px_x: f64,
+    /// Map pixels per level pixel along y.
+    pub map_px_per_level_px_y: f64,
+    /// Width of the level, pixels: the last one may reach beyond the map.
+    pub width_px: u64,
+    /// Height of the level, pixels.
+    pub height_px: u64,
+}
+
+impl LevelFrame {
+    /// The level of `gsd_m` metres per pixel over a map of `size_px`.
+    ///
+    /// # Errors
+    /// [`GeoError::BadGrid`] if `gsd_m` is not a positive number; [`GeoError::OutsideDomain`] if the
+    /// map's centre has no place on Earth.
+    pub fn new(
+        georeference: &Georeference,
+        size_px: (u64, u64),
+        gsd_m: f64,
+    ) -> Result<Self, GeoError> {
+        if !(gsd_m.is_finite() && gsd_m > 0.0) {
+            return Err(GeoError::BadGrid(format!(
+                "{gsd_m} m is not a ground resolution"
+            )));
+        }
+        let center = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
+        let (x_m, y_m) = georeference.ground_resolution_m(center)?;
+        let (scale_x, scale_y) = (gsd_m / x_m, gsd_m / y_m);
+        // A sliver below a thousandth of a pixel is rounding, not ground.
+        let count = |side: u64, scale: f64| ((side as f64 / scale - 1e-3).ceil() as u64).max(1);
+        Ok(Self {
+            gsd_m,
+            map_px_per_level_px_x: scale_x,
+            map_px_per_level_px_y: scale_y,
+            width_px: count(size_px.0, scale_x),
+            height_px: count(size_px.1, scale_y),
+        })
+    }
+
+    /// Map pixel of a continuous level pixel (`(0, 0)` is the outer corner of the top-left one).
+    pub fn map_px_from_level_px(&self, x_px: f64, y_px: f64) -> MapPx {
+        MapPx::new(
+            x_px * self.map_px_per_level_px_x,
+            y_px * self.map_px_per_level_px_y,
+        )
+    }
+
+    /// Continuous level pixel of a map pixel.
+    pub fn level_px_from_map_px(&self, place: MapPx) -> (f64, f64) {
+        (
+            place.x / self.map_px_per_level_px_x,
+            place.y / self.map_px_per_level_px_y,
+        )
+    }
+
+    /// The window of the map that a rectangle of the level covers.
+    pub fn map_window(&self, x_px: f64, y_px: f64, w_px: f64, h_px: f64) -> WindowPx {
+        WindowPx::new(
+            x_px * self.map_px_per_level_px_x,
+            y_px * self.map_px_per_level_px_y,
+            w_px * self.map_px_per_level_px_x,
+            h_px * self.map_px_per_level_px_y,
+        )
+    }
+}

@@ -1,0 +1,488 @@
+//! GeoTIFF and COG as blocks.
+
+use std::path::Path;
+use std::sync::OnceLock;
+
+use tiff_reader::{ColorModel, ExtraSample, RasterLayout};
+
+use crate::GeoError;
+use crate::block::{Block, BlockLayout, BlockSource, Validity};
+use crate::error::ADVICE_TILE_IT;
+use crate::samples::{Bands, SampleKind, Samples, Stretch};
+use crate::tiff_images::{TiffImage, TiffImages, TiffLevel, open_images};
+
+/// GDAL's tag for the value of pixels without data.
+const TAG_GDAL_NODATA: u16 = 42113;
+/// TIFF 6.0: no compression.
+const COMPRESSION_NONE: u16 = 1;
+/// Rows that thin strips are gathered to.
+const BAND_ROWS: u64 = 64;
+/// Most bytes of a band of strips, as RGB.
+const MAX_BAND_BYTES: u64 = 32 << 20;
+/// Side of the blocks in which uncompressed strips are read.
+const DIRECT_BLOCK_PX: u64 = 512;
+/// Blocks along each side of the grid that is sampled for the stretch.
+const STRETCH_GRID: u64 = 8;
+/// Pixels of a block that are sampled.
+const STRETCH_PIXELS_A_BLOCK: usize = 4096;
+
+/// How the pixels of an image are taken out of its file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Access {
+    /// The decoder's samples are the colours.
+    Stored,
+    /// The decoder must turn them into colours first: palette, YCbCr, CMYK, CIELab, fewer than 8
+    /// bits.
+    Converted,
+    /// Uncompressed strips: any part of a row can be read where it lies.
+    Direct,
+}
+
+struct Level {
+    image: TiffImage,
+    mask: Option<TiffImage>,
+    access: Access,
+    kind: SampleKind,
+    bands: Bands,
+    /// For nodata that is an index into a palette.
+    palette: bool,
+}
+
+/// A map in a TIFF file.
+pub(crate) struct TiffMap {
+    levels: Vec<Level>,
+    layouts: Vec<BlockLayout>,
+    nodata: Option<f64>,
+    stretch: OnceLock<Stretch>,
+    images: TiffImages,
+}
+
+impl TiffMap {
+    /// Opens a file and its sidecars, without decoding pixels.
+    pub fn open(path: &Path) -> Result<Self, GeoError> {
+        let images = open_images(path)?;
+        let levels: Vec<Level> = images
+            .levels
+            .iter()
+            .map(Level::new)
+            .collect::<Result<_, _>>()?;
+        let layouts = levels.iter().map(Level::layout).collect();
+        let nodata = levels
+            .first()
+            .and_then(|level| level.image.ifd.tag(TAG_GDAL_NODATA))
+            .and_then(|tag| tag.value.as_str())
+            .and_then(|text| text.trim_matches(['\0', ' ']).parse::<f64>().ok());
+        Ok(Self {
+            levels,
+            layouts,
+            nodata,
+            stretch: OnceLock::new(),
+            images,
+        })
+    }
+
+    /// The images of the file, for its georeference and hash.
+    pub fn images(&self) -> &TiffImages {
+        &self.images
+    }
+
+    /// Width and height, pixels.
+    pub fn size_px(&self) -> (u64, u64) {
+        (self.layouts[0].width, self.layouts[0].height)
+    }
+
+    /// What the file is, for people.
+    pub fn kind(&self) -> String {
+        let (level, layout) = (&self.levels[0], self.layouts[0]);
+        let ifd = &level.image.ifd;
+        let pieces = if ifd.is_tiled() {
+            format!("tiles of {} x {}", layout.block_w, layout.block_h)
+        } else {
+            format!(
+                "strips of {} rows",
+                u64::from(ifd.rows_per_strip()).min(layout.height)
+            )
+        };
+        let compression = match ifd.compression() {
+            1 => "uncompressed".to_string(),
+            5 => "LZW".to_string(),
+            7 => "JPEG".to_string(),
+            8 | 32946 => "Deflate".to_string(),
+            32773 => "PackBits".to_string(),
+            34887 => "LERC".to_string(),
+            50000 => "ZSTD".to_string(),
+            50001 => "WebP".to_string(),
+            other => format!("compression {other}"),
+        };
+        let bands = match (level.palette, level.bands.is_grey(), level.bands.count) {
+            (true, ..) => "palette".to_string(),
+            (_, true, 1) => "grey".to_string(),
+            (_, true, n) => format!("{n} bands, the first as grey"),
+            (_, false, 3) => "RGB".to_string(),
+            (_, false, n) if level.bands.alpha == Some(3) && n == 4 => "RGBA".to_string(),
+            (_, false, n) => format!("{n} bands, the first three as RGB"),
+        };
+        let big = if level.image.file.is_bigtiff() {
+            "BigTIFF"
+        } else {
+            "TIFF"
+        };
+        let mut text = format!(
+            "{big}, {pieces}, {compression}, {} {bands}",
+            level.kind.name()
+        );
+        if let Some(nodata) = self.nodata {
+            text.push_str(&format!(", nodata {nodata}"));
+        }
+        if level.mask.is_some() {
+            text.push_str(", mask");
+        }
+        match (self.levels.len() - 1, self.images.external_overviews) {
+            (0, _) => text.push_str(", no overviews"),
+            (n, 0) => text.push_str(&format!(", {n} overviews")),
+            (n, _) => text.push_str(&format!(", {n} overviews (.ovr)")),
+        }
+        text
+    }
+
+    /// The stretch of samples that are not 8-bit. It depends on the file alone, not on what is
+    /// read first.
+    fn stretch(&self) -> Result<Stretch, GeoError> {
+        if let Some(stretch) = self.stretch.get() {
+            return Ok(*stretch);
+        }
+        if self.levels[0].kind == SampleKind::U8 {
+            return Ok(*self.stretch.get_or_init(|| Stretch::IDENTITY));
+        }
+        // The coarsest level that still has enough pixels.
+        let index = (0..self.layouts.len())
+            .rev()
+            .find(|&i| self.layouts[i].width.min(self.layouts[i].height) >= 256)
+            .unwrap_or(0);
+        let (level, layout) = (&self.levels[index], self.layouts[index]);
+        let picks = |blocks: u64| -> Vec<u64> {
+            let n = blocks.min(STRETCH_GRID);
+            (0..n).map(|i| (2 * i + 1) * blocks / (2 * n)).collect()
+        };
+        let columns = picks(layout.width.div_ceil(layout.block_w));
+        let rows = picks(layout.height.div_ceil(layout.block_h));
+        let zero_is_missing = self.nodata.is_none() && level.kind.is_unsigned();
+        let mut samples = [Vec::new(), Vec::new(), Vec::new()];
+        for &row in &rows {
+            for &column in &columns {
+                let Some(piece) = self.read_samples(level, layout, column, row)? else {
+                    continue;
+                };
+                let step = piece.mask.len().div_ceil(STRETCH_PIXELS_A_BLOCK);
+                level.samples(&piece.bytes).collect(
+                    &piece.mask,
+                    step,
+                    zero_is_missing,
+                    &mut samples,
+                );
+            }
+        }
+        let stretch = Stretch::from_samples(samples);
+        tracing::debug!(?stretch, "stretch of samples that are not 8-bit");
+        Ok(*self.stretch.get_or_init(|| stretch))
+    }
+
+    /// Samples of a block and where it has data; `None` if nothing of it was ever written.
+    fn read_samples(
+        &self,
+        level: &Level,
+        layout: BlockLayout,
+        column: u64,
+        row: u64,
+    ) -> Result<Option<Piece>, GeoError> {
+        let (left, right) = layout.columns_of(column);
+        let (top, bottom) = layout.rows_of(row);
+        let (w, h) = ((right - left) as usize, (bottom - top) as usize);
+        let (x, y) = (left as usize, top as usize);
+        let image = &level.image;
+        if image.is_unwritten(x, y, w, h) {
+            return Ok(None);
+        }
+        let bytes = match level.access {
+            Access::Stored => image
+                .file
+                .read_window_bytes_from_ifd(&image.ifd, y, x, h, w),
+            Access::Converted => image
+                .file
+                .read_decoded_window_bytes_from_ifd(&image.ifd, y, x, h, w),
+            Access::Direct => image.read_direct(level.kind, level.bands.count, x, y, w, h),
+        }
+        .map_err(|e| image.error(e))?;
+        let mut mask = vec![255_u8; w * h];
+        if level.palette && self.nodata.is_some() {
+            let indices = image
+                .file
+                .read_band_window_bytes_from_ifd(&image.ifd, 0, y, x, h, w)
+                .map_err(|e| image.error(e))?;
+            let bands = Bands::first(1, 1, None);
+            Samples {
+                bytes: &indices,
+                kind: SampleKind::U8,
+                bands,
+            }
+            .mark_missing(self.nodata, &mut mask);
+            level.samples(&bytes).mark_missing(None, &mut mask);
+        } else {
+            level.samples(&bytes).mark_missing(self.nodata, &mut mask);
+        }
+        if let Some(stored) = &level.mask {
+            let seen = stored
+                .file
+                .read_window_bytes_from_ifd(&stored.ifd, y, x, h, w)
+                .map_err(|e| stored.error(e))?;
+            for (m, &s) in mask.iter_mut().zip(&seen) {
+                if s == 0 {
+                    *m = 0;
+                }
+            }
+        }
+        Ok(Some(Piece { bytes, mask }))
+    }
+}
+
+struct Piece {
+    bytes: Vec<u8>,
+    mask: Vec<u8>,
+}
+
+impl BlockSource for TiffMap {
+    fn levels(&self) -> &[BlockLayout] {
+        &self.layouts
+    }
+
+    fn decode(&self, level: usize, column: u64, row: u64) -> Result<Block, GeoError> {
+        let (level, layout) = (&self.levels[level], self.layouts[level]);
+        let (left, right) = layout.columns_of(column);
+        let width = (right - left) as usize;
+        let Some(piece) = self.read_samples(level, layout, column, row)? else {
+            return Ok(Block::empty(width));
+        };
+        let validity = Validity::from_mask(piece.mask);
+        if validity == Validity::None {
+            return Ok(Block::empty(width));
+        }
+        let stretch = if level.kind == SampleKind::U8 {
+            Stretch::IDENTITY
+        } else {
+            self.stretch()?
+        };
+        let rgb = if level.kind == SampleKind::U8
+            && level.bands.count == 3
+            && !level.bands.is_grey()
+            && !level.bands.inverted
+        {
+            piece.bytes
+        } else {
+            level.samples(&piece.bytes).to_rgb(&stretch)
+        };
+        Ok(Block {
+            width,
+            rgb,
+            validity,
+        })
+    }
+}
+
+impl Level {
+    fn new(level: &TiffLevel) -> Result<Self, GeoError> {
+        let image = &level.image;
+        let stored = image.ifd.raster_layout().map_err(|e| image.error(e))?;
+        let model = image.ifd.color_model().map_err(|e| image.error(e))?;
+        let (palette, needs_conversion) = match &model {
+            ColorModel::Palette { .. } => (true, true),
+            ColorModel::YCbCr { .. } | ColorModel::Cmyk { .. } | ColorModel::CieLab { .. } => {
+                (false, true)
+            }
+            _ => (false, false),
+        };
+        let bit_packed = !matches!(stored.bits_per_sample, 8 | 16 | 32 | 64);
+        let (access, layout) = if needs_conversion || bit_packed {
+            let layout = image
+                .ifd
+                .decoded_raster_layout()
+                .map_err(|e| image.error(e))?;
+            (Access::Converted, layout)
+        } else if image.can_read_direct(&stored) {
+            (Access::Direct, stored)
+        } else {
+            (Access::Stored, stored)
+        };
+        let kind = SampleKind::of(&layout).ok_or_else(|| GeoError::Unsupported {
+            path: image.path.to_path_buf(),
+            what: format!(
+                "samples of {} bits, format {}",
+                layout.bits_per_sample, layout.sample_format
+            ),
+            advice: ADVICE_TILE_IT,
+        })?;
+        let bands = bands_of(&model, layout.samples_per_pixel, access);
+        Ok(Self {
+            image: image.clone(),
+            mask: level.mask.clone(),
+            access,
+            kind,
+            bands,
+            palette,
+        })
+    }
+
+    fn samples<'a>(&self, bytes: &'a [u8]) -> Samples<'a> {
+        Samples {
+            bytes,
+            kind: self.kind,
+            bands: self.bands,
+        }
+    }
+
+    fn layout(&self) -> BlockLayout {
+        let ifd = &self.image.ifd;
+        let (width, height) = self.image.size();
+        let (block_w, block_h) = match (ifd.tile_width(), ifd.tile_height()) {
+            (Some(w), Some(h)) if ifd.is_tiled() => (u64::from(w.max(1)), u64::from(h.max(1))),
+            _ if self.access == Access::Direct => (DIRECT_BLOCK_PX, DIRECT_BLOCK_PX),
+            _ => {
+                let strip = u64::from(ifd.rows_per_strip().max(1)).min(height);
+                let strips = (BAND_ROWS / strip).max(1);
+                let affordable = MAX_BAND_BYTES / (strip * width * 3).max(1);
+                (width, strip * strips.min(affordable.max(1)))
+            }
+        };
+        BlockLayout {
+            width,
+            height,
+            block_w,
+            block_h,
+        }
+    }
+}
+
+fn bands_of(model: &ColorModel, count: usize, access: Access) -> Bands {
+    let (color_bands, extra, inverted) = match model {
+        ColorModel::Grayscale {
+            white_is_zero,
+            extra_samples,
+        } => {
+            // The converting decoder has already turned white and black round.
+            (
+                1,
+                extra_samples.as_slice(),
+                *white_is_zero && access != Access::Converted,
+            )
+        }
+        ColorModel::Palette { extra_samples, .. }
+        | ColorModel::Rgb { extra_samples }
+        | ColorModel::Cmyk { extra_samples }
+        | ColorModel::YCbCr { extra_samples, .. }
+        | ColorModel::CieLab { extra_samples } => (3, extra_samples.as_slice(), false),
+        ColorModel::Separated { extra_samples, .. } => (3, extra_samples.as_slice(), false),
+        ColorModel::TransparencyMask => (1, [].as_slice(), false),
+    };
+    let first_extra = count.saturating_sub(extra.len());
+    let alpha = extra
+        .iter()
+        .position(|e| {
+            matches!(
+                e,
+                ExtraSample::AssociatedAlpha | ExtraSample::UnassociatedAlpha
+            )
+        })
+        .map(|i| first_extra + i);
+    // Files of three and more bands that call themselves grey are colours all the same.
+    let without_alpha = count - usize::from(alpha.is_some());
+    let color_bands = if without_alpha >= 3 { 3 } else { color_bands };
+    Bands {
+        inverted,
+        ..Bands::first(count, color_bands.min(without_alpha), alpha)
+    }
+}
+
+impl TiffImage {
+    /// Whether parts of rows can be read where they lie.
+    fn can_read_direct(&self, layout: &RasterLayout) -> bool {
+        let native = if cfg!(target_endian = "big") {
+            tiff_reader::ByteOrder::BigEndian
+        } else {
+            tiff_reader::ByteOrder::LittleEndian
+        };
+        !self.ifd.is_tiled()
+            && self.ifd.compression() == COMPRESSION_NONE
+            && layout.planar_configuration == 1
+            && layout.predictor == 1
+            && self.ifd.fill_order() == 1
+            && (layout.bytes_per_sample == 1 || self.file.byte_order() == native)
+    }
+
+    /// Reads a rectangle of uncompressed strips, row by row, without touching the rest of them.
+    fn read_direct(
+        &self,
+        kind: SampleKind,
+        samples: usize,
+        x: usize,
+        y: usize,
+        w: usize,
+        h: usize,
+    ) -> Result<Vec<u8>, tiff_reader::TiffError> {
+        let pixel_bytes = samples * kind.bytes();
+        let row_bytes = self.size().0 * pixel_bytes as u64;
+        let rows_per_strip = u64::from(self.ifd.rows_per_strip().max(1));
+        let mut out = Vec::with_capacity(w * h * pixel_bytes);
+        for row in y as u64..(y + h) as u64 {
+            let (offset, count) = self.block_place((row / rows_per_strip) as usize, false);
+            if offset == 0 || count == 0 {
+                out.resize(out.len() + w * pixel_bytes, 0);
+                continue;
+            }
+            let at = offset + (row % rows_per_strip) * row_bytes + (x * pixel_bytes) as u64;
+            out.extend_from_slice(&self.file.source().read_exact_at(at, w * pixel_bytes)?);
+        }
+        Ok(out)
+    }
+
+    /// Whether none of the blocks under a rectangle was ever written (sparse files).
+    fn is_unwritten(&self, x: usize, y: usize, w: usize, h: usize) -> bool {
+        let tiled = self.ifd.is_tiled();
+        let (width, height) = self.size();
+        let (bw, bh) = match (self.ifd.tile_width(), self.ifd.tile_height()) {
+            (Some(bw), Some(bh)) if tiled => (u64::from(bw.max(1)), u64::from(bh.max(1))),
+            _ => (
+                width,
+                u64::from(self.ifd.rows_per_strip().max(1)).min(height),
+            ),
+        };
+        let planes = if self.ifd.planar_configuration() == 2 {
+            u64::from(self.ifd.samples_per_pixel())
+        } else {
+            1
+        };
+        let (columns, rows) = (width.div_ceil(bw), height.div_ceil(bh));
+        (0..planes).all(|plane| {
+            (y as u64 / bh..=(y + h - 1) as u64 / bh).all(|row| {
+                (x as u64 / bw..=(x + w - 1) as u64 / bw).all(|column| {
+                    let index = (plane * rows + row) * columns + column;
+                    let (offset, count) = self.block_place(index as usize, tiled);
+                    offset == 0 || count == 0
+                })
+            })
+        })
+    }
+
+    /// Offset and length of a strip or tile; zeros if there is none.
+    fn block_place(&self, index: usize, tiled: bool) -> (u64, u64) {
+        use tiff_reader::TagValue;
+        // TIFF 6.0: TileOffsets, TileByteCounts, StripOffsets, StripByteCounts.
+        let (offsets, counts) = if tiled { (324, 325) } else { (273, 279) };
+        let at = |tag: u16| match self.ifd.tag(tag).map(|t| &t.value) {
+            Some(TagValue::Byte(v)) => v.get(index).map(|&v| u64::from(v)),
+            Some(TagValue::Short(v)) => v.get(index).map(|&v| u64::from(v)),
+            Some(TagValue::Long(v)) => v.get(index).map(|&v| u64::from(v)),
+            Some(TagValue::Long8(v)) => v.get(index).copied(),
+            _ => None,
+        };
+        (at(offsets).unwrap_or(0), at(counts).unwrap_or(0))
+    }
+}

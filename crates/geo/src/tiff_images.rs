@@ -1,0 +1,279 @@
+//! The images in a TIFF file: the map, its overviews, and their masks.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use tiff_reader::{Ifd, OpenOptions, TiffError, TiffFile};
+
+use crate::GeoError;
+use crate::error::ADVICE_TILE_IT;
+
+/// TIFF 6.0, NewSubfileType.
+const TAG_NEW_SUBFILE_TYPE: u16 = 254;
+/// TIFF 6.0, SubfileType (old).
+const TAG_SUBFILE_TYPE: u16 = 255;
+const SUBFILE_REDUCED: u64 = 1;
+const SUBFILE_MASK: u64 = 4;
+/// TIFF 6.0: PhotometricInterpretation of a mask.
+const PHOTOMETRIC_MASK: u16 = 4;
+/// Largest strip or tile that is decoded, bytes.
+const MAX_BLOCK_BYTES: usize = 256 << 20;
+/// Overviews whose factors along x and y differ by more than this are some other picture.
+const MAX_ASPECT_CHANGE: f64 = 0.05;
+
+/// An image of a TIFF file.
+#[derive(Clone)]
+pub(crate) struct TiffImage {
+    pub file: Arc<TiffFile>,
+    pub ifd: Arc<Ifd>,
+    /// The file, for errors.
+    pub path: Arc<PathBuf>,
+}
+
+impl TiffImage {
+    pub fn size(&self) -> (u64, u64) {
+        (u64::from(self.ifd.width()), u64::from(self.ifd.height()))
+    }
+
+    /// What a decoder's error means for the user.
+    pub fn error(&self, error: TiffError) -> GeoError {
+        tiff_error(&self.path, error)
+    }
+}
+
+/// One resolution of a map.
+pub(crate) struct TiffLevel {
+    pub image: TiffImage,
+    pub mask: Option<TiffImage>,
+}
+
+/// All resolutions of a map, finest first, and the files they are in.
+pub(crate) struct TiffImages {
+    pub levels: Vec<TiffLevel>,
+    pub files: Vec<PathBuf>,
+    /// How many overviews lie in an `.ovr` file.
+    pub external_overviews: usize,
+}
+
+/// Opens a TIFF file, with its external overviews (`.ovr`) and mask (`.msk`).
+pub(crate) fn open_images(path: &Path) -> Result<TiffImages, GeoError> {
+    let main = all_images(path)?;
+    let mut files = vec![path.to_path_buf()];
+    let base = main
+        .iter()
+        .find(|image| !is_mask(image) && !is_reduced(image))
+        .or_else(|| main.iter().find(|image| !is_mask(image)))
+        .cloned()
+        .ok_or_else(|| GeoError::NotAMap {
+            path: path.to_path_buf(),
+            reason: "the TIFF file holds no picture".to_string(),
+        })?;
+    let mut overviews: Vec<TiffImage> = main
+        .iter()
+        .filter(|image| is_overview(&base, image))
+        .cloned()
+        .collect();
+    let mut masks: Vec<TiffImage> = main
+        .iter()
+        .filter(|image| is_mask(image))
+        .cloned()
+        .collect();
+    let mut external_overviews = 0;
+    for ending in ["ovr", "msk", "msk.ovr"] {
+        let Some(sidecar) = sidecar(path, ending) else {
+            continue;
+        };
+        let images = all_images(&sidecar)?;
+        for image in images {
+            if ending != "ovr" || is_mask(&image) {
+                masks.push(image);
+            } else if is_smaller_likeness(&base, &image) {
+                external_overviews += 1;
+                overviews.push(image);
+            }
+        }
+        files.push(sidecar);
+    }
+    overviews.sort_by_key(|image| std::cmp::Reverse(image.size()));
+    overviews.dedup_by_key(|image| image.size());
+    let mut levels = Vec::with_capacity(1 + overviews.len());
+    for image in std::iter::once(base).chain(overviews) {
+        let mask = masks
+            .iter()
+            .find(|mask| mask.size() == image.size())
+            .cloned();
+        check_complete(&image)?;
+        if let Some(mask) = &mask {
+            check_complete(mask)?;
+        }
+        levels.push(TiffLevel { image, mask });
+    }
+    Ok(TiffImages {
+        levels,
+        files,
+        external_overviews,
+    })
+}
+
+fn all_images(path: &Path) -> Result<Vec<TiffImage>, GeoError> {
+    // Blocks are cached by us, as finished pixels.
+    let options = OpenOptions {
+        block_cache_bytes: 0,
+        block_cache_slots: 0,
+        decode_output_bytes: MAX_BLOCK_BYTES,
+        ..OpenOptions::default()
+    };
+    let file = TiffFile::open_with_options(path, options).map_err(|e| tiff_error(path, e))?;
+    let file = Arc::new(file);
+    let shared_path = Arc::new(path.to_path_buf());
+    let mut images = Vec::new();
+    for ifd in file.ifds() {
+        let mut push = |ifd: Ifd| {
+            images.push(TiffImage {
+                file: Arc::clone(&file),
+                ifd: Arc::new(ifd),
+                path: Arc::clone(&shared_path),
+            });
+        };
+        push(ifd.clone());
+        for offset in ifd.sub_ifd_offsets().unwrap_or_default() {
+            push(
+                file.read_ifd_at_offset(offset)
+                    .map_err(|e| tiff_error(path, e))?,
+            );
+        }
+    }
+    Ok(images)
+}
+
+fn sidecar(path: &Path, ending: &str) -> Option<PathBuf> {
+    let mut name = path.as_os_str().to_os_string();
+    name.push(".");
+    name.push(ending);
+    let path = PathBuf::from(name);
+    path.is_file().then_some(path)
+}
+
+fn subfile_type(image: &TiffImage) -> u64 {
+    if let Some(flags) = image
+        .ifd
+        .tag(TAG_NEW_SUBFILE_TYPE)
+        .and_then(|t| t.value.as_u64())
+    {
+        return flags;
+    }
+    match image
+        .ifd
+        .tag(TAG_SUBFILE_TYPE)
+        .and_then(|t| t.value.as_u16())
+    {
+        Some(2) => SUBFILE_REDUCED,
+        _ => 0,
+    }
+}
+
+fn is_reduced(image: &TiffImage) -> bool {
+    subfile_type(image) & SUBFILE_REDUCED != 0
+}
+
+fn is_mask(image: &TiffImage) -> bool {
+    subfile_type(image) & SUBFILE_MASK != 0
+        || image.ifd.photometric_interpretation() == Some(PHOTOMETRIC_MASK)
+}
+
+fn is_overview(base: &TiffImage, image: &TiffImage) -> bool {
+    !is_mask(image) && is_reduced(image) && is_smaller_likeness(base, image)
+}
+
+fn is_smaller_likeness(base: &TiffImage, image: &TiffImage) -> bool {
+    let ((bw, bh), (w, h)) = (base.size(), image.size());
+    if w == 0 || h == 0 || w >= bw || h > bh {
+        return false;
+    }
+    let (fx, fy) = (bw as f64 / w as f64, bh as f64 / h as f64);
+    // Sizes are rounded: a pixel of the smaller side is allowed.
+    let rounding = 1.0 / (w.min(h)) as f64;
+    (fx / fy - 1.0).abs() < MAX_ASPECT_CHANGE + rounding
+        && image.ifd.samples_per_pixel() == base.ifd.samples_per_pixel()
+        && image.ifd.bits_per_sample().ok() == base.ifd.bits_per_sample().ok()
+}
+
+/// Refuses a file that ends before its last block does.
+fn check_complete(image: &TiffImage) -> Result<(), GeoError> {
+    let ifd = &image.ifd;
+    let (offsets, counts) = if ifd.is_tiled() {
+        (ifd.tile_offsets(), ifd.tile_byte_counts())
+    } else {
+        (ifd.strip_offsets(), ifd.strip_byte_counts())
+    };
+    let (Some(offsets), Some(counts)) = (offsets, counts) else {
+        return Err(GeoError::damaged(
+            &image.path,
+            "it does not say where its pixels are",
+        ));
+    };
+    // Some writers declare a full last strip where a part is stored.
+    let last_may_be_short = ifd.compression() == 1 && !ifd.is_tiled();
+    let last = offsets.len().saturating_sub(1);
+    let needed = offsets
+        .iter()
+        .zip(&counts)
+        .enumerate()
+        .filter(|(i, (offset, count))| {
+            **offset != 0 && **count != 0 && !(last_may_be_short && *i == last)
+        })
+        .map(|(_, (offset, count))| offset.saturating_add(*count))
+        .max()
+        .unwrap_or(0);
+    let found = image.file.source().len();
+    let last_starts = offsets.last().copied().unwrap_or(0);
+    if needed > found || last_starts > found {
+        return Err(GeoError::Truncated {
+            path: image.path.to_path_buf(),
+            needed_bytes: needed.max(last_starts),
+            found_bytes: found,
+        });
+    }
+    Ok(())
+}
+
+pub(crate) fn tiff_error(path: &Path, error: TiffError) -> GeoError {
+    let unsupported = |what: String| GeoError::Unsupported {
+        path: path.to_path_buf(),
+        what,
+        advice: ADVICE_TILE_IT,
+    };
+    match error {
+        TiffError::Io(source, _) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
+            GeoError::io(path, source)
+        }
+        TiffError::Truncated {
+            offset,
+            needed,
+            available,
+        } => GeoError::Truncated {
+            path: path.to_path_buf(),
+            needed_bytes: offset.saturating_add(needed),
+            found_bytes: available,
+        },
+        TiffError::OffsetOutOfBounds {
+            offset,
+            length,
+            data_len,
+        } => GeoError::Truncated {
+            path: path.to_path_buf(),
+            needed_bytes: offset.saturating_add(length),
+            found_bytes: data_len,
+        },
+        TiffError::UnsupportedCompression(_)
+        | TiffError::UnsupportedPredictor(_)
+        | TiffError::UnsupportedPlanarConfiguration(_)
+        | TiffError::UnsupportedBitsPerSample(_)
+        | TiffError::UnsupportedSampleFormat(_)
+        | TiffError::InvalidImageLayout(_) => unsupported(error.to_string()),
+        TiffError::DecodeOutputTooLarge { requested, .. } => {
+            unsupported(format!("a strip or tile of {} MiB", requested >> 20))
+        }
+        other => GeoError::damaged(path, other),
+    }
+}

@@ -21,6 +21,12 @@ impl AlignedBuffer {
         }
     }
 
+    /// `count` floats that hold anything, in memory that only grows.
+    pub(crate) fn floats(&mut self, count: usize) -> &mut [f32] {
+        self.grow(count);
+        &mut self.as_mut_slice()[..count]
+    }
+
     /// Makes room for at least `floats`, keeping what is there; never shrinks.
     pub(crate) fn grow(&mut self, floats: usize) {
         let lines = floats.div_ceil(FLOATS_PER_LINE);

@@ -1,7 +1,9 @@
 //! Convolution layers: what they are, and which algorithm runs them.
 
-use rayon::prelude::*;
-
+use crate::buffer::AlignedBuffer;
+use crate::direct::DirectWeights;
+use crate::tensor::{CHANNEL_BLOCK, channel_stride};
+use crate::winograd::{self, Direction, TensorSink, TensorSource, WinogradWeights};
 use crate::{Isa, KernelError, Tensor, Workspace};
 
 /// What is applied to every output of a layer.
@@ -72,21 +74,27 @@ impl ConvSpec {
 /// A convolution with its weights laid out for the kernels, bias and activation included.
 pub struct Conv2d {
     spec: ConvSpec,
-    /// `[kernel row][kernel column][in][out]`
-    weight: Vec<f32>,
-    bias: Vec<f32>,
+    algorithm: Algorithm,
+    /// One for each output channel, padding included.
+    bias: AlignedBuffer,
     activation: Activation,
+}
+
+enum Algorithm {
+    Winograd(WinogradWeights),
+    Direct(DirectWeights),
 }
 
 impl Conv2d {
     /// Prepares a convolution: `y = activation(weight * x + bias)`.
     ///
-    /// `weight_oihw` is `[out, in, kernel, kernel]` as PyTorch has it (cross-correlation), `bias` is `[out]`.
+    /// `weight_oihw` is `[out, in, kernel, kernel]` as PyTorch has it (cross-correlation), `bias` is `[out]`. 3x3 with
+    /// stride 1 runs as Winograd F(4x4, 3x3), everything else (and pictures of up to four channels) directly.
     ///
     /// # Errors
     /// [`KernelError`] where the specification is not supported or a slice has the wrong length.
     pub fn new(
-        _isa: Isa,
+        isa: Isa,
         spec: ConvSpec,
         weight_oihw: &[f32],
         bias: &[f32],
@@ -99,26 +107,31 @@ impl Conv2d {
                 found: weight_oihw.len(),
             });
         }
-        if bias.len() != spec.out_channels {
-            return Err(KernelError::BiasLength {
-                expected: spec.out_channels,
-                found: bias.len(),
-            });
-        }
-        let taps = spec.kernel * spec.kernel;
-        let mut weight = vec![0.0; spec.weight_len()];
-        for o in 0..spec.out_channels {
-            for i in 0..spec.in_channels {
-                for tap in 0..taps {
-                    weight[(tap * spec.in_channels + i) * spec.out_channels + o] =
-                        weight_oihw[(o * spec.in_channels + i) * taps + tap];
-                }
-            }
-        }
+        let bias = padded_bias(bias, spec.out_channels)?;
+        let blocks = |channels| channel_stride(channels).is_multiple_of(CHANNEL_BLOCK);
+        let algorithm = if spec.kernel == 3
+            && spec.stride == 1
+            && blocks(spec.in_channels)
+            && blocks(spec.out_channels)
+        {
+            let mut weights = WinogradWeights::default();
+            let scratch = &mut AlignedBuffer::default();
+            weights.set(
+                isa,
+                Direction::Forward,
+                spec.out_channels,
+                spec.in_channels,
+                weight_oihw,
+                scratch,
+            );
+            Algorithm::Winograd(weights)
+        } else {
+            Algorithm::Direct(DirectWeights::new(isa, spec, weight_oihw))
+        };
         Ok(Self {
             spec,
-            weight,
-            bias: bias.to_vec(),
+            algorithm,
+            bias,
             activation,
         })
     }
@@ -133,50 +146,39 @@ impl Conv2d {
     ///
     /// # Panics
     /// If `input` has not `in_channels` channels.
-    pub fn forward(&self, input: &Tensor, output: &mut Tensor, _workspace: &mut Workspace) {
+    pub fn forward(&self, input: &Tensor, output: &mut Tensor, workspace: &mut Workspace) {
         let spec = self.spec;
         assert_eq!(
             input.channels(),
             spec.in_channels,
             "input channels of the convolution"
         );
-        let (oh, ow) = (
+        output.reshape(
             spec.output_size(input.height()),
             spec.output_size(input.width()),
+            spec.out_channels,
         );
-        output.reshape(oh, ow, spec.out_channels);
-        let (row, pixel) = (output.row_stride(), output.channel_stride());
-        let halo = 1 - spec.kernel / 2;
-        output
-            .as_mut_slice()
-            .par_chunks_exact_mut(row)
-            .skip(1)
-            .take(oh)
-            .enumerate()
-            .for_each(|(y, line)| {
-                for x in 0..ow {
-                    let out = &mut line[(x + 1) * pixel..][..spec.out_channels];
-                    out.copy_from_slice(&self.bias);
-                    for tap in 0..spec.kernel * spec.kernel {
-                        let from = input.offset(
-                            y * spec.stride + tap / spec.kernel + halo,
-                            x * spec.stride + tap % spec.kernel + halo,
-                        );
-                        for (i, &value) in input.as_slice()[from..][..spec.in_channels]
-                            .iter()
-                            .enumerate()
-                        {
-                            let weights =
-                                &self.weight[(tap * spec.in_channels + i) * spec.out_channels..];
-                            for (sum, weight) in out.iter_mut().zip(weights) {
-                                *sum += value * weight;
-                            }
-                        }
-                    }
-                    for sum in out {
-                        *sum = self.activation.apply(*sum);
-                    }
-                }
-            });
+        let bias = self.bias.as_slice();
+        match &self.algorithm {
+            Algorithm::Winograd(weights) => {
+                let source = TensorSource::new(input);
+                let sink = TensorSink::new(output, bias, self.activation);
+                winograd::convolve(weights, source.tiles(), &source, &sink, workspace);
+            }
+            Algorithm::Direct(weights) => weights.forward(input, output, bias, self.activation),
+        }
     }
+}
+
+/// The bias with zeros for the padding channels.
+pub(crate) fn padded_bias(bias: &[f32], out_channels: usize) -> Result<AlignedBuffer, KernelError> {
+    if bias.len() != out_channels {
+        return Err(KernelError::BiasLength {
+            expected: out_channels,
+            found: bias.len(),
+        });
+    }
+    let mut padded = AlignedBuffer::zeroed(channel_stride(out_channels));
+    padded.as_mut_slice()[..out_channels].copy_from_slice(bias);
+    Ok(padded)
 }

@@ -6,16 +6,21 @@
 
 mod buffer;
 mod conv;
+mod direct;
 mod error;
 mod isa;
 mod matmul;
 mod matmul_i8;
 mod norm;
+mod panel;
+mod parallel;
 mod pool;
 mod resize;
+mod simd;
 mod tensor;
 pub mod train;
 mod transposed;
+mod winograd;
 mod workspace;
 
 pub use conv::{Activation, Conv2d, ConvSpec};

@@ -1,7 +1,10 @@
 //! Transposed convolution 4x4, stride 2, padding 1: doubles height and width.
 
-use rayon::prelude::*;
-
+use crate::buffer::AlignedBuffer;
+use crate::conv::padded_bias;
+use crate::panel::{Finish, PanelRun, Panels, Taps};
+use crate::parallel::{SharedMut, for_each};
+use crate::tensor::channel_stride;
 use crate::{Activation, Isa, KernelError, Tensor, Workspace};
 
 const SIDE: usize = 4;
@@ -10,9 +13,12 @@ const SIDE: usize = 4;
 pub struct ConvTranspose2d {
     in_channels: usize,
     out_channels: usize,
-    /// `[kernel row][kernel column][in][out]`
-    weight: Vec<f32>,
-    bias: Vec<f32>,
+    isa: Isa,
+    /// Output pixels of one parity of row and column see the same four taps: four convolutions 2x2, index
+    /// `2 * row parity + column parity`, depth `[2][2][in]`.
+    phases: [Panels; 4],
+    /// One for each output channel, padding included.
+    bias: AlignedBuffer,
     activation: Activation,
 }
 
@@ -22,7 +28,7 @@ impl ConvTranspose2d {
     /// # Errors
     /// [`KernelError`] where there are no channels or a slice has the wrong length.
     pub fn new(
-        _isa: Isa,
+        isa: Isa,
         in_channels: usize,
         out_channels: usize,
         weight_iohw: &[f32],
@@ -39,26 +45,28 @@ impl ConvTranspose2d {
                 found: weight_iohw.len(),
             });
         }
-        if bias.len() != out_channels {
-            return Err(KernelError::BiasLength {
-                expected: out_channels,
-                found: bias.len(),
-            });
-        }
-        let mut weight = vec![0.0; expected];
-        for i in 0..in_channels {
-            for o in 0..out_channels {
-                for tap in 0..SIDE * SIDE {
-                    weight[(tap * in_channels + i) * out_channels + o] =
-                        weight_iohw[(i * out_channels + o) * SIDE * SIDE + tap];
+        let bias = padded_bias(bias, out_channels)?;
+        let stride = channel_stride(out_channels);
+        let isa = isa.for_stride(stride);
+        let phases = std::array::from_fn(|phase| {
+            Panels::pack(isa, 4 * in_channels, stride, |depth, o| {
+                if o >= out_channels {
+                    return 0.0;
                 }
-            }
-        }
+                let (tap, i) = (depth / in_channels, depth % in_channels);
+                let (ky, kx) = (
+                    kernel_index(phase / 2, tap / 2),
+                    kernel_index(phase % 2, tap % 2),
+                );
+                weight_iohw[((i * out_channels + o) * SIDE + ky) * SIDE + kx]
+            })
+        });
         Ok(Self {
             in_channels,
             out_channels,
-            weight,
-            bias: bias.to_vec(),
+            isa,
+            phases,
+            bias,
             activation,
         })
     }
@@ -79,47 +87,63 @@ impl ConvTranspose2d {
     ///
     /// # Panics
     /// If `input` has not `in_channels` channels.
-    pub fn forward(&self, input: &Tensor, output: &mut Tensor, _workspace: &mut Workspace) {
+    pub fn forward(&self, input: &Tensor, output: &mut Tensor, workspace: &mut Workspace) {
         assert_eq!(
             input.channels(),
             self.in_channels,
             "input channels of the transposed convolution"
         );
-        let (oh, ow) = (2 * input.height(), 2 * input.width());
-        output.reshape(oh, ow, self.out_channels);
+        let (h, w) = (input.height(), input.width());
+        output.reshape(2 * h, 2 * w, self.out_channels);
         let (row, pixel) = (output.row_stride(), output.channel_stride());
-        output
-            .as_mut_slice()
-            .par_chunks_exact_mut(row)
-            .skip(1)
-            .take(oh)
-            .enumerate()
-            .for_each(|(y, line)| {
-                for x in 0..ow {
-                    let out = &mut line[(x + 1) * pixel..][..self.out_channels];
-                    out.copy_from_slice(&self.bias);
-                    // Output row y = 2 iy - 1 + ky: an even one sees kernel rows 1 and 3, an odd one 0 and 2.
-                    for ky in ((y + 1) % 2..SIDE).step_by(2) {
-                        for kx in ((x + 1) % 2..SIDE).step_by(2) {
-                            // One more than the input pixel, for the halo.
-                            let from = input.offset((y + 3 - ky) / 2, (x + 3 - kx) / 2);
-                            let tap = ky * SIDE + kx;
-                            for (i, &value) in input.as_slice()[from..][..self.in_channels]
-                                .iter()
-                                .enumerate()
-                            {
-                                let weights = &self.weight
-                                    [(tap * self.in_channels + i) * self.out_channels..];
-                                for (sum, weight) in out.iter_mut().zip(weights) {
-                                    *sum += value * weight;
-                                }
-                            }
+        let out = SharedMut::new(output.as_mut_slice());
+        let panels = self.phases[0].shape.count();
+        // Each piece reads the weights of its panel once for a few rows.
+        let band = h.div_ceil(rayon::current_num_threads()).clamp(1, 16);
+        for_each(
+            &mut workspace.workers,
+            0,
+            h.div_ceil(band) * 4 * panels,
+            |_, unit| {
+                let (rows, phase, panel) = (unit / (4 * panels), unit / panels % 4, unit % panels);
+                let (odd_y, odd_x) = (phase / 2, phase % 2);
+                let weights = &self.phases[phase];
+                let start = weights.shape.start(panel);
+                for y in rows * band..((rows + 1) * band).min(h) {
+                    // SAFETY: the taps of the first pixel start at this one or its upper left neighbour, inside the halo;
+                    // each output pixel and panel belongs to one unit.
+                    let run = unsafe {
+                        PanelRun {
+                            a: input
+                                .as_slice()
+                                .as_ptr()
+                                .add(input.offset(y + odd_y, odd_x)),
+                            row_stride: input.channel_stride(),
+                            depth_stride: 1,
+                            taps: Taps {
+                                rows: 2,
+                                row_step: input.row_stride(),
+                                columns: 2,
+                                column_step: input.channel_stride(),
+                            },
+                            depth: self.in_channels,
+                            b: weights.panel(panel).as_ptr(),
+                            width: weights.shape.width(panel),
+                            out: out.at((2 * y + odd_y + 1) * row + (odd_x + 1) * pixel + start),
+                            out_stride: 2 * pixel,
+                            rows: w,
+                            finish: Finish::layer(&self.bias.as_slice()[start..], self.activation),
                         }
-                    }
-                    for sum in out {
-                        *sum = self.activation.apply(*sum);
-                    }
+                    };
+                    self.isa.run(run);
                 }
-            });
+            },
+        );
     }
+}
+
+/// Row (or column) of the kernel that an output of this parity sees at tap 0 or 1: output `2 i + parity` is the sum over
+/// inputs `i + parity - 1 + tap` with kernel index `output + 1 - 2 * input`.
+fn kernel_index(parity: usize, tap: usize) -> usize {
+    3 - parity - 2 * tap
 }

@@ -6,8 +6,10 @@ use crate::buffer::AlignedBuffer;
 /// thread that runs a network.
 #[derive(Default)]
 pub struct Workspace {
-    #[allow(dead_code)]
-    buffer: AlignedBuffer,
+    /// What the workers of a call share.
+    pub(crate) shared: AlignedBuffer,
+    /// What each worker has for itself.
+    pub(crate) workers: AlignedBuffer,
 }
 
 impl Workspace {

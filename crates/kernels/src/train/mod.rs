@@ -3,9 +3,46 @@
 //! All slices are row-major: activations `[batch, channels, height, width]`, weights `[out, in, kernel, kernel]`. The
 //! padding is `kernel / 2`. Outputs are overwritten, not accumulated.
 
-use rayon::prelude::*;
+mod direct;
+mod layout;
+mod tiles;
+mod winograd;
 
-use crate::{ConvSpec, Isa};
+use std::sync::{Mutex, PoisonError};
+
+use crate::buffer::AlignedBuffer;
+use crate::winograd::{Direction, WinogradWeights, convolve};
+use crate::{ConvSpec, Isa, Workspace};
+use tiles::{BatchShape, BatchSink, BatchSource, GradientSource};
+
+/// Up to this many channels on either side, the padding to blocks of 16 costs more than Winograd saves.
+const NARROW_CHANNELS: usize = 8;
+
+/// What a call needs besides its arguments, kept for the next one.
+#[derive(Default)]
+struct Memory {
+    workspace: Workspace,
+    weights: WinogradWeights,
+    points: AlignedBuffer,
+    direct: direct::Memory,
+}
+
+/// Runs `work` with memory of an earlier call, if one is free.
+fn with_memory<R>(work: impl FnOnce(&mut Memory) -> R) -> R {
+    static FREE: Mutex<Vec<Memory>> = Mutex::new(Vec::new());
+    // Poisoning says nothing about memory that holds anything.
+    let free = || FREE.lock().unwrap_or_else(PoisonError::into_inner);
+    let mut memory = free().pop().unwrap_or_default();
+    let result = work(&mut memory);
+    free().push(memory);
+    result
+}
+
+fn by_winograd(spec: ConvSpec) -> bool {
+    spec.kernel == 3
+        && spec.stride == 1
+        && spec.in_channels.min(spec.out_channels) > NARROW_CHANNELS
+}
 
 fn check(spec: ConvSpec, batch: usize, h: usize, w: usize, x: usize, weight: usize, y: usize) {
     let (oh, ow) = (spec.output_size(h), spec.output_size(w));
@@ -23,20 +60,13 @@ fn check(spec: ConvSpec, batch: usize, h: usize, w: usize, x: usize, weight: usi
     assert_eq!(weight, spec.weight_len(), "elements of the weight");
 }
 
-/// Input coordinate of an output coordinate and a kernel tap, if it lies inside.
-fn input_of(out: usize, tap: usize, spec: ConvSpec, size: usize) -> Option<usize> {
-    (out * spec.stride + tap)
-        .checked_sub(spec.kernel / 2)
-        .filter(|&i| i < size)
-}
-
 /// `y = weight * x`, without bias. `x` is `[batch, in, h, w]`, `y` is `[batch, out, ceil(h/stride), ceil(w/stride)]`.
 ///
 /// # Panics
 /// If a slice has the wrong length or the convolution is not supported.
 #[allow(clippy::too_many_arguments)]
 pub fn conv2d(
-    _isa: Isa,
+    isa: Isa,
     spec: ConvSpec,
     batch: usize,
     h: usize,
@@ -46,35 +76,42 @@ pub fn conv2d(
     y: &mut [f32],
 ) {
     check(spec, batch, h, w, x.len(), weight.len(), y.len());
-    let (oh, ow, k) = (spec.output_size(h), spec.output_size(w), spec.kernel);
     if y.is_empty() {
         return;
     }
-    y.par_chunks_exact_mut(oh * ow)
-        .enumerate()
-        .for_each(|(plane, y)| {
-            let (b, o) = (plane / spec.out_channels, plane % spec.out_channels);
-            y.fill(0.0);
-            for i in 0..spec.in_channels {
-                let x = &x[(b * spec.in_channels + i) * h * w..][..h * w];
-                for (tap, weight) in weight[(o * spec.in_channels + i) * k * k..][..k * k]
-                    .iter()
-                    .enumerate()
-                {
-                    for oy in 0..oh {
-                        let Some(iy) = input_of(oy, tap / k, spec, h) else {
-                            continue;
-                        };
-                        for ox in 0..ow {
-                            let Some(ix) = input_of(ox, tap % k, spec, w) else {
-                                continue;
-                            };
-                            y[oy * ow + ox] += weight * x[iy * w + ix];
-                        }
-                    }
-                }
+    with_memory(
+        |Memory {
+             workspace,
+             weights,
+             direct,
+             ..
+         }| {
+            if !by_winograd(spec) {
+                return direct::conv2d(isa, spec, (h, w), x, weight, y, direct);
             }
-        });
+            let shape = |channels| BatchShape {
+                batch,
+                channels,
+                height: h,
+                width: w,
+            };
+            let source = BatchSource {
+                shape: shape(spec.in_channels),
+                data: x,
+            };
+            let sink = BatchSink::new(shape(spec.out_channels), y);
+            let (outputs, inputs) = (spec.out_channels, spec.in_channels);
+            weights.set(
+                isa,
+                Direction::Forward,
+                outputs,
+                inputs,
+                weight,
+                &mut workspace.workers,
+            );
+            convolve(weights, source.shape.tiles(), &source, &sink, workspace);
+        },
+    );
 }
 
 /// Gradient of [`conv2d`] with respect to its input. `grad_x` is `[batch, in, h, w]`.
@@ -83,7 +120,7 @@ pub fn conv2d(
 /// If a slice has the wrong length or the convolution is not supported.
 #[allow(clippy::too_many_arguments)]
 pub fn conv2d_grad_input(
-    _isa: Isa,
+    isa: Isa,
     spec: ConvSpec,
     batch: usize,
     h: usize,
@@ -93,36 +130,42 @@ pub fn conv2d_grad_input(
     grad_x: &mut [f32],
 ) {
     check(spec, batch, h, w, grad_x.len(), weight.len(), grad_y.len());
-    let (oh, ow, k) = (spec.output_size(h), spec.output_size(w), spec.kernel);
     if grad_x.is_empty() {
         return;
     }
-    grad_x
-        .par_chunks_exact_mut(h * w)
-        .enumerate()
-        .for_each(|(plane, grad_x)| {
-            let (b, i) = (plane / spec.in_channels, plane % spec.in_channels);
-            grad_x.fill(0.0);
-            for o in 0..spec.out_channels {
-                let grad_y = &grad_y[(b * spec.out_channels + o) * oh * ow..][..oh * ow];
-                for (tap, weight) in weight[(o * spec.in_channels + i) * k * k..][..k * k]
-                    .iter()
-                    .enumerate()
-                {
-                    for oy in 0..oh {
-                        let Some(iy) = input_of(oy, tap / k, spec, h) else {
-                            continue;
-                        };
-                        for ox in 0..ow {
-                            let Some(ix) = input_of(ox, tap % k, spec, w) else {
-                                continue;
-                            };
-                            grad_x[iy * w + ix] += weight * grad_y[oy * ow + ox];
-                        }
-                    }
-                }
+    with_memory(
+        |Memory {
+             workspace,
+             weights,
+             direct,
+             ..
+         }| {
+            if !by_winograd(spec) {
+                return direct::grad_input(isa, spec, (h, w), grad_y, weight, grad_x, direct);
             }
-        });
+            let shape = |channels| BatchShape {
+                batch,
+                channels,
+                height: h,
+                width: w,
+            };
+            let source = BatchSource {
+                shape: shape(spec.out_channels),
+                data: grad_y,
+            };
+            let sink = BatchSink::new(shape(spec.in_channels), grad_x);
+            let (outputs, inputs) = (spec.out_channels, spec.in_channels);
+            weights.set(
+                isa,
+                Direction::Backward,
+                outputs,
+                inputs,
+                weight,
+                &mut workspace.workers,
+            );
+            convolve(weights, source.shape.tiles(), &source, &sink, workspace);
+        },
+    );
 }
 
 /// Gradient of [`conv2d`] with respect to its weight, summed over the batch. `grad_weight` is `[out, in, k, k]`.
@@ -131,7 +174,7 @@ pub fn conv2d_grad_input(
 /// If a slice has the wrong length or the convolution is not supported.
 #[allow(clippy::too_many_arguments)]
 pub fn conv2d_grad_weight(
-    _isa: Isa,
+    isa: Isa,
     spec: ConvSpec,
     batch: usize,
     h: usize,
@@ -141,30 +184,35 @@ pub fn conv2d_grad_weight(
     grad_weight: &mut [f32],
 ) {
     check(spec, batch, h, w, x.len(), grad_weight.len(), grad_y.len());
-    let (oh, ow, k) = (spec.output_size(h), spec.output_size(w), spec.kernel);
-    grad_weight
-        .par_chunks_exact_mut(k * k)
-        .enumerate()
-        .for_each(|(pair, grad_weight)| {
-            let (o, i) = (pair / spec.in_channels, pair % spec.in_channels);
-            for (tap, grad) in grad_weight.iter_mut().enumerate() {
-                let mut sum = 0.0f64;
-                for b in 0..batch {
-                    let x = &x[(b * spec.in_channels + i) * h * w..][..h * w];
-                    let grad_y = &grad_y[(b * spec.out_channels + o) * oh * ow..][..oh * ow];
-                    for oy in 0..oh {
-                        let Some(iy) = input_of(oy, tap / k, spec, h) else {
-                            continue;
-                        };
-                        for ox in 0..ow {
-                            let Some(ix) = input_of(ox, tap % k, spec, w) else {
-                                continue;
-                            };
-                            sum += f64::from(grad_y[oy * ow + ox]) * f64::from(x[iy * w + ix]);
-                        }
-                    }
-                }
-                *grad = sum as f32;
+    if x.is_empty() {
+        grad_weight.fill(0.0);
+        return;
+    }
+    with_memory(
+        |Memory {
+             workspace,
+             points,
+             direct,
+             ..
+         }| {
+            if !by_winograd(spec) {
+                return direct::grad_weight(isa, spec, (h, w), x, grad_y, grad_weight, direct);
             }
-        });
+            let shape = |channels| BatchShape {
+                batch,
+                channels,
+                height: h,
+                width: w,
+            };
+            let x = BatchSource {
+                shape: shape(spec.in_channels),
+                data: x,
+            };
+            let grad_y = GradientSource {
+                shape: shape(spec.out_channels),
+                data: grad_y,
+            };
+            winograd::grad_weight(isa, &x, &grad_y, grad_weight, points, workspace);
+        },
+    );
 }

@@ -1,0 +1,81 @@
+//! Spreading numbered pieces of work over the current rayon pool.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::buffer::AlignedBuffer;
+
+/// Runs `work(scratch, i)` for every `i` below `count`, each worker with its own run of `floats` floats of scratch
+/// (holding anything). Which worker does which piece is left to chance: pieces must not depend on each other.
+pub(crate) fn for_each(
+    scratch: &mut AlignedBuffer,
+    floats: usize,
+    count: usize,
+    work: impl Fn(&mut [f32], usize) + Sync,
+) {
+    let workers = rayon::current_num_threads().min(count);
+    // Whole cache lines, so that no two workers share one.
+    let each = floats.next_multiple_of(16);
+    let memory = scratch.floats(workers * each);
+    if workers <= 1 {
+        (0..count).for_each(|i| work(&mut memory[..floats], i));
+        return;
+    }
+    let next = AtomicUsize::new(0);
+    let run = |memory: &mut [f32]| {
+        loop {
+            let i = next.fetch_add(1, Ordering::Relaxed);
+            if i >= count {
+                break;
+            }
+            work(&mut memory[..floats], i);
+        }
+    };
+    if floats == 0 {
+        (0..workers)
+            .into_par_iter()
+            .with_max_len(1)
+            .for_each(|_| run(&mut []));
+    } else {
+        memory
+            .par_chunks_exact_mut(each)
+            .with_max_len(1)
+            .for_each(run);
+    }
+}
+
+/// A pointer to memory that several workers write, each its own part.
+#[derive(Clone, Copy)]
+pub(crate) struct SharedMut(*mut f32);
+
+// SAFETY: only a way to hand the address over; every use of it is `unsafe` and must show that no two workers touch the
+// same float.
+unsafe impl Send for SharedMut {}
+// SAFETY: as above.
+unsafe impl Sync for SharedMut {}
+
+impl SharedMut {
+    pub(crate) fn new(memory: &mut [f32]) -> Self {
+        Self(memory.as_mut_ptr())
+    }
+
+    /// The same memory from `offset` on.
+    ///
+    /// # Safety
+    /// `offset` must lie within the memory that it was made from.
+    pub(crate) unsafe fn moved(self, offset: usize) -> Self {
+        // SAFETY: the caller's promise.
+        Self(unsafe { self.0.add(offset) })
+    }
+
+    /// The address of the float at `offset`.
+    ///
+    /// # Safety
+    /// `offset` must lie within the memory that it was made from.
+    #[inline(always)]
+    pub(crate) unsafe fn at(self, offset: usize) -> *mut f32 {
+        // SAFETY: the caller's promise.
+        unsafe { self.0.add(offset) }
+    }
+}

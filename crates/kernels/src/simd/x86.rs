@@ -1,0 +1,247 @@
+//! AVX-512, and AVX2 with FMA.
+
+use std::arch::x86_64::*;
+
+use super::{Kernel, Simd};
+use crate::Isa;
+
+/// Sixteen floats at a time. Exists only where the processor has AVX-512 F, BW, DQ and VL.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512(());
+
+impl Avx512 {
+    pub(crate) fn new() -> Option<Self> {
+        Isa::Avx512.is_available().then_some(Self(()))
+    }
+}
+
+impl Simd for Avx512 {
+    type V = __m512;
+    const LANES: usize = 16;
+    const ROWS: usize = 12;
+
+    #[inline(always)]
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma")]
+        fn compiled<K: Kernel>(simd: Avx512, kernel: K) -> K::Output {
+            kernel.run(simd)
+        }
+        // SAFETY: the token exists only where the processor has these features.
+        unsafe { compiled(self, kernel) }
+    }
+    #[inline(always)]
+    fn zero(self) -> Self::V {
+        // SAFETY: the token exists only where the processor has the feature; so for all below.
+        unsafe { _mm512_setzero_ps() }
+    }
+    #[inline(always)]
+    fn splat(self, value: f32) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_set1_ps(value) }
+    }
+    #[inline(always)]
+    fn add(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_fnmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn max(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_max_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn load(self, from: *const f32) -> Self::V {
+        // SAFETY: see `zero`; the memory is the caller's promise.
+        unsafe { _mm512_loadu_ps(from) }
+    }
+    #[inline(always)]
+    unsafe fn store(self, to: *mut f32, value: Self::V) {
+        // SAFETY: see `zero`; the memory is the caller's promise.
+        unsafe { _mm512_storeu_ps(to, value) }
+    }
+    #[inline(always)]
+    unsafe fn transpose(
+        self,
+        from: *const f32,
+        from_stride: usize,
+        to: *mut f32,
+        to_stride: usize,
+    ) {
+        // SAFETY: see `zero`; the memory is the caller's promise.
+        unsafe {
+            let mut r: [__m512; 16] =
+                std::array::from_fn(|i| _mm512_loadu_ps(from.add(i * from_stride)));
+            // Pairs of rows, then groups of four, inside each 128-bit quarter.
+            for i in (0..16).step_by(2) {
+                (r[i], r[i + 1]) = (
+                    _mm512_unpacklo_ps(r[i], r[i + 1]),
+                    _mm512_unpackhi_ps(r[i], r[i + 1]),
+                );
+            }
+            for i in (0..16).step_by(4) {
+                let d: [__m512d; 4] = std::array::from_fn(|j| _mm512_castps_pd(r[i + j]));
+                r[i] = _mm512_castpd_ps(_mm512_unpacklo_pd(d[0], d[2]));
+                r[i + 1] = _mm512_castpd_ps(_mm512_unpackhi_pd(d[0], d[2]));
+                r[i + 2] = _mm512_castpd_ps(_mm512_unpacklo_pd(d[1], d[3]));
+                r[i + 3] = _mm512_castpd_ps(_mm512_unpackhi_pd(d[1], d[3]));
+            }
+            // r[4 g + j] now holds, in quarter q, column 4 q + j of rows 4 g .. 4 g + 3: transpose the quarters.
+            for j in 0..4 {
+                let low = _mm512_shuffle_f32x4::<0x88>(r[j], r[j + 4]);
+                let high = _mm512_shuffle_f32x4::<0xdd>(r[j], r[j + 4]);
+                let low2 = _mm512_shuffle_f32x4::<0x88>(r[j + 8], r[j + 12]);
+                let high2 = _mm512_shuffle_f32x4::<0xdd>(r[j + 8], r[j + 12]);
+                _mm512_storeu_ps(
+                    to.add(j * to_stride),
+                    _mm512_shuffle_f32x4::<0x88>(low, low2),
+                );
+                _mm512_storeu_ps(
+                    to.add((j + 4) * to_stride),
+                    _mm512_shuffle_f32x4::<0x88>(high, high2),
+                );
+                _mm512_storeu_ps(
+                    to.add((j + 8) * to_stride),
+                    _mm512_shuffle_f32x4::<0xdd>(low, low2),
+                );
+                _mm512_storeu_ps(
+                    to.add((j + 12) * to_stride),
+                    _mm512_shuffle_f32x4::<0xdd>(high, high2),
+                );
+            }
+        }
+    }
+}
+
+/// Eight floats at a time. Exists only where the processor has AVX2 and FMA.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2(());
+
+impl Avx2 {
+    pub(crate) fn new() -> Option<Self> {
+        Isa::Avx2.is_available().then_some(Self(()))
+    }
+}
+
+impl Simd for Avx2 {
+    type V = __m256;
+    const LANES: usize = 8;
+    const ROWS: usize = 6;
+
+    #[inline(always)]
+    fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        #[target_feature(enable = "avx2,fma")]
+        fn compiled<K: Kernel>(simd: Avx2, kernel: K) -> K::Output {
+            kernel.run(simd)
+        }
+        // SAFETY: the token exists only where the processor has these features.
+        unsafe { compiled(self, kernel) }
+    }
+    #[inline(always)]
+    fn zero(self) -> Self::V {
+        // SAFETY: the token exists only where the processor has the feature; so for all below.
+        unsafe { _mm256_setzero_ps() }
+    }
+    #[inline(always)]
+    fn splat(self, value: f32) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_set1_ps(value) }
+    }
+    #[inline(always)]
+    fn add(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_add_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_sub_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_mul_ps(a, b) }
+    }
+    #[inline(always)]
+    fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_fmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_fnmadd_ps(a, b, c) }
+    }
+    #[inline(always)]
+    fn max(self, a: Self::V, b: Self::V) -> Self::V {
+        // SAFETY: see `zero`.
+        unsafe { _mm256_max_ps(a, b) }
+    }
+    #[inline(always)]
+    unsafe fn load(self, from: *const f32) -> Self::V {
+        // SAFETY: see `zero`; the memory is the caller's promise.
+        unsafe { _mm256_loadu_ps(from) }
+    }
+    #[inline(always)]
+    unsafe fn store(self, to: *mut f32, value: Self::V) {
+        // SAFETY: see `zero`; the memory is the caller's promise.
+        unsafe { _mm256_storeu_ps(to, value) }
+    }
+    #[inline(always)]
+    unsafe fn transpose(
+        self,
+        from: *const f32,
+        from_stride: usize,
+        to: *mut f32,
+        to_stride: usize,
+    ) {
+        // SAFETY: see `zero`; the memory is the caller's promise.
+        unsafe {
+            let mut r: [__m256; 8] =
+                std::array::from_fn(|i| _mm256_loadu_ps(from.add(i * from_stride)));
+            // Pairs of rows, then groups of four, inside each 128-bit half.
+            for i in (0..8).step_by(2) {
+                (r[i], r[i + 1]) = (
+                    _mm256_unpacklo_ps(r[i], r[i + 1]),
+                    _mm256_unpackhi_ps(r[i], r[i + 1]),
+                );
+            }
+            for i in (0..8).step_by(4) {
+                let d: [__m256d; 4] = std::array::from_fn(|j| _mm256_castps_pd(r[i + j]));
+                r[i] = _mm256_castpd_ps(_mm256_unpacklo_pd(d[0], d[2]));
+                r[i + 1] = _mm256_castpd_ps(_mm256_unpackhi_pd(d[0], d[2]));
+                r[i + 2] = _mm256_castpd_ps(_mm256_unpacklo_pd(d[1], d[3]));
+                r[i + 3] = _mm256_castpd_ps(_mm256_unpackhi_pd(d[1], d[3]));
+            }
+            for j in 0..4 {
+                _mm256_storeu_ps(
+                    to.add(j * to_stride),
+                    _mm256_permute2f128_ps::<0x20>(r[j], r[j + 4]),
+                );
+                _mm256_storeu_ps(
+                    to.add((j + 4) * to_stride),
+                    _mm256_permute2f128_ps::<0x31>(r[j], r[j + 4]),
+                );
+            }
+        }
+    }
+}

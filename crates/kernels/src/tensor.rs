@@ -1,5 +1,7 @@
 //! Activations of one image.
 
+use rayon::prelude::*;
+
 use crate::buffer::AlignedBuffer;
 
 /// Channels are padded to this many floats (one AVX-512 vector, one cache line).
@@ -195,6 +197,27 @@ impl Tensor {
         &mut self.data.as_mut_slice()[offset..][..channels]
     }
 
+    /// Floats from one pixel to the next in [`Tensor::row`]: the channels and their padding.
+    #[must_use]
+    pub fn pixel_pitch(&self) -> usize {
+        self.channel_stride()
+    }
+
+    /// Row `y`: `width` pixels, [`Tensor::pixel_pitch`] floats each.
+    #[must_use]
+    pub fn row(&self, y: usize) -> &[f32] {
+        assert!(y < self.height, "row {y} of {self:?}");
+        &self.as_slice()[self.offset(y + 1, 1)..][..self.width * self.channel_stride()]
+    }
+
+    /// All rows, as [`Tensor::row`] has them, to be written in parallel. Of each pixel only the channels may be written:
+    /// kernels rely on the padding being zero.
+    pub fn par_rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f32]> {
+        let (height, pixel, row) = (self.height, self.channel_stride(), self.row_stride());
+        let rows = self.as_mut_slice().par_chunks_exact_mut(row).skip(1).take(height);
+        rows.map(move |line| &mut line[pixel..row - pixel])
+    }
+
     /// Floats from one pixel to the next, padding channels included.
     pub(crate) fn channel_stride(&self) -> usize {
         channel_stride(self.channels)
@@ -265,6 +288,25 @@ mod tests {
             assert!(halo_and_padding_are_zero(&tensor), "{tensor:?}");
         }
         assert_eq!(tensor.as_slice().as_ptr(), address);
+    }
+
+    #[test]
+    fn rows_hold_the_pixels() {
+        for channels in [3, 16, 17] {
+            let mut tensor = Tensor::new(4, 5, channels);
+            let pitch = tensor.pixel_pitch();
+            tensor.par_rows_mut().enumerate().for_each(|(y, row)| {
+                assert_eq!(row.len(), 5 * pitch);
+                for (x, pixel) in row.chunks_exact_mut(pitch).enumerate() {
+                    pixel[..channels].fill((10 * y + x) as f32);
+                }
+            });
+            assert!(halo_and_padding_are_zero(&tensor));
+            for (y, x) in [(0, 0), (3, 4), (2, 1)] {
+                assert_eq!(tensor.pixel(y, x), vec![(10 * y + x) as f32; channels]);
+                assert_eq!(&tensor.row(y)[x * pitch..][..channels], tensor.pixel(y, x));
+            }
+        }
     }
 
     #[test]

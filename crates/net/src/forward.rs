@@ -2,6 +2,7 @@
 
 use grimnet_kernels::{Isa, Tensor, Workspace, max_pool_2x2, upsample_bilinear_add};
 use image::{GrayImage, RgbImage};
+use rayon::prelude::*;
 
 use crate::heatmap::heatmap_from_logits;
 use crate::layer::{Gathering, Kind, Layer, LayerSource};
@@ -37,7 +38,6 @@ enum KeypointLayers {
 pub(crate) struct Scratch {
     workspace: Workspace,
     input: Tensor,
-    grey: Tensor,
     ping: Tensor,
     pong: Tensor,
     stages: [Tensor; STAGES],
@@ -130,15 +130,12 @@ impl Network {
         let Scratch {
             workspace,
             input,
-            grey,
             ping,
             pong,
             stages,
             logits,
         } = scratch;
-        let wants_grey = matches!(self.keypoints, KeypointLayers::FromGrey { .. });
-        self.input
-            .fill(image, mask, input, wants_grey.then_some(&mut *grey));
+        self.input.fill(image, mask, input);
 
         for (s, (downsample, layers)) in self.stages.iter().enumerate() {
             let (before, rest) = stages.split_at_mut(s);
@@ -179,7 +176,7 @@ impl Network {
 
         match &self.keypoints {
             KeypointLayers::FromGrey { hidden, out } => {
-                std::mem::swap(grey, ping);
+                grey_cells(input, ping);
                 for layer in hidden {
                     layer.forward(isa, ping, pong, workspace, gathering);
                     std::mem::swap(ping, pong);
@@ -237,36 +234,56 @@ impl InputNorm {
         }
     }
 
-    /// Fills `input`, and where wanted `grey`: the channel mean, each 8 x 8 cell as 64 channels in raster order (PyTorch's
-    /// `pixel_unshuffle`).
-    fn fill(
-        &self,
-        image: &RgbImage,
-        mask: Option<&GrayImage>,
-        input: &mut Tensor,
-        mut grey: Option<&mut Tensor>,
-    ) {
-        const CELL: usize = CELL_PX as usize;
+    /// Fills `input`. Pixels that were not seen are 0, the mean colour.
+    fn fill(&self, image: &RgbImage, mask: Option<&GrayImage>, input: &mut Tensor) {
         let (width, height) = (image.width() as usize, image.height() as usize);
         input.reshape(height, width, 3);
-        if let Some(grey) = &mut grey {
-            grey.reshape(height / CELL, width / CELL, CELL * CELL);
-        }
+        let pitch = input.pixel_pitch();
         let [red, green, blue] = &self.values;
         let (pixels, _) = image.as_raw().as_chunks::<3>();
-        for (y, row) in pixels.chunks_exact(width).enumerate() {
-            let seen = mask.map(|mask| &mask.as_raw()[y * width..][..width]);
-            for (x, &[r, g, b]) in row.iter().enumerate() {
-                let value = match seen {
-                    Some(seen) if seen[x] == 0 => [0.0; 3],
-                    _ => [red[r as usize], green[g as usize], blue[b as usize]],
-                };
-                input.pixel_mut(y, x).copy_from_slice(&value);
-                if let Some(grey) = &mut grey {
-                    grey.pixel_mut(y / CELL, x / CELL)[(y % CELL) * CELL + x % CELL] =
-                        (value[0] + value[1] + value[2]) / 3.0;
+        input
+            .par_rows_mut()
+            .zip(pixels.par_chunks_exact(width))
+            .enumerate()
+            .for_each(|(y, (row, pixels))| {
+                for (out, &[r, g, b]) in row.chunks_exact_mut(pitch).zip(pixels) {
+                    out[..3].copy_from_slice(&[
+                        red[r as usize],
+                        green[g as usize],
+                        blue[b as usize],
+                    ]);
+                }
+                if let Some(mask) = mask {
+                    let seen = &mask.as_raw()[y * width..][..width];
+                    let unseen = row
+                        .chunks_exact_mut(pitch)
+                        .zip(seen)
+                        .filter(|&(_, &seen)| seen == 0);
+                    unseen.for_each(|(out, _)| out[..3].fill(0.0));
+                }
+            });
+    }
+}
+
+/// The channel mean of the input, each 8 x 8 cell as 64 channels in raster order (PyTorch's `pixel_unshuffle`).
+fn grey_cells(input: &Tensor, grey: &mut Tensor) {
+    const CELL: usize = CELL_PX as usize;
+    grey.reshape(input.height() / CELL, input.width() / CELL, CELL * CELL);
+    let (from, to) = (input.pixel_pitch(), grey.pixel_pitch());
+    grey.par_rows_mut().enumerate().for_each(|(cell_y, cells)| {
+        for dy in 0..CELL {
+            let row = input.row(cell_y * CELL + dy);
+            for (cell, pixels) in cells
+                .chunks_exact_mut(to)
+                .zip(row.chunks_exact(CELL * from))
+            {
+                for (out, pixel) in cell[dy * CELL..][..CELL]
+                    .iter_mut()
+                    .zip(pixels.chunks_exact(from))
+                {
+                    *out = (pixel[0] + pixel[1] + pixel[2]) / 3.0;
                 }
             }
         }
-    }
+    });
 }

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::sync::{Arc, OnceLock};
+use std::sync::Arc;
 
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use half::vec::HalfFloatVecExt;
 use serde::{Deserialize, Serialize};
 
-use crate::whitening::Whitening;
+use crate::whitening::whiten;
 use crate::{Domain, NetError, NetSpec, VladSum};
 
 /// How a parameter's numbers are stored.
@@ -149,7 +149,6 @@ struct Inner {
     card: Card,
     parameters: BTreeMap<String, Parameter>,
     hash: ModelHash,
-    whitening: OnceLock<Whitening>,
 }
 
 impl Model {
@@ -226,7 +225,6 @@ impl Model {
                 card,
                 parameters,
                 hash,
-                whitening: OnceLock::new(),
             }),
         })
     }
@@ -254,7 +252,6 @@ impl Model {
             card,
             parameters: parameters.clone(),
             hash: *hash,
-            whitening: OnceLock::new(),
         };
         Self {
             inner: Arc::new(inner),
@@ -322,13 +319,14 @@ impl Model {
         for (row, sum) in rows.chunks_exact_mut(spec.vlad_len()).zip(sums) {
             sum.normalise_into(dim, row);
         }
-        if !spec.has_whitening() {
-            return rows;
+        let whitening = (
+            self.parameter("whitening.mean"),
+            self.parameter("whitening.projection"),
+        );
+        match whitening {
+            (Some(mean), Some(projection)) => whiten(&rows, &mean.to_f32(), projection),
+            _ => rows,
         }
-        self.inner
-            .whitening
-            .get_or_init(|| Whitening::of(self))
-            .apply(&rows)
     }
 }
 

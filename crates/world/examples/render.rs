@@ -6,7 +6,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use grimnet_world::{Camera, Look, Pose, RegionM, Season, World, WorldConfig};
+use grimnet_world::{
+    Camera, Flight, Look, MapFrame, PhotoTags, Placement, Pose, RegionM, Season, TruthRow, World,
+    WorldConfig, write_geotiff, write_jpeg_with_exif, write_truth_csv,
+};
 
 fn main() {
     let mut args = std::env::args().skip(1);
@@ -78,4 +81,35 @@ fn main() {
         crop.save(out.join(format!("photo{i}_map.png")))
             .expect("write");
     }
+    files(&world, whole, &out);
+}
+
+/// A georeferenced map and four photos of a flight with their metadata.
+fn files(world: &World, whole: RegionM, out: &std::path::Path) {
+    let placement = Placement::at(15.2, 47.8).expect("a place in Styria");
+    let started = Instant::now();
+    let map = world.render_map(whole, 0.5, &Look::satellite(Season::Summer));
+    let frame = MapFrame::new(whole, 0.5);
+    let corner = placement.utm_from_world(frame.world_from_map_px([0.0, 0.0]));
+    write_geotiff(&out.join("map.tif"), &map, 0.5, corner, placement.epsg()).expect("map.tif");
+    println!("map.tif {:?}", started.elapsed());
+    let camera = Camera {
+        hfov_deg: 70.0,
+        width_px: 1200,
+        height_px: 900,
+    };
+    let mut rows = Vec::new();
+    for (i, frame) in Flight::plan(world, 40, 1)
+        .frames
+        .iter()
+        .step_by(10)
+        .enumerate()
+    {
+        let name = format!("photo_{i:03}.jpg");
+        let photo = world.render_photo(&frame.pose, &camera, &Look::drone(Season::Autumn));
+        let tags = PhotoTags::for_pose(&frame.reported, &camera, &placement, 430.0).expect("tags");
+        write_jpeg_with_exif(&out.join(&name), &photo, 92, &tags).expect("jpeg");
+        rows.push(TruthRow::new(&name, &frame.pose, &camera, &placement).expect("truth"));
+    }
+    write_truth_csv(&out.join("truth.csv"), &rows).expect("truth.csv");
 }

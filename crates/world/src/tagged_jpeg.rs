@@ -1,0 +1,316 @@
+//! JPEG photos with the metadata of a DJI drone: EXIF (CIPA DC-008) and XMP, written by hand.
+
+use std::path::Path;
+
+use image::{ExtendedColorType, RgbImage};
+
+use crate::camera::{Camera, Pose};
+use crate::error::WorldError;
+use crate::placement::Placement;
+
+/// What a photo says about how it was taken.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PhotoTags {
+    /// GPS latitude of the camera, degrees north.
+    pub lat_deg: f64,
+    /// GPS longitude of the camera, degrees east.
+    pub lon_deg: f64,
+    /// GPS altitude above the sea, metres.
+    pub gps_altitude_m: f64,
+    /// Height above the take-off point, metres.
+    pub relative_altitude_m: f64,
+    /// Where the top of a nadir photo points, degrees clockwise from true north, -180 to 180.
+    pub gimbal_yaw_deg: f64,
+    /// -90 is straight down.
+    pub gimbal_pitch_deg: f64,
+    /// Positive: the camera's right side down.
+    pub gimbal_roll_deg: f64,
+    /// Direction of the aircraft's nose, degrees clockwise from true north, -180 to 180.
+    pub flight_yaw_deg: f64,
+    /// Of the lens, millimetres.
+    pub focal_length_mm: f64,
+    /// Equivalent on 36 x 24 mm film, millimetres.
+    pub focal_35mm: f64,
+    /// In pixels of this picture.
+    pub calibrated_focal_px: f64,
+    /// Maker of the camera.
+    pub make: String,
+    /// Its model.
+    pub model: String,
+    /// Local time, `YYYY:MM:DD HH:MM:SS`.
+    pub taken: String,
+}
+
+/// -180 (included) to 180.
+fn signed_deg(angle_deg: f64) -> f64 {
+    (angle_deg + 180.0).rem_euclid(360.0) - 180.0
+}
+
+impl PhotoTags {
+    /// The tags of a photo whose metadata claim `pose` (which may differ from the true one), over
+    /// ground `ground_altitude_m` above the sea.
+    ///
+    /// # Errors
+    /// As [`Placement::lonlat_from_world`].
+    pub fn for_pose(
+        pose: &Pose,
+        camera: &Camera,
+        placement: &Placement,
+        ground_altitude_m: f64,
+    ) -> Result<Self, WorldError> {
+        let at = [pose.x_m, pose.y_m];
+        let [lon_deg, lat_deg] = placement.lonlat_from_world(at)?;
+        let yaw = signed_deg(pose.heading_deg + placement.grid_north_deg(at)?);
+        // A 1/2.3 inch sensor, 6.3 mm wide.
+        const SENSOR_WIDTH_MM: f64 = 6.3;
+        Ok(Self {
+            lat_deg,
+            lon_deg,
+            gps_altitude_m: ground_altitude_m + pose.height_agl_m,
+            relative_altitude_m: pose.height_agl_m,
+            gimbal_yaw_deg: yaw,
+            gimbal_pitch_deg: -90.0 + pose.pitch_off_nadir_deg,
+            gimbal_roll_deg: pose.roll_deg,
+            flight_yaw_deg: yaw,
+            focal_length_mm: camera.focal_35mm() * SENSOR_WIDTH_MM / 36.0,
+            focal_35mm: camera.focal_35mm(),
+            calibrated_focal_px: camera.focal_px(),
+            make: "grimnet".into(),
+            model: "Procedural".into(),
+            taken: "2026:06:21 10:00:00".into(),
+        })
+    }
+}
+
+/// A directory of EXIF: entries, then the values that do not fit into them.
+#[derive(Default)]
+struct Directory {
+    entries: Vec<(u16, u16, u32, Vec<u8>)>,
+}
+
+const ASCII: u16 = 2;
+const SHORT: u16 = 3;
+const LONG: u16 = 4;
+const RATIONAL: u16 = 5;
+
+impl Directory {
+    fn ascii(&mut self, tag: u16, text: &str) {
+        let mut bytes: Vec<u8> = text.bytes().filter(u8::is_ascii).collect();
+        bytes.push(0);
+        self.entries.push((tag, ASCII, bytes.len() as u32, bytes));
+    }
+
+    fn byte(&mut self, tag: u16, values: &[u8]) {
+        self.entries
+            .push((tag, 1, values.len() as u32, values.to_vec()));
+    }
+
+    fn short(&mut self, tag: u16, value: u16) {
+        self.entries
+            .push((tag, SHORT, 1, value.to_le_bytes().to_vec()));
+    }
+
+    fn long(&mut self, tag: u16, value: u32) {
+        self.entries
+            .push((tag, LONG, 1, value.to_le_bytes().to_vec()));
+    }
+
+    fn rationals(&mut self, tag: u16, values: &[(f64, u32)]) {
+        let bytes = values
+            .iter()
+            .flat_map(|&(value, unit)| {
+                let top = (value.max(0.0) * f64::from(unit)).round() as u32;
+                [top.to_le_bytes(), unit.to_le_bytes()].concat()
+            })
+            .collect();
+        self.entries
+            .push((tag, RATIONAL, values.len() as u32, bytes));
+    }
+
+    fn size(&self) -> u32 {
+        let extra: usize = self
+            .entries
+            .iter()
+            .filter(|e| e.3.len() > 4)
+            .map(|e| e.3.len().next_multiple_of(2))
+            .sum();
+        (2 + 12 * self.entries.len() + 4 + extra) as u32
+    }
+
+    /// Bytes of the directory when it starts at `offset` of the TIFF block.
+    fn bytes(mut self, offset: u32) -> Vec<u8> {
+        self.entries.sort_by_key(|e| e.0);
+        let mut out = (self.entries.len() as u16).to_le_bytes().to_vec();
+        let mut extra = Vec::new();
+        let extra_at = offset + (2 + 12 * self.entries.len() + 4) as u32;
+        for (tag, kind, count, value) in &self.entries {
+            out.extend(tag.to_le_bytes());
+            out.extend(kind.to_le_bytes());
+            out.extend(count.to_le_bytes());
+            if value.len() <= 4 {
+                let mut field = value.clone();
+                field.resize(4, 0);
+                out.extend(field);
+            } else {
+                out.extend((extra_at + extra.len() as u32).to_le_bytes());
+                extra.extend(value);
+                if extra.len() % 2 == 1 {
+                    extra.push(0);
+                }
+            }
+        }
+        out.extend([0; 4]);
+        out.extend(extra);
+        out
+    }
+}
+
+fn degrees_minutes_seconds(degrees: f64) -> [(f64, u32); 3] {
+    let d = degrees.abs();
+    let minutes = d.fract() * 60.0;
+    // Whole parts first, so that rounding the seconds cannot reach 60 unnoticed by more than 1e-6.
+    [
+        (d.floor(), 1),
+        (minutes.floor(), 1),
+        (minutes.fract() * 60.0, 1_000_000),
+    ]
+}
+
+fn exif_block(tags: &PhotoTags, width: u32, height: u32) -> Vec<u8> {
+    let mut camera = Directory::default();
+    camera.ascii(0x9003, &tags.taken);
+    camera.byte(0x9000, b"0230");
+    camera.rationals(0x829a, &[(0.001, 1_000_000)]);
+    camera.rationals(0x829d, &[(2.8, 10)]);
+    camera.short(0x8827, 100);
+    camera.rationals(0x920a, &[(tags.focal_length_mm, 1000)]);
+    camera.short(0xa405, tags.focal_35mm.round().clamp(0.0, 65_535.0) as u16);
+    camera.long(0xa002, width);
+    camera.long(0xa003, height);
+    // ExifVersion is UNDEFINED (7), not BYTE.
+    for entry in &mut camera.entries {
+        if entry.0 == 0x9000 {
+            entry.1 = 7;
+        }
+    }
+    let mut gps = Directory::default();
+    gps.byte(0x0000, &[2, 3, 0, 0]);
+    gps.ascii(0x0001, if tags.lat_deg < 0.0 { "S" } else { "N" });
+    gps.rationals(0x0002, &degrees_minutes_seconds(tags.lat_deg));
+    gps.ascii(0x0003, if tags.lon_deg < 0.0 { "W" } else { "E" });
+    gps.rationals(0x0004, &degrees_minutes_seconds(tags.lon_deg));
+    gps.byte(0x0005, &[u8::from(tags.gps_altitude_m < 0.0)]);
+    gps.rationals(0x0006, &[(tags.gps_altitude_m.abs(), 1000)]);
+
+    let mut main = Directory::default();
+    main.ascii(0x010f, &tags.make);
+    main.ascii(0x0110, &tags.model);
+    main.short(0x0112, 1);
+    main.ascii(0x0131, "grimnet-world");
+    main.ascii(0x0132, &tags.taken);
+    main.long(0x8769, 0);
+    main.long(0x8825, 0);
+    let camera_at = 8 + main.size();
+    let gps_at = camera_at + camera.size();
+    for entry in &mut main.entries {
+        match entry.0 {
+            0x8769 => entry.3 = camera_at.to_le_bytes().to_vec(),
+            0x8825 => entry.3 = gps_at.to_le_bytes().to_vec(),
+            _ => {}
+        }
+    }
+    let mut out = b"Exif\0\0II\x2a\0\x08\0\0\0".to_vec();
+    out.extend(main.bytes(8));
+    out.extend(camera.bytes(camera_at));
+    out.extend(gps.bytes(gps_at));
+    out
+}
+
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('"', "&quot;")
+}
+
+fn xmp_block(tags: &PhotoTags) -> Vec<u8> {
+    let body = format!(
+        "<?xpacket begin=\"\u{feff}\" id=\"W5M0MpCehiHzreSzNTczkc9d\"?>\n\
+         <x:xmpmeta xmlns:x=\"adobe:ns:meta/\">\n \
+         <rdf:RDF xmlns:rdf=\"http://www.w3.org/1999/02/22-rdf-syntax-ns#\">\n  \
+         <rdf:Description rdf:about=\"DJI Meta Data\"\n    \
+         xmlns:tiff=\"http://ns.adobe.com/tiff/1.0/\"\n    \
+         xmlns:drone-dji=\"http://www.dji.com/drone-dji/1.0/\"\n   \
+         tiff:Make=\"{make}\"\n   tiff:Model=\"{model}\"\n   \
+         drone-dji:GpsLatitude=\"{lat:+.7}\"\n   drone-dji:GpsLongitude=\"{lon:+.7}\"\n   \
+         drone-dji:AbsoluteAltitude=\"{absolute:+.2}\"\n   \
+         drone-dji:RelativeAltitude=\"{relative:+.2}\"\n   \
+         drone-dji:GimbalRollDegree=\"{roll:+.2}\"\n   \
+         drone-dji:GimbalYawDegree=\"{yaw:+.2}\"\n   \
+         drone-dji:GimbalPitchDegree=\"{pitch:+.2}\"\n   \
+         drone-dji:FlightRollDegree=\"+0.00\"\n   \
+         drone-dji:FlightYawDegree=\"{flight:+.2}\"\n   \
+         drone-dji:FlightPitchDegree=\"+0.00\"\n   \
+         drone-dji:CalibratedFocalLength=\"{focal:.4}\">\n  \
+         </rdf:Description>\n </rdf:RDF>\n</x:xmpmeta>\n<?xpacket end=\"w\"?>",
+        make = escaped(&tags.make),
+        model = escaped(&tags.model),
+        lat = tags.lat_deg,
+        lon = tags.lon_deg,
+        absolute = tags.gps_altitude_m,
+        relative = tags.relative_altitude_m,
+        roll = tags.gimbal_roll_deg,
+        yaw = tags.gimbal_yaw_deg,
+        pitch = tags.gimbal_pitch_deg,
+        flight = tags.flight_yaw_deg,
+        focal = tags.calibrated_focal_px,
+    );
+    let mut out = b"http://ns.adobe.com/xap/1.0/\0".to_vec();
+    out.extend(body.into_bytes());
+    out
+}
+
+/// Writes a JPEG of the given quality (1-100) that carries `tags` as EXIF and as DJI's XMP.
+///
+/// # Errors
+/// [`WorldError::Write`] or [`WorldError::Encode`], naming the file.
+pub fn write_jpeg_with_exif(
+    path: &Path,
+    image: &RgbImage,
+    quality: u8,
+    tags: &PhotoTags,
+) -> Result<(), WorldError> {
+    let mut plain = Vec::new();
+    image::codecs::jpeg::JpegEncoder::new_with_quality(&mut plain, quality.clamp(1, 100))
+        .encode(
+            image,
+            image.width(),
+            image.height(),
+            ExtendedColorType::Rgb8,
+        )
+        .map_err(|e| WorldError::encode(path, e))?;
+    let mut out = vec![0xff, 0xd8];
+    for block in [
+        exif_block(tags, image.width(), image.height()),
+        xmp_block(tags),
+    ] {
+        let length = u16::try_from(block.len() + 2).map_err(|_| {
+            WorldError::encode(path, "metadata larger than a JPEG segment (64 KiB)")
+        })?;
+        out.extend([0xff, 0xe1]);
+        out.extend(length.to_be_bytes());
+        out.extend(block);
+    }
+    out.extend(without_jfif(&plain));
+    fs_err::write(path, out).map_err(WorldError::write(path))
+}
+
+/// The stream after SOI and, as cameras write it, without the JFIF segment.
+fn without_jfif(jpeg: &[u8]) -> &[u8] {
+    let rest = jpeg.get(2..).unwrap_or_default();
+    match rest {
+        [0xff, 0xe0, high, low, ..] => rest
+            .get(2 + usize::from(u16::from_be_bytes([*high, *low]))..)
+            .unwrap_or_default(),
+        _ => rest,
+    }
+}

@@ -1,0 +1,10 @@
+//! Truth files, metrics and reports: how far off, how often, how honest.
+//!
+//! The way of the data: [`truth::read`] gives what each photo's answer should be,
+//! [`metrics::Frame::score`] compares one answer with it, and [`metrics::Summary::of`] condenses all
+//! frames into the figures that the field uses; [`report::Report`] shows them on one page.
+
+pub mod metrics;
+pub mod plot;
+pub mod report;
+pub mod truth;

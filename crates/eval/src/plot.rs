@@ -1,0 +1,103 @@
+//! Curves as SVG.
+
+use plotters::prelude::*;
+
+use crate::metrics::Frame;
+
+/// A curve could not be drawn.
+#[derive(Debug, thiserror::Error)]
+#[error("cannot draw a curve: {0}")]
+pub struct PlotError(String);
+
+impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotError {
+    fn from(error: DrawingAreaErrorKind<E>) -> Self {
+        Self(error.to_string())
+    }
+}
+
+const SIZE_PX: (u32, u32) = (900, 320);
+
+/// Farthest error that the curves show, in metres: beyond it a fix is a miss in every measure.
+const AXIS_M: f64 = 30.0;
+
+/// The share of all frames within a distance, for several runs (cumulative distribution of the error).
+///
+/// # Errors
+/// Drawing fails.
+pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
+        let mut chart = ChartBuilder::on(&root)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..AXIS_M, 0.0..100.0)?;
+        chart
+            .configure_mesh()
+            .x_desc("error, m")
+            .y_desc("% of frames")
+            .draw()?;
+        for (i, (name, frames)) in runs.iter().enumerate() {
+            let colour = Palette99::pick(i).to_rgba();
+            let mut errors: Vec<f64> = frames.iter().filter_map(|f| f.error_m).collect();
+            errors.sort_by(f64::total_cmp);
+            let step = 100.0 / frames.len().max(1) as f64;
+            let mut points = vec![(0.0, 0.0)];
+            for (k, error) in errors.iter().enumerate().take_while(|(_, e)| **e <= AXIS_M) {
+                points.push((*error, k as f64 * step));
+                points.push((*error, (k + 1) as f64 * step));
+            }
+            let height = points.last().map_or(0.0, |p| p.1);
+            points.push((AXIS_M, height));
+            chart
+                .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
+                .label(*name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerRight)
+            .background_style(WHITE.mix(0.8))
+            .draw()?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+/// The error of each frame in flight order, with its stated 95 % radius (figure 7a of the paper).
+///
+/// # Errors
+/// Drawing fails.
+pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
+        let mut chart = ChartBuilder::on(&root)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..frames.len().max(1) as f64, 0.0..AXIS_M)?;
+        chart
+            .configure_mesh()
+            .x_desc("frame")
+            .y_desc("error, m")
+            .draw()?;
+        for (i, frame) in frames.iter().enumerate() {
+            let (Some(error), x) = (frame.error_m, i as f64 + 0.5) else {
+                continue;
+            };
+            if let Some(radius) = frame.radius95_m {
+                let top = radius.min(AXIS_M);
+                chart.draw_series([Rectangle::new(
+                    [(x - 0.4, 0.0), (x + 0.4, top)],
+                    BLUE.mix(0.15).filled(),
+                )])?;
+            }
+            let colour = if error > AXIS_M { RED } else { BLUE };
+            chart.draw_series([Circle::new((x, error.min(AXIS_M)), 3, colour.filled())])?;
+        }
+        root.present()?;
+    }
+    Ok(svg)
+}

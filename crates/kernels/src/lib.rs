@@ -31,6 +31,7 @@ pub use matmul_i8::matmul_nt_i8;
 pub use norm::{channel_moments, scale_shift};
 pub use pool::max_pool_2x2;
 pub use resize::upsample_bilinear_add;
+pub use simd::PlainKernel;
 pub use tensor::Tensor;
 pub use transposed::ConvTranspose2d;
 pub use workspace::Workspace;

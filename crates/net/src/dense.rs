@@ -63,7 +63,7 @@ impl Dense {
 
     /// Descriptors of points of this picture: n x D, each row of unit length.
     pub fn describe(&self, keypoints: &[Keypoint]) -> Vec<f32> {
-        describe::describe(&self.output.descriptors, keypoints)
+        describe::describe(self.shared.isa, &self.output.descriptors, keypoints)
     }
 
     /// The NetVLAD sum over the window (left, top, width, height; clipped to the picture): over all positions (8 px apart in

@@ -1,6 +1,6 @@
 //! Local descriptors at keypoints.
 
-use grimnet_kernels::Tensor;
+use grimnet_kernels::{Isa, PlainKernel, Tensor};
 use rayon::prelude::*;
 
 use crate::Keypoint;
@@ -12,33 +12,59 @@ const BATCH: usize = 64;
 /// Samples `field` (one vector for each 8 x 8 px cell) bilinearly at the keypoints and scales each vector to unit length.
 /// The vector of a cell sits at the cell's centre, as in PyTorch's `grid_sample(align_corners=False)`; outside the outermost
 /// centres the nearest counts (PyTorch's padding with zeros has the same direction).
-pub(crate) fn describe(field: &Tensor, keypoints: &[Keypoint]) -> Vec<f32> {
+pub(crate) fn describe(isa: Isa, field: &Tensor, keypoints: &[Keypoint]) -> Vec<f32> {
     let dim = field.channels();
     let mut out = vec![0.0; keypoints.len() * dim];
-    out.par_chunks_mut(BATCH * dim)
-        .zip(keypoints.par_chunks(BATCH))
-        .for_each(|(rows, keypoints)| {
-            for (row, keypoint) in rows.chunks_exact_mut(dim).zip(keypoints) {
-                let (x0, x1, fx) = neighbours(keypoint.x_px, field.width());
-                let (y0, y1, fy) = neighbours(keypoint.y_px, field.height());
-                let corners = [
-                    (y0, x0, (1.0 - fy) * (1.0 - fx)),
-                    (y0, x1, (1.0 - fy) * fx),
-                    (y1, x0, fy * (1.0 - fx)),
-                    (y1, x1, fy * fx),
-                ];
-                let [a, b, c, d] = corners.map(|(y, x, _)| field.pixel(y, x));
-                let [wa, wb, wc, wd] = corners.map(|(_, _, weight)| weight);
-                for ((((v, a), b), c), d) in row.iter_mut().zip(a).zip(b).zip(c).zip(d) {
-                    *v = a * wa + b * wb + c * wc + d * wd;
-                }
-                normalise(row);
-            }
-        });
+    let batches = out
+        .par_chunks_mut(BATCH * dim)
+        .zip(keypoints.par_chunks(BATCH));
+    batches.for_each(|(rows, keypoints)| {
+        isa.vectorise(Batch {
+            field,
+            keypoints,
+            rows,
+        })
+    });
     out
 }
 
+struct Batch<'a> {
+    field: &'a Tensor,
+    keypoints: &'a [Keypoint],
+    rows: &'a mut [f32],
+}
+
+impl PlainKernel for Batch<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Self {
+            field,
+            keypoints,
+            rows,
+        } = self;
+        for (row, keypoint) in rows.chunks_exact_mut(field.channels()).zip(keypoints) {
+            let (x0, x1, fx) = neighbours(keypoint.x_px, field.width());
+            let (y0, y1, fy) = neighbours(keypoint.y_px, field.height());
+            let [a, b, c, d] =
+                [(y0, x0), (y0, x1), (y1, x0), (y1, x1)].map(|(y, x)| field.pixel(y, x));
+            let (wa, wb, wc, wd) = (
+                (1.0 - fy) * (1.0 - fx),
+                (1.0 - fy) * fx,
+                fy * (1.0 - fx),
+                fy * fx,
+            );
+            for ((((v, a), b), c), d) in row.iter_mut().zip(a).zip(b).zip(c).zip(d) {
+                *v = a * wa + b * wb + c * wc + d * wd;
+            }
+            normalise(row);
+        }
+    }
+}
+
 /// The two cells around a pixel, and the share of the second.
+#[inline(always)]
 fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
     let last = cells.saturating_sub(1);
     let at = ((at_px + 0.5) / CELL_PX as f32 - 0.5).clamp(0.0, last as f32);
@@ -50,28 +76,35 @@ fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
 const SMALLEST_NORM: f32 = 1e-12;
 
 /// Scales to unit length.
+#[inline(always)]
 pub(crate) fn normalise(row: &mut [f32]) {
     let factor = inverse_norm(row);
     row.iter_mut().for_each(|v| *v *= factor);
 }
 
 /// One over the length.
+#[inline(always)]
 pub(crate) fn inverse_norm(row: &[f32]) -> f32 {
     1.0 / dot(row, row).sqrt().max(SMALLEST_NORM)
 }
 
-/// Scalar product, in eight partial sums that a compiler keeps in vector registers.
+/// Numbers that are multiplied together; two or more of every vector's.
+const LANES: usize = 32;
+
+/// Scalar product, in partial sums that a compiler keeps in vector registers.
+#[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
-    let (a8, a_rest) = a.as_chunks::<8>();
-    let (b8, b_rest) = b.as_chunks::<8>();
-    let mut sums = [0.0f32; 8];
-    for (a, b) in a8.iter().zip(b8) {
+    let (a_chunks, a_rest) = a.as_chunks::<LANES>();
+    let (b_chunks, b_rest) = b.as_chunks::<LANES>();
+    let mut sums = [0.0f32; LANES];
+    for (a, b) in a_chunks.iter().zip(b_chunks) {
         for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
             *sum += a * b;
         }
     }
     let rest: f32 = a_rest.iter().zip(b_rest).map(|(a, b)| a * b).sum();
-    ((sums[0] + sums[4]) + (sums[1] + sums[5])) + ((sums[2] + sums[6]) + (sums[3] + sums[7])) + rest
+    let (low, high) = sums.split_at(LANES / 2);
+    low.iter().zip(high).map(|(a, b)| a + b).sum::<f32>() + rest
 }
 
 #[cfg(test)]
@@ -90,6 +123,7 @@ mod tests {
     fn vectors_are_interpolated_between_cell_centres() {
         let field = Tensor::from_hwc(&[1.0, 0.0, 0.0, 1.0], 1, 2, 2);
         let rows = describe(
+            Isa::detect(),
             &field,
             &[
                 at(3.5, 3.0),
@@ -120,8 +154,11 @@ mod tests {
 
     #[test]
     fn zero_stays_zero_and_dot_is_a_scalar_product() {
-        assert_eq!(describe(&Tensor::new(1, 1, 3), &[at(0.0, 0.0)]), [0.0; 3]);
-        let a: Vec<f32> = (0..19).map(|v| v as f32).collect();
-        assert_eq!(dot(&a, &a), 2109.0);
+        assert_eq!(
+            describe(Isa::detect(), &Tensor::new(1, 1, 3), &[at(0.0, 0.0)]),
+            [0.0; 3]
+        );
+        let a: Vec<f32> = (0..51).map(|v| v as f32).collect();
+        assert_eq!(dot(&a, &a), 42925.0);
     }
 }

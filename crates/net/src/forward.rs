@@ -42,6 +42,7 @@ pub(crate) struct Scratch {
     pong: Tensor,
     stages: [Tensor; STAGES],
     logits: Tensor,
+    products: Tensor,
 }
 
 /// What a pass leaves behind.
@@ -134,6 +135,7 @@ impl Network {
             pong,
             stages,
             logits,
+            products,
         } = scratch;
         self.input.fill(image, mask, input);
 
@@ -187,7 +189,7 @@ impl Network {
                 out.forward(isa, ping, logits, workspace, gathering)
             }
         }
-        heatmap_from_logits(logits, &mut output.heatmap);
+        heatmap_from_logits(isa, logits, &mut output.heatmap);
 
         if self.vlad_input == VladInput::Deepest {
             std::mem::swap(&mut output.deepest, h32);
@@ -204,8 +206,8 @@ impl Network {
             descriptors
         };
         self.assign
-            .forward(isa, vectors, logits, workspace, gathering);
-        vlad.assign(vectors, logits, field);
+            .forward(isa, vectors, products, workspace, gathering);
+        vlad.assign(isa, vectors, products, field);
     }
 }
 

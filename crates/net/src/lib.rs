@@ -33,6 +33,7 @@ mod layer;
 mod model;
 mod random;
 mod seen;
+mod softmax;
 mod spec;
 mod statistics;
 mod vlad;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
+use grimnet_kernels::Isa;
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use half::vec::HalfFloatVecExt;
@@ -149,6 +150,7 @@ struct Inner {
     card: Card,
     parameters: BTreeMap<String, Parameter>,
     hash: ModelHash,
+    isa: Isa,
 }
 
 impl Model {
@@ -225,6 +227,7 @@ impl Model {
                 card,
                 parameters,
                 hash,
+                isa: Isa::detect(),
             }),
         })
     }
@@ -252,6 +255,7 @@ impl Model {
             card,
             parameters: parameters.clone(),
             hash: *hash,
+            isa: self.inner.isa,
         };
         Self {
             inner: Arc::new(inner),
@@ -324,7 +328,9 @@ impl Model {
             self.parameter("whitening.projection"),
         );
         match whitening {
-            (Some(mean), Some(projection)) => whiten(&rows, &mean.to_f32(), projection),
+            (Some(mean), Some(projection)) => {
+                whiten(self.inner.isa, &rows, &mean.to_f32(), projection)
+            }
             _ => rows,
         }
     }

@@ -2,13 +2,14 @@
 
 use std::ops::AddAssign;
 
-use grimnet_kernels::{Isa, Tensor, matmul_nn};
+use grimnet_kernels::{Isa, PlainKernel, Tensor, matmul_nn};
 use image::GrayImage;
 use rayon::prelude::*;
 
 use crate::describe::{inverse_norm, normalise};
-use crate::heatmap::softmax;
+
 use crate::seen::square_is_seen;
+use crate::softmax::softmax;
 use crate::{Model, NetError};
 
 /// Unnormalised VLAD of some part of a picture: K x D, row k the sum over positions n of a_nk (u_n - c_k), where u_n is the
@@ -90,30 +91,30 @@ impl VladLayer {
 
     /// Soft assignments of all positions. `products` holds for each position the products of the assignment's weights with
     /// its vector as it is; the length is divided out here.
-    pub(crate) fn assign(&self, vectors: &Tensor, products: &Tensor, field: &mut VladField) {
+    pub(crate) fn assign(
+        &self,
+        isa: Isa,
+        vectors: &Tensor,
+        products: &Tensor,
+        field: &mut VladField,
+    ) {
         let (height, width, clusters) = (vectors.height(), vectors.width(), self.clusters);
         field.assignments.resize(height * width * clusters, 0.0);
         field.inverse_norms.resize(height * width, 0.0);
+        let norms = field.inverse_norms.par_chunks_exact_mut(width);
         let rows = field
             .assignments
             .par_chunks_exact_mut(width * clusters)
-            .zip(field.inverse_norms.par_chunks_exact_mut(width));
+            .zip(norms);
         rows.enumerate().for_each(|(y, (assignments, norms))| {
-            for (x, (row, norm)) in assignments
-                .chunks_exact_mut(clusters)
-                .zip(norms)
-                .enumerate()
-            {
-                *norm = inverse_norm(vectors.pixel(y, x));
-                for ((v, product), bias) in row
-                    .iter_mut()
-                    .zip(products.pixel(y, x))
-                    .zip(&self.assign_bias)
-                {
-                    *v = product * *norm + bias;
-                }
-                softmax(row);
-            }
+            isa.vectorise(AssignRow {
+                vectors,
+                products,
+                y,
+                bias: &self.assign_bias,
+                assignments,
+                norms,
+            });
         });
     }
 
@@ -189,5 +190,35 @@ impl VladLayer {
             }
         }
         VladSum(sum)
+    }
+}
+
+/// A row of positions, to be assigned.
+struct AssignRow<'a> {
+    vectors: &'a Tensor,
+    products: &'a Tensor,
+    y: usize,
+    bias: &'a [f32],
+    assignments: &'a mut [f32],
+    norms: &'a mut [f32],
+}
+
+impl PlainKernel for AssignRow<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let rows = self
+            .assignments
+            .chunks_exact_mut(self.bias.len())
+            .zip(self.norms);
+        for (x, (row, norm)) in rows.enumerate() {
+            *norm = inverse_norm(self.vectors.pixel(self.y, x));
+            let products = self.products.pixel(self.y, x);
+            for ((v, product), bias) in row.iter_mut().zip(products).zip(self.bias) {
+                *v = product * *norm + bias;
+            }
+            softmax(row);
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! PCA whitening of VLAD vectors (paper, eq. 8).
 
+use grimnet_kernels::{Isa, PlainKernel};
 use half::f16;
 use half::slice::HalfFloatSliceExt;
 use rayon::prelude::*;
@@ -14,7 +15,7 @@ const BLOCK: usize = 1024;
 /// P (v - mean), then unit length, of `rows` of VLAD vectors (n x K*D). A row of zeros (nothing seen) stays zeros.
 ///
 /// The projection is read as it is stored, in half precision: for one vector, reading it is most of the work.
-pub(crate) fn whiten(rows: &[f32], mean: &[f32], projection: &Parameter) -> Vec<f32> {
+pub(crate) fn whiten(isa: Isa, rows: &[f32], mean: &[f32], projection: &Parameter) -> Vec<f32> {
     let len = mean.len();
     let centred: Vec<Option<Vec<f32>>> = rows
         .chunks_exact(len)
@@ -28,11 +29,11 @@ pub(crate) fn whiten(rows: &[f32], mean: &[f32], projection: &Parameter) -> Vec<
     let columns: Vec<Vec<f32>> = match &projection.values {
         Values::F32(axes) => axes
             .par_chunks_exact(len)
-            .map(|axis| products(&centred, |row| dot(axis, row)))
+            .map(|axis| products(&centred, |row| isa.vectorise(Dot(axis, row))))
             .collect(),
         Values::F16(axes) => axes
             .par_chunks_exact(len)
-            .map(|axis| half_products(&centred, axis))
+            .map(|axis| half_products(isa, &centred, axis))
             .collect(),
     };
     let mut out = Vec::with_capacity(centred.len() * columns.len());
@@ -50,7 +51,7 @@ fn products(rows: &[Option<Vec<f32>>], product: impl Fn(&[f32]) -> f32) -> Vec<f
         .collect()
 }
 
-fn half_products(rows: &[Option<Vec<f32>>], axis: &[f16]) -> Vec<f32> {
+fn half_products(isa: Isa, rows: &[Option<Vec<f32>>], axis: &[f16]) -> Vec<f32> {
     let mut sums = vec![0.0; rows.len()];
     let mut wide = [0.0; BLOCK];
     for (i, block) in axis.chunks(BLOCK).enumerate() {
@@ -58,9 +59,20 @@ fn half_products(rows: &[Option<Vec<f32>>], axis: &[f16]) -> Vec<f32> {
         block.convert_to_f32_slice(wide);
         for (sum, row) in sums.iter_mut().zip(rows) {
             if let Some(row) = row {
-                *sum += dot(wide, &row[i * BLOCK..][..wide.len()]);
+                *sum += isa.vectorise(Dot(wide, &row[i * BLOCK..][..wide.len()]));
             }
         }
     }
     sums
+}
+
+struct Dot<'a>(&'a [f32], &'a [f32]);
+
+impl PlainKernel for Dot<'_> {
+    type Output = f32;
+
+    #[inline(always)]
+    fn run(self) -> f32 {
+        dot(self.0, self.1)
+    }
 }

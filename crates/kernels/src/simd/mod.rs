@@ -59,7 +59,33 @@ pub(crate) trait Simd: Copy + Send + Sync {
     unsafe fn transpose(self, from: *const f32, from_stride: usize, to: *mut f32, to_stride: usize);
 }
 
+/// Plain code that gains from being compiled for the processor's vectors: loops over slices that the compiler can
+/// vectorise by itself. Started by [`Isa::vectorise`].
+///
+/// The compiler does not fuse multiplications and additions, so all instruction sets give the same bits.
+pub trait PlainKernel {
+    /// What it gives.
+    type Output;
+    /// The work. Mark it, and what it calls, `#[inline(always)]`, or it is compiled without the vectors.
+    fn run(self) -> Self::Output;
+}
+
+struct Plain<K>(K);
+
+impl<K: PlainKernel> Kernel for Plain<K> {
+    type Output = K::Output;
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> K::Output {
+        self.0.run()
+    }
+}
+
 impl Isa {
+    /// Runs plain code compiled for this instruction set, or for [`Isa::Portable`] where the processor lacks it.
+    pub fn vectorise<K: PlainKernel>(self, kernel: K) -> K::Output {
+        self.run(Plain(kernel))
+    }
+
     /// Runs a kernel compiled for this instruction set, or for [`Isa::Portable`] where the processor lacks it.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {

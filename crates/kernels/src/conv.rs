@@ -12,7 +12,7 @@ pub enum Activation {
     /// Nothing.
     #[default]
     Identity,
-    /// `max(x, 0)`.
+    /// `max(x, 0)`; what is not a number stays so.
     Relu,
 }
 
@@ -22,7 +22,8 @@ impl Activation {
     pub fn apply(self, value: f32) -> f32 {
         match self {
             Activation::Identity => value,
-            Activation::Relu => value.max(0.0),
+            Activation::Relu if value < 0.0 => 0.0,
+            Activation::Relu => value,
         }
     }
 }

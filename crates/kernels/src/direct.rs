@@ -83,6 +83,7 @@ impl DirectWeights {
                             taps,
                             depth,
                             b: self.panels.panel(panel).as_ptr(),
+                            b_stride: shape.width(panel),
                             width: shape.width(panel),
                             out: out.at((y + 1) * row + pixel + start),
                             out_stride: pixel,

@@ -9,6 +9,7 @@ mod conv;
 mod direct;
 mod error;
 mod isa;
+mod layout;
 mod matmul;
 mod matmul_i8;
 mod norm;

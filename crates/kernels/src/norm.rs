@@ -1,57 +1,118 @@
 //! Moments of channels, and the affine map that normalisation comes down to.
 
-use rayon::prelude::*;
-
+use crate::buffer::AlignedBuffer;
+use crate::parallel::{SharedMut, for_each};
+use crate::simd::{Kernel, Simd};
 use crate::{Activation, Isa, Tensor};
+
+/// Rows of pixels whose sums are made by one worker.
+const BAND: usize = 8;
+/// Pixels that are summed in `f32` before the sum goes into an `f64`.
+const RUN: usize = 32;
 
 /// Mean and biased variance of every channel over the pixels whose `mask` (`height x width`) is not zero, or over all.
 ///
-/// Sums are in `f64`, row by row, so the result does not depend on the number of threads. Without a single pixel the
-/// mean is 0 and the variance 1, which normalises to the identity.
+/// The variance is taken around the mean in a second pass. Short runs of pixels are summed in `f32`, their sums in `f64`
+/// in a fixed order, so the result does not depend on the number of threads. Without a single pixel the mean is 0 and the
+/// variance 1, which normalises to the identity.
 ///
 /// # Panics
 /// If the mask has not `height x width` elements.
 #[must_use]
 pub fn channel_moments(tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f32>) {
-    let (h, w, channels) = (tensor.height(), tensor.width(), tensor.channels());
+    let (height, width, channels) = (tensor.height(), tensor.width(), tensor.channels());
     if let Some(mask) = mask {
-        assert_eq!(mask.len(), h * w, "elements of the mask of {tensor:?}");
+        assert_eq!(
+            mask.len(),
+            height * width,
+            "elements of the mask of {tensor:?}"
+        );
     }
-    let seen = |y: usize, x: usize| mask.is_none_or(|mask| mask[y * w + x] != 0);
-    // Two passes: the variance around the mean loses no digits.
-    let sum_rows = |value: &(dyn Fn(usize, f32) -> f64 + Sync)| -> Vec<f64> {
-        let rows: Vec<Vec<f64>> = (0..h)
-            .into_par_iter()
-            .map(|y| {
-                let mut sums = vec![0.0; channels];
-                for x in (0..w).filter(|&x| seen(y, x)) {
-                    for (c, (sum, &v)) in sums.iter_mut().zip(tensor.pixel(y, x)).enumerate() {
-                        *sum += value(c, v);
-                    }
-                }
-                sums
-            })
-            .collect();
-        let mut total = vec![0.0; channels];
-        for row in rows {
-            total.iter_mut().zip(row).for_each(|(t, r)| *t += r);
-        }
-        total
-    };
-    let count = (0..h * w).filter(|i| seen(i / w, i % w)).count();
+    let count = mask.map_or(height * width, |mask| {
+        mask.iter().filter(|&&seen| seen != 0).count()
+    });
     if count == 0 {
         return (vec![0.0; channels], vec![1.0; channels]);
     }
-    let mean: Vec<f64> = sum_rows(&|_, v| f64::from(v))
-        .into_iter()
-        .map(|s| s / count as f64)
-        .collect();
-    let squares = sum_rows(&|c, v| (f64::from(v) - mean[c]).powi(2));
-    let variance = squares
-        .into_iter()
-        .map(|s| (s / count as f64) as f32)
-        .collect();
-    (mean.into_iter().map(|m| m as f32).collect(), variance)
+    let pixel = tensor.channel_stride();
+    let isa = Isa::detect().for_stride(pixel);
+    let average = |center: &[f32], square: bool| -> Vec<f32> {
+        let bands = height.div_ceil(BAND);
+        // `f64` sums in the memory of two floats each
+        let mut sums = vec![0.0f64; bands * pixel];
+        let out = SharedMut::new(bytemuck::cast_slice_mut(&mut sums));
+        for_each(&mut AlignedBuffer::default(), 0, bands, |_, band| {
+            // SAFETY: the sums of a band, which belong to this unit; the memory is that of `f64`s.
+            let sums = unsafe {
+                std::slice::from_raw_parts_mut(out.at(2 * band * pixel).cast::<f64>(), pixel)
+            };
+            for y in band * BAND..height.min((band + 1) * BAND) {
+                let line = &tensor.as_slice()[tensor.offset(y + 1, 1)..][..width * pixel];
+                isa.run(SumRow {
+                    line,
+                    mask: mask.map(|mask| &mask[y * width..][..width]),
+                    center,
+                    square,
+                    sums,
+                });
+            }
+        });
+        (0..channels)
+            .map(|c| (sums[c..].iter().step_by(pixel).sum::<f64>() / count as f64) as f32)
+            .collect()
+    };
+    let mut mean = average(&vec![0.0; pixel], false);
+    mean.resize(pixel, 0.0);
+    let variance = average(&mean, true);
+    mean.truncate(channels);
+    (mean, variance)
+}
+
+/// Adds `x - center`, or its square, of the seen pixels of a row to the sums.
+struct SumRow<'a> {
+    line: &'a [f32],
+    mask: Option<&'a [u8]>,
+    center: &'a [f32],
+    square: bool,
+    sums: &'a mut [f64],
+}
+
+impl Kernel for SumRow<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let pixel = self.center.len();
+        assert!(self.sums.len() == pixel && pixel.is_multiple_of(S::LANES));
+        let width = self.line.len() / pixel;
+        for c in (0..pixel).step_by(S::LANES) {
+            // SAFETY: `center` has whole vectors.
+            let center = unsafe { simd.load(self.center.as_ptr().add(c)) };
+            for first in (0..width).step_by(RUN) {
+                let mut sum = simd.zero();
+                for x in first..width.min(first + RUN) {
+                    if self.mask.is_some_and(|mask| mask[x] == 0) {
+                        continue;
+                    }
+                    // SAFETY: `x` is below the width; pixels are whole vectors.
+                    let value = simd.sub(
+                        unsafe { simd.load(self.line.as_ptr().add(x * pixel + c)) },
+                        center,
+                    );
+                    sum = if self.square {
+                        simd.mul_add(value, value, sum)
+                    } else {
+                        simd.add(sum, value)
+                    };
+                }
+                let mut lanes = [0.0f32; 16];
+                // SAFETY: no vector has more than 16 lanes.
+                unsafe { simd.store(lanes.as_mut_ptr(), sum) };
+                for (total, &lane) in self.sums[c..c + S::LANES].iter_mut().zip(&lanes) {
+                    *total += f64::from(lane);
+                }
+            }
+        }
+    }
 }
 
 /// `x = activation(x * scale + shift)` for every channel, in place.
@@ -59,29 +120,71 @@ pub fn channel_moments(tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f
 /// # Panics
 /// If `scale` or `shift` has not one element for each channel.
 pub fn scale_shift(
-    _isa: Isa,
+    isa: Isa,
     tensor: &mut Tensor,
     scale: &[f32],
     shift: &[f32],
     activation: Activation,
 ) {
-    let (h, w, channels) = (tensor.height(), tensor.width(), tensor.channels());
+    let (height, width, channels) = (tensor.height(), tensor.width(), tensor.channels());
     assert_eq!(
         (scale.len(), shift.len()),
         (channels, channels),
         "elements of scale and shift"
     );
     let (row, pixel) = (tensor.row_stride(), tensor.channel_stride());
-    tensor
-        .as_mut_slice()
-        .par_chunks_exact_mut(row)
-        .skip(1)
-        .take(h)
-        .for_each(|line| {
-            for x in 0..w {
-                for (c, v) in line[(x + 1) * pixel..][..channels].iter_mut().enumerate() {
-                    *v = activation.apply(*v * scale[c] + shift[c]);
+    let out = SharedMut::new(tensor.as_mut_slice());
+    for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
+        // SAFETY: the pixels of a row, which belongs to this unit.
+        let line =
+            unsafe { std::slice::from_raw_parts_mut(out.at((y + 1) * row + pixel), width * pixel) };
+        isa.run(ScaleRow {
+            line,
+            pixel,
+            scale,
+            shift,
+            activation,
+        });
+    });
+}
+
+struct ScaleRow<'a> {
+    line: &'a mut [f32],
+    pixel: usize,
+    scale: &'a [f32],
+    shift: &'a [f32],
+    activation: Activation,
+}
+
+impl Kernel for ScaleRow<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let whole = self.scale.len() / S::LANES * S::LANES;
+        for pixel in self.line.chunks_exact_mut(self.pixel) {
+            for c in (0..whole).step_by(S::LANES) {
+                // SAFETY: a whole vector of channels, which the pixel, scale and shift have.
+                unsafe {
+                    let (scale, shift) = (
+                        simd.load(self.scale.as_ptr().add(c)),
+                        simd.load(self.shift.as_ptr().add(c)),
+                    );
+                    let value = simd.mul_add(simd.load(pixel.as_ptr().add(c)), scale, shift);
+                    let value = match self.activation {
+                        Activation::Identity => value,
+                        Activation::Relu => simd.max(simd.zero(), value),
+                    };
+                    simd.store(pixel.as_mut_ptr().add(c), value);
                 }
             }
-        });
+            // The padding channels stay as they are: zero.
+            let rest = pixel[whole..]
+                .iter_mut()
+                .zip(&self.scale[whole..])
+                .zip(&self.shift[whole..]);
+            for ((value, scale), shift) in rest {
+                *value = self.activation.apply(*value * scale + shift);
+            }
+        }
+    }
 }

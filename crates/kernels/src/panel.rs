@@ -139,7 +139,10 @@ impl Taps {
 
 /// One panel against a run of rows:
 /// `out[r * out_stride + j] = finish(sum over taps t, depths d of
-/// a[taps[t] + r * row_stride + d * depth_stride] * b[(t * depth + d) * width + j])`.
+/// a[taps[t] + r * row_stride + d * depth_stride] * b[(t * depth + d) * b_stride + j])`.
+///
+/// Whoever makes one promises that every address of this formula is readable (`a`, `b`, a bias) or writable (`out`), and
+/// that nobody else writes or reads the outputs meanwhile.
 pub(crate) struct PanelRun {
     pub(crate) a: *const f32,
     pub(crate) row_stride: usize,
@@ -147,6 +150,8 @@ pub(crate) struct PanelRun {
     pub(crate) taps: Taps,
     pub(crate) depth: usize,
     pub(crate) b: *const f32,
+    /// The width, where the panel is packed.
+    pub(crate) b_stride: usize,
     /// Columns of the panel: the lanes of the instruction set, once or twice.
     pub(crate) width: usize,
     pub(crate) out: *mut f32,
@@ -156,18 +161,10 @@ pub(crate) struct PanelRun {
 }
 
 impl PanelRun {
-    /// # Safety
-    /// Every address of the formula above must be readable (`a`, `b`, a bias) or writable (`out`) and nobody else may
-    /// write or read the outputs meanwhile.
-    #[inline(always)]
-    pub(crate) unsafe fn run_on<S: Simd>(self, simd: S) {
-        simd.run(self);
-    }
-
     #[inline(always)]
     fn columns<S: Simd, const V: usize>(mut self, simd: S) {
         while self.rows > 0 {
-            // SAFETY: `run_on`'s promise; each step takes at most the rows that are left.
+            // SAFETY: the maker's promise; each step takes at most the rows that are left.
             unsafe {
                 match self.rows {
                     // Twice eight rows keep the registers busier than twelve and four.
@@ -185,11 +182,14 @@ impl PanelRun {
     }
 
     /// The next `R` rows.
+    ///
+    /// # Safety
+    /// There must be so many left.
     #[inline(always)]
     unsafe fn tile<S: Simd, const R: usize, const V: usize>(&mut self, simd: S) {
         let mut sums = [[simd.zero(); V]; R];
         let mut b = self.b;
-        // SAFETY: `run_on`'s promise.
+        // SAFETY: the maker's promise.
         unsafe {
             for tap_row in 0..self.taps.rows {
                 for tap_column in 0..self.taps.columns {
@@ -206,7 +206,7 @@ impl PanelRun {
                             }
                         }
                         a = a.wrapping_add(self.depth_stride);
-                        b = b.add(V * S::LANES);
+                        b = b.wrapping_add(self.b_stride);
                     }
                 }
             }

@@ -1,7 +1,8 @@
 //! Bilinear upsampling.
 
-use rayon::prelude::*;
-
+use crate::buffer::AlignedBuffer;
+use crate::parallel::{SharedMut, for_each};
+use crate::simd::{Kernel, Simd};
 use crate::{Isa, Tensor};
 
 /// For an output coordinate: the two input coordinates and the weight of the second
@@ -16,34 +17,71 @@ fn source(out: usize, out_size: usize, in_size: usize) -> (usize, usize, f32) {
 ///
 /// # Panics
 /// If the channels differ, or `src` is empty where `dst` is not.
-pub fn upsample_bilinear_add(_isa: Isa, src: &Tensor, dst: &mut Tensor) {
+pub fn upsample_bilinear_add(isa: Isa, src: &Tensor, dst: &mut Tensor) {
     assert_eq!(
         src.channels(),
         dst.channels(),
         "channels of the two tensors"
     );
-    let (h, w, channels) = (dst.height(), dst.width(), dst.channels());
+    let (height, width) = (dst.height(), dst.width());
+    assert!(
+        src.height() * src.width() > 0 || height * width == 0,
+        "cannot upsample the empty {src:?}"
+    );
     let (row, pixel) = (dst.row_stride(), dst.channel_stride());
-    dst.as_mut_slice()
-        .par_chunks_exact_mut(row)
-        .skip(1)
-        .take(h)
-        .enumerate()
-        .for_each(|(y, line)| {
-            let (y0, y1, fy) = source(y, h, src.height());
-            for x in 0..w {
-                let (x0, x1, fx) = source(x, w, src.width());
-                let (a, b, c, d) = (
-                    src.pixel(y0, x0),
-                    src.pixel(y0, x1),
-                    src.pixel(y1, x0),
-                    src.pixel(y1, x1),
-                );
-                for (i, out) in line[(x + 1) * pixel..][..channels].iter_mut().enumerate() {
-                    let top = a[i] + fx * (b[i] - a[i]);
-                    let bottom = c[i] + fx * (d[i] - c[i]);
-                    *out += top + fy * (bottom - top);
+    let isa = isa.for_stride(pixel);
+    let out = SharedMut::new(dst.as_mut_slice());
+    for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
+        let (upper, lower, down) = source(y, height, src.height());
+        let line = |y: usize| &src.as_slice()[src.offset(y + 1, 1)..][..src.width() * pixel];
+        // SAFETY: the pixels of an output row, which belongs to this unit.
+        let out =
+            unsafe { std::slice::from_raw_parts_mut(out.at((y + 1) * row + pixel), width * pixel) };
+        isa.run(AddRow {
+            upper: line(upper),
+            lower: line(lower),
+            down,
+            out,
+            pixel,
+        });
+    });
+}
+
+struct AddRow<'a> {
+    upper: &'a [f32],
+    lower: &'a [f32],
+    /// Weight of the lower line.
+    down: f32,
+    out: &'a mut [f32],
+    pixel: usize,
+}
+
+impl Kernel for AddRow<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let pixel = self.pixel;
+        let (in_width, out_width) = (self.upper.len() / pixel, self.out.len() / pixel);
+        assert!(
+            self.lower.len() == self.upper.len() && in_width > 0 && pixel.is_multiple_of(S::LANES)
+        );
+        let down = simd.splat(self.down);
+        for x in 0..out_width {
+            let (left, right, across) = source(x, out_width, in_width);
+            let across = simd.splat(across);
+            for c in (0..pixel).step_by(S::LANES) {
+                let between = |a, b, weight| simd.mul_add(weight, simd.sub(b, a), a);
+                // SAFETY: both columns are below `in_width`; pixels are whole vectors.
+                unsafe {
+                    let line = |line: &[f32]| {
+                        let at = |x: usize| simd.load(line.as_ptr().add(x * pixel + c));
+                        between(at(left), at(right), across)
+                    };
+                    let value = between(line(self.upper), line(self.lower), down);
+                    let out = self.out.as_mut_ptr().add(x * pixel + c);
+                    simd.store(out, simd.add(simd.load(out), value));
                 }
             }
-        });
+        }
+    }
 }

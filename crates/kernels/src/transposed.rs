@@ -128,6 +128,7 @@ impl ConvTranspose2d {
                             },
                             depth: self.in_channels,
                             b: weights.panel(panel).as_ptr(),
+                            b_stride: weights.shape.width(panel),
                             width: weights.shape.width(panel),
                             out: out.at((2 * y + odd_y + 1) * row + (odd_x + 1) * pixel + start),
                             out_stride: 2 * pixel,

@@ -14,14 +14,14 @@ use reference::random;
 /// Largest error allowed, relative to the largest output: Winograd F(4x4,3x3) costs the most digits.
 const TOLERANCE: f64 = 1e-5;
 
-fn conv_error(
-    isa: Isa,
+/// The worst error of each instruction set.
+fn conv_errors(
     spec: ConvSpec,
     h: usize,
     w: usize,
     activation: Activation,
     seed: u64,
-) -> f64 {
+) -> Vec<(Isa, f64)> {
     let x = random(spec.in_channels * h * w, seed);
     let weight = random(spec.weight_len(), seed + 1);
     let bias = random(spec.out_channels, seed + 2);
@@ -29,18 +29,18 @@ fn conv_error(
     if activation == Activation::Relu {
         expected = expected.relu();
     }
-    let conv = Conv2d::new(isa, spec, &weight, &bias, activation).unwrap();
-    let mut output = Tensor::default();
-    conv.forward(
-        &Tensor::from_chw(&x, spec.in_channels, h, w),
-        &mut output,
-        &mut Workspace::new(),
-    );
-    assert_eq!(
-        (output.height(), output.width()),
-        (spec.output_size(h), spec.output_size(w))
-    );
-    expected.error(&output.to_chw())
+    let input = Tensor::from_chw(&x, spec.in_channels, h, w);
+    let error = |isa| {
+        let conv = Conv2d::new(isa, spec, &weight, &bias, activation).unwrap();
+        let mut output = Tensor::default();
+        conv.forward(&input, &mut output, &mut Workspace::new());
+        assert_eq!(
+            (output.height(), output.width()),
+            (spec.output_size(h), spec.output_size(w))
+        );
+        (isa, expected.error(&output.to_chw()))
+    };
+    Isa::available().into_iter().map(error).collect()
 }
 
 fn activations() -> impl Strategy<Value = Activation> {
@@ -56,8 +56,7 @@ proptest! {
         h in 1usize..30, w in 1usize..30, activation in activations(), seed: u32,
     ) {
         let spec = ConvSpec { in_channels: ci, out_channels: co, kernel, stride };
-        for isa in Isa::available() {
-            let error = conv_error(isa, spec, h, w, activation, seed.into());
+        for (isa, error) in conv_errors(spec, h, w, activation, seed.into()) {
             prop_assert!(error < TOLERANCE, "{isa}: {error:e}");
         }
     }
@@ -149,24 +148,23 @@ fn network_layers_equal_f64() {
         stride,
     };
     let layers = [
-        (conv(3, 16, 3, 2), 64, 66),
-        (conv(3, 64, 3, 1), 40, 40),
-        (conv(16, 16, 3, 1), 64, 64),
-        (conv(16, 48, 3, 2), 64, 64),
-        (conv(48, 48, 3, 1), 40, 42),
-        (conv(48, 128, 3, 2), 40, 40),
+        (conv(3, 16, 3, 2), 30, 34),
+        (conv(3, 64, 3, 1), 20, 20),
+        (conv(16, 16, 3, 1), 32, 32),
+        (conv(16, 48, 3, 2), 32, 32),
+        (conv(48, 48, 3, 1), 20, 22),
+        (conv(48, 128, 3, 2), 20, 20),
         (conv(128, 128, 3, 1), 20, 20),
         (conv(128, 128, 3, 1), 10, 10),
         (conv(128, 128, 3, 2), 20, 20),
         (conv(128, 128, 1, 1), 20, 20),
         (conv(64, 65, 1, 1), 20, 20),
-        (conv(512, 512, 3, 1), 10, 10),
-        (conv(512, 65, 3, 1), 20, 20),
-        (conv(512, 256, 3, 1), 20, 20),
+        (conv(512, 512, 3, 1), 5, 5),
+        (conv(512, 65, 3, 1), 12, 12),
+        (conv(512, 256, 3, 1), 8, 12),
     ];
     for (spec, h, w) in layers {
-        for isa in Isa::available() {
-            let error = conv_error(isa, spec, h, w, Activation::Identity, 7);
+        for (isa, error) in conv_errors(spec, h, w, Activation::Identity, 7) {
             println!("{isa} {spec:?} {h}x{w}: {error:.1e} of the maximum");
             assert!(error < TOLERANCE);
         }

@@ -70,6 +70,11 @@ impl Simd for Neon {
         unsafe { vmaxq_f32(a, b) }
     }
     #[inline(always)]
+    fn sum(self, a: Self::V) -> f32 {
+        // SAFETY: see `zero`.
+        unsafe { vaddvq_f32(a) }
+    }
+    #[inline(always)]
     unsafe fn load(self, from: *const f32) -> Self::V {
         // SAFETY: see `zero`; the memory is the caller's promise.
         unsafe { vld1q_f32(from) }

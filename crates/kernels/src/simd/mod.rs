@@ -43,6 +43,8 @@ pub(crate) trait Simd: Copy + Send + Sync {
     fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// The larger; `b` where one of them is not a number.
     fn max(self, a: Self::V, b: Self::V) -> Self::V;
+    /// The sum of the lanes.
+    fn sum(self, a: Self::V) -> f32;
 
     /// # Safety
     /// `LANES` floats must be readable at `from`.
@@ -162,6 +164,7 @@ mod tests {
                         assert_eq!(out[i], f(a[i], b[i]));
                     }
                 }
+                assert_eq!(simd.sum(va), a[..n].iter().sum());
                 simd.transpose(a.as_ptr(), n, out.as_mut_ptr(), n);
             }
             for i in 0..n * n {

@@ -70,6 +70,11 @@ impl Simd for Avx512 {
         unsafe { _mm512_max_ps(a, b) }
     }
     #[inline(always)]
+    fn sum(self, a: Self::V) -> f32 {
+        // SAFETY: see `zero`.
+        unsafe { _mm512_reduce_add_ps(a) }
+    }
+    #[inline(always)]
     unsafe fn load(self, from: *const f32) -> Self::V {
         // SAFETY: see `zero`; the memory is the caller's promise.
         unsafe { _mm512_loadu_ps(from) }
@@ -195,6 +200,15 @@ impl Simd for Avx2 {
     fn max(self, a: Self::V, b: Self::V) -> Self::V {
         // SAFETY: see `zero`.
         unsafe { _mm256_max_ps(a, b) }
+    }
+    #[inline(always)]
+    fn sum(self, a: Self::V) -> f32 {
+        // SAFETY: see `zero`.
+        unsafe {
+            let four = _mm_add_ps(_mm256_castps256_ps128(a), _mm256_extractf128_ps::<1>(a));
+            let two = _mm_add_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)))
+        }
     }
     #[inline(always)]
     unsafe fn load(self, from: *const f32) -> Self::V {

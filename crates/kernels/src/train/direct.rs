@@ -1,8 +1,8 @@
 //! Strided, 1x1 and narrow convolutions, image by image on [`Tensor`]s.
 
-use super::layout::{Interleave, planes_from_tensor, tensor_from_planes};
 use crate::buffer::AlignedBuffer;
 use crate::direct::DirectWeights;
+use crate::layout::{Interleave, Separate};
 use crate::panel::{Finish, PanelRun, PanelShape, Panels, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::tensor::channel_stride;
@@ -197,6 +197,7 @@ fn scatter_phases(
                         },
                         depth: spec.out_channels,
                         b: weights.panel(panel).as_ptr(),
+                        b_stride: weights.shape.width(panel),
                         width: weights.shape.width(panel),
                         out: out.at((y + 1) * row + (odd_x + 1) * pixel + start),
                         out_stride: 2 * pixel,
@@ -267,6 +268,7 @@ pub(super) fn grad_weight(
                             taps: Taps::line(lines.min(oh - y), spec.stride * row),
                             depth: ow,
                             b: packed.as_ptr().add(start * oh * ow + y * ow * width),
+                            b_stride: width,
                             width,
                             out: sums_out.at(ky * rows * columns + start * rows + first * width),
                             out_stride: width,
@@ -320,4 +322,58 @@ fn pack_pixels(isa: Isa, planes: &[f32], channels: usize, shape: PanelShape, pac
             }
         },
     );
+}
+
+/// Copies an image `[channels, height, width]` into a tensor of that shape.
+fn tensor_from_planes(isa: Isa, planes: &[f32], tensor: &mut Tensor) {
+    let (height, width) = (tensor.height(), tensor.width());
+    let (row, pixel, channels) = (
+        tensor.row_stride(),
+        tensor.channel_stride(),
+        tensor.channels(),
+    );
+    assert_eq!(
+        planes.len(),
+        channels * height * width,
+        "elements of the image"
+    );
+    let out = SharedMut::new(tensor.as_mut_slice());
+    for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
+        // SAFETY: row `y` of every plane and of the tensor, which no other piece writes.
+        unsafe {
+            isa.run(Interleave {
+                from: planes.as_ptr().add(y * width),
+                plane: height * width,
+                channels,
+                count: width,
+                to: out.at((y + 1) * row + pixel),
+                to_stride: pixel,
+                block: pixel,
+            });
+        }
+    });
+}
+
+/// Copies a tensor into an image `[channels, height, width]`.
+fn planes_from_tensor(isa: Isa, tensor: &Tensor, planes: &mut [f32]) {
+    let (height, width, channels) = (tensor.height(), tensor.width(), tensor.channels());
+    assert_eq!(
+        planes.len(),
+        channels * height * width,
+        "elements of the image"
+    );
+    let out = SharedMut::new(planes);
+    for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
+        // SAFETY: row `y` of the tensor and of every plane, which no other piece writes.
+        unsafe {
+            isa.run(Separate {
+                from: tensor.as_slice().as_ptr().add(tensor.offset(y + 1, 1)),
+                from_stride: tensor.channel_stride(),
+                to: out.at(y * width),
+                plane: height * width,
+                channels,
+                count: width,
+            });
+        }
+    });
 }

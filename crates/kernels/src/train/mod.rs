@@ -4,7 +4,6 @@
 //! padding is `kernel / 2`. Outputs are overwritten, not accumulated.
 
 mod direct;
-mod layout;
 mod tiles;
 mod winograd;
 

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::layout::{Interleave, Separate, block_channels};
+use crate::layout::{Interleave, Separate, block_channels};
 use crate::parallel::SharedMut;
 use crate::simd::{Kernel, Simd};
 use crate::tensor::CHANNEL_BLOCK;

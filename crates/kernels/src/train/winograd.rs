@@ -6,9 +6,9 @@
 
 use std::ops::Range;
 
-use super::layout::block_channels;
 use super::tiles::{BatchSource, GradientSource};
 use crate::buffer::AlignedBuffer;
+use crate::layout::block_channels;
 use crate::panel::{Finish, PanelRun, PanelShape, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
@@ -98,6 +98,7 @@ pub(super) fn grad_weight(
                         depth: count,
                         b: gradients.at(point * gradients.point_stride()
                             + gradients.offset(0, shape.start(panel))),
+                        b_stride: shape.width(panel),
                         width: shape.width(panel),
                         out: sums.at(point, panel, channel),
                         out_stride: shape.width(panel),

@@ -267,35 +267,41 @@ impl<I: TileSource, O: TileSink> Kernel for Chunk<'_, I, O> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let shape = self.weights.shape();
-        // SAFETY: the chunk's memory is this worker's own and has room for its tiles, whose outputs are written by
-        // this chunk alone.
-        unsafe {
-            simd.run(Gather {
-                source: self.source,
-                tiles: self.tiles.clone(),
-                block: self.gathered,
-                scratch: &mut *self.scratch,
-            });
-            for point in 0..POINTS {
-                for panel in 0..shape.count() {
-                    multiply(
-                        self.weights,
-                        point,
-                        panel,
-                        self.tiles.len(),
-                        self.gathered,
-                        self.product,
-                    )
-                    .run_on(simd);
-                }
+        // The chunk's memory is this worker's own and has room for its tiles, whose outputs are written by this chunk
+        // alone: what the three steps ask for.
+        let Self {
+            weights,
+            tiles,
+            source,
+            sink,
+            gathered,
+            product,
+            scratch,
+        } = self;
+        simd.run(Gather {
+            source,
+            tiles: tiles.clone(),
+            block: gathered,
+            scratch: &mut *scratch,
+        });
+        for point in 0..POINTS {
+            for panel in 0..shape.count() {
+                simd.run(multiply(
+                    weights,
+                    point,
+                    panel,
+                    tiles.len(),
+                    gathered,
+                    product,
+                ));
             }
-            simd.run(Scatter {
-                sink: self.sink,
-                tiles: self.tiles,
-                block: self.product,
-                scratch: self.scratch,
-            });
         }
+        simd.run(Scatter {
+            sink,
+            tiles,
+            block: product,
+            scratch,
+        });
     }
 }
 
@@ -390,6 +396,7 @@ fn multiply(
         ),
         depth: CHANNEL_BLOCK,
         b: weights.panel(point, panel).as_ptr(),
+        b_stride: shape.width(panel),
         width: shape.width(panel),
         out,
         out_stride: shape.width(panel),

@@ -159,3 +159,72 @@ pub fn focal_px_from_35mm(focal_35mm: f64, full_size_px: (u32, u32)) -> Option<E
         reading: format!("35 mm equivalent by diagonals; {shape}"),
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn hfov(focal_35mm: f64, size: (u32, u32)) -> f64 {
+        let focal = focal_px_from_35mm(focal_35mm, size).unwrap();
+        fov_deg(f64::from(size.0), focal.focal_px)
+    }
+
+    /// By hand: 2 atan(half the frame's side / focal length), the frame having a diagonal of 43.267 mm.
+    #[test]
+    fn fields_of_view_worked_out_by_hand() {
+        // DJI Mini 2, 24 mm: 4:3 gives 34.613 mm across, 2 atan(17.307 / 24) = 71.59; its diagonal is 84.1, the
+        // maker says 83.
+        assert_relative_eq!(hfov(24.0, (4000, 3000)), 71.59, epsilon = 0.01);
+        // The same camera at 16:9 keeps the width, not the diagonal.
+        assert_relative_eq!(hfov(24.0, (4000, 2250)), 71.59, epsilon = 0.01);
+        // Phantom 4 Pro, 24 mm, 3:2: 36 mm across, 2 atan(18 / 24) = 73.74; the maker says 84 over the diagonal.
+        assert_relative_eq!(hfov(24.0, (5472, 3648)), 73.74, epsilon = 0.01);
+        assert_relative_eq!(hfov(24.0, (5472, 3078)), 73.74, epsilon = 0.01);
+        // Upright: the short side, 2 atan(12.98 / 24) = 56.8.
+        assert_relative_eq!(hfov(24.0, (3000, 4000)), 56.81, epsilon = 0.01);
+        // Its rows are 3 of 4: tan(56.81 / 2) / tan(71.59 / 2) = 0.75.
+        assert_relative_eq!(
+            (hfov(24.0, (3000, 4000)) / 2.0).to_radians().tan()
+                / (hfov(24.0, (4000, 3000)) / 2.0).to_radians().tan(),
+            0.75,
+            epsilon = 1e-12
+        );
+    }
+
+    #[test]
+    fn other_shapes_say_nothing() {
+        for size in [(4000, 4000), (8000, 2000), (0, 0), (4000, 0)] {
+            assert_eq!(focal_px_from_35mm(24.0, size), None);
+        }
+        for focal in [0.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert_eq!(focal_px_from_35mm(focal, (4000, 3000)), None);
+        }
+    }
+
+    #[test]
+    fn focal_length_and_field_of_view_are_inverse() {
+        for fov in [5.0, 71.6, 120.0] {
+            assert_relative_eq!(fov_deg(4000.0, focal_px(4000.0, fov)), fov, epsilon = 1e-9);
+        }
+    }
+
+    #[test]
+    fn straight_down_the_roll_turns_the_top() {
+        for roll in [-170.0, -20.0, 0.0, 35.0, 180.0] {
+            assert_relative_eq!(Tilt::top_from_yaw_deg(0.0, roll), roll, epsilon = 1e-9);
+        }
+    }
+
+    #[test]
+    fn an_untilted_ground_is_a_scaled_picture() {
+        let tilt = Tilt {
+            pitch_from_nadir_deg: 0.0,
+            roll_deg: 25.0,
+            hfov_deg: 70.0,
+        };
+        let ground = tilt.ground_from_centred_px(1000.0, 50.0);
+        let expected = Matrix3::new(0.05, 0.0, 0.0, 0.0, 0.05, 0.0, 0.0, 0.0, 1.0);
+        assert_relative_eq!(ground, expected, epsilon = 1e-12);
+    }
+}

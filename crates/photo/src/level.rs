@@ -2,6 +2,8 @@
 
 use image::RgbImage;
 
+use crate::area::Crop;
+
 /// Pixels of four bytes with a border that repeats the edge, so that no filter tap needs a check.
 #[derive(Debug)]
 pub(crate) struct Level {
@@ -15,15 +17,16 @@ impl Level {
     /// Filter taps reach at most this far beyond the picture, px.
     pub const BORDER: usize = 3;
 
-    pub(crate) fn new(image: &RgbImage) -> Self {
-        let (width, height) = (image.width() as usize, image.height() as usize);
+    /// The part of `image` within `crop`.
+    pub(crate) fn new(image: &RgbImage, crop: Crop) -> Self {
+        let (width, height) = (crop.width as usize, crop.height as usize);
         let stride = width + 2 * Self::BORDER;
         let mut pixels = vec![[0; 4]; stride * (height + 2 * Self::BORDER)];
-        let row_bytes = 3 * width.max(1);
+        let row_bytes = 3 * image.width() as usize;
         for (y, row) in pixels.chunks_exact_mut(stride).enumerate() {
-            let source_y = y.saturating_sub(Self::BORDER).min(height - 1);
-            let source = &image.as_raw()[source_y * row_bytes..][..row_bytes];
-            let (body, _) = source.as_chunks::<3>();
+            let source_y = y.saturating_sub(Self::BORDER).min(height.saturating_sub(1));
+            let start = (crop.y as usize + source_y) * row_bytes + 3 * crop.x as usize;
+            let (body, _) = image.as_raw()[start..start + 3 * width].as_chunks::<3>();
             for (out, &[r, g, b]) in row[Self::BORDER..].iter_mut().zip(body) {
                 *out = [r, g, b, 0];
             }

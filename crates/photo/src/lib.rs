@@ -47,4 +47,3 @@ pub use metadata::{GpsPosition, ImageDirection, Metadata};
 pub use photo::Photo;
 pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
 pub use view::{Footprint, Heading, HeadingSource, Overrides, View};
-pub use warp::Interpolation;

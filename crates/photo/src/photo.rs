@@ -103,7 +103,7 @@ impl Photo {
     /// rectified. For several rotations make a [`QueryMaker`] once.
     ///
     /// # Errors
-    /// As [`QueryMaker::new`].
+    /// As [`QueryMaker::new`], and for an `up_deg` that is not a number.
     pub fn query(
         &self,
         gsd_m: f64,
@@ -115,6 +115,13 @@ impl Photo {
             tilt,
             ..QueryOptions::new(gsd_m, footprint_width_m)
         };
+        if !up_deg.is_finite() {
+            return Err(PhotoError::BadRequest {
+                name: "up_deg",
+                value: up_deg,
+                reason: "must be a number of degrees",
+            });
+        }
         Ok(self.query_maker(&options)?.make(up_deg))
     }
 }

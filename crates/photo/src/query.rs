@@ -7,7 +7,7 @@ use crate::area::{self, Crop};
 use crate::camera::{MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG, Tilt, focal_px};
 use crate::error::PhotoError;
 use crate::level::Level;
-use crate::warp::{self, Interpolation};
+use crate::warp::{self, Interpolation, LEVEL_PX_PER_QUERY_PX};
 
 /// Query sides are multiples of this, as the network needs.
 pub const SIDE_MULTIPLE_PX: u32 = 32;
@@ -26,19 +26,16 @@ pub struct QueryOptions {
     pub tilt: Option<Tilt>,
     /// Queries larger than this are cropped about the photo's centre; rounded down to a multiple of 32.
     pub max_side_px: u32,
-    /// How pixels between pixels are made.
-    pub interpolation: Interpolation,
 }
 
 impl QueryOptions {
-    /// A camera that looks straight down, the default size limit and interpolation.
+    /// A camera that looks straight down, the default size limit.
     pub fn new(gsd_m: f64, footprint_width_m: f64) -> Self {
         Self {
             gsd_m,
             footprint_width_m,
             tilt: None,
             max_side_px: DEFAULT_MAX_SIDE_PX,
-            interpolation: Interpolation::default(),
         }
     }
 }
@@ -103,6 +100,7 @@ pub struct QueryMaker {
     photo_from_unturned: Matrix3<f64>,
     /// Corners of the usable part of the photo, in unturned query pixels relative to the centre.
     outline_px: Vec<[f64; 2]>,
+    interpolation: Interpolation,
     options: QueryOptions,
 }
 
@@ -140,14 +138,14 @@ impl QueryMaker {
         }
         let photo_px_per_query_px = options.gsd_m / photo_gsd_m;
         let crop = visible_crop((width, height), photo_px_per_query_px, options);
-        let reduction =
-            (photo_px_per_query_px / options.interpolation.level_px_per_query_px()).max(1.0);
+        let reduction = (photo_px_per_query_px / LEVEL_PX_PER_QUERY_PX).max(1.0);
         let level_side = |px: u32| ((f64::from(px) / reduction).round() as u32).max(1);
         let (level_width, level_height) = (level_side(crop.width), level_side(crop.height));
-        let level = if (level_width, level_height) == (width, height) {
-            Level::new(image)
+        let level = if (level_width, level_height) == (crop.width, crop.height) {
+            Level::new(image, crop)
         } else {
-            Level::new(&area::reduce(image, crop, level_width, level_height))
+            let reduced = area::reduce(image, crop, level_width, level_height);
+            Level::new(&reduced, Crop::whole(reduced.dimensions()))
         };
         let level_from_photo = scaling(
             f64::from(level_width) / f64::from(crop.width),
@@ -158,6 +156,7 @@ impl QueryMaker {
             level_from_photo,
             photo_from_unturned,
             outline_px,
+            interpolation: Interpolation::suited_to(photo_px_per_query_px / reduction),
             options: *options,
         })
     }
@@ -206,7 +205,7 @@ impl QueryMaker {
         warp::warp(
             &self.level,
             &(self.level_from_photo * photo_from_query),
-            self.options.interpolation,
+            self.interpolation,
             MAX_DEPTH_RATIO,
             &mut query.image,
             &mut query.mask,
@@ -309,14 +308,8 @@ fn visible_crop(
     photo_px_per_query_px: f64,
     options: &QueryOptions,
 ) -> Crop {
-    let whole = Crop {
-        x: 0,
-        y: 0,
-        width,
-        height,
-    };
     if options.tilt.is_some() {
-        return whole;
+        return Crop::whole((width, height));
     }
     let half_diagonal = f64::from(options.max_side_px) * std::f64::consts::FRAC_1_SQRT_2;
     let reach = ((half_diagonal + 4.0) * photo_px_per_query_px).ceil();

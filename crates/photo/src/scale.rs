@@ -71,7 +71,9 @@ pub(crate) fn resolve(
     };
     view.height_agl_m = Some(height.value);
     if let Some(focal) = focal {
-        let slant = attitude.map_or(1.0, |a| a.pitch_from_nadir_deg.to_radians().cos());
+        let slant = view
+            .tilt
+            .map_or(1.0, |tilt| tilt.pitch_from_nadir_deg.to_radians().cos());
         view.footprint = Some(Footprint {
             width_m: f64::from(size_px.0) / focal.value * height.value / slant,
             relative_sigma: height.relative_sigma.hypot(focal.relative_sigma),

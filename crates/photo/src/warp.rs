@@ -6,22 +6,30 @@ use rayon::prelude::*;
 
 use crate::level::Level;
 
+/// How finely the level should show what one query pixel shows.
+///
+/// Measured on a drone photo against the exact mean over each turned query pixel: bilinear interpolation of a level 1.5
+/// times as fine has a third to a half less error than of a level as fine (or of one 1.25 times as fine), and keeps
+/// 95 to 99 % of the contrast of fine detail; twice as fine it sharpens and aliases.
+pub(crate) const LEVEL_PX_PER_QUERY_PX: f64 = 1.5;
+
 /// How pixels between pixels are made.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Interpolation {
-    /// Two by two pixels, of a level finer than the query, which averages four to nine of its pixels in all.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Interpolation {
+    /// Two by two pixels; for levels finer than the query.
     Bilinear,
-    /// Four by four pixels of a level as fine as the query, the cubic convolution of Keys 1981 with a = -1/2.
-    #[default]
+    /// Four by four pixels, the cubic convolution of Keys 1981 with a = -1/2; for photos that are no finer than the
+    /// query, which two by two would blur.
     Bicubic,
 }
 
 impl Interpolation {
-    /// How fine the level should be.
-    pub(crate) fn level_px_per_query_px(self) -> f64 {
-        match self {
-            Self::Bilinear => 1.5,
-            Self::Bicubic => 1.0,
+    /// What suits a level of so many pixels per query pixel.
+    pub(crate) fn suited_to(level_px_per_query_px: f64) -> Self {
+        if level_px_per_query_px < 1.4 {
+            Self::Bicubic
+        } else {
+            Self::Bilinear
         }
     }
 }
@@ -142,4 +150,168 @@ fn sum<const N: usize>(
     }
     // `as` saturates at 0 and 255.
     [total[0] as u8, total[1] as u8, total[2] as u8]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::area::Crop;
+
+    /// The picture of `tests/golden/make_golden.py`.
+    fn smooth(width: u32, height: u32) -> RgbImage {
+        RgbImage::from_fn(width, height, |x, y| {
+            let (x, y) = (f64::from(x), f64::from(y));
+            let sample = |v: f64| (127.5 + 120.0 * v).floor() as u8;
+            image::Rgb([
+                sample((x / 9.0).sin() * (y / 13.0).cos()),
+                sample((x / 17.0 + y / 11.0).sin()),
+                sample((x / 23.0 - y / 7.0).cos()),
+            ])
+        })
+    }
+
+    fn warped(
+        picture: &RgbImage,
+        matrix: &Matrix3<f64>,
+        interpolation: Interpolation,
+        (width, height): (u32, u32),
+        most_depth: f64,
+    ) -> (RgbImage, GrayImage) {
+        let level = Level::new(picture, Crop::whole(picture.dimensions()));
+        let mut image = RgbImage::new(width, height);
+        let mut mask = GrayImage::new(width, height);
+        warp(
+            &level,
+            matrix,
+            interpolation,
+            most_depth,
+            &mut image,
+            &mut mask,
+        );
+        (image, mask)
+    }
+
+    #[derive(serde::Deserialize)]
+    struct Case {
+        name: String,
+        matrix: Vec<f64>,
+        size: (u32, u32),
+        samples: Vec<[u32; 5]>,
+    }
+
+    #[test]
+    fn bilinear_agrees_with_opencv() {
+        let cases: Vec<Case> =
+            serde_json::from_str(include_str!("../tests/golden/warp.json")).unwrap();
+        assert_eq!(cases.len(), 4);
+        let picture = smooth(160, 120);
+        for case in cases {
+            let matrix = Matrix3::from_row_slice(&case.matrix);
+            let (image, mask) = warped(
+                &picture,
+                &matrix,
+                Interpolation::Bilinear,
+                case.size,
+                f64::INFINITY,
+            );
+            let mut worst = 0;
+            let mut sum = 0;
+            for &[x, y, r, g, b] in &case.samples {
+                assert_eq!(mask.get_pixel(x, y).0, [255]);
+                for (got, want) in image.get_pixel(x, y).0.into_iter().zip([r, g, b]) {
+                    let apart = u32::from(got).abs_diff(want);
+                    worst = worst.max(apart);
+                    sum += apart;
+                }
+            }
+            // OpenCV rounds coordinates to 1/32 px, worth up to 17 / 32 / 2 levels here, and rounds the result.
+            let mean = f64::from(sum) / (3 * case.samples.len()) as f64;
+            assert!(
+                worst <= 2 && mean < 0.35,
+                "{}: worst {worst}, mean {mean}",
+                case.name
+            );
+        }
+    }
+
+    #[test]
+    fn bicubic_follows_a_smooth_picture() {
+        let picture = smooth(160, 120);
+        let (sin, cos) = 27.0f64.to_radians().sin_cos();
+        let matrix = Matrix3::new(cos, sin, 20.0, -sin, cos, 40.0, 0.0, 0.0, 1.0);
+        let (image, mask) = warped(
+            &picture,
+            &matrix,
+            Interpolation::Bicubic,
+            (96, 96),
+            f64::INFINITY,
+        );
+        let mut seen = 0;
+        for (x, y, pixel) in image.enumerate_pixels() {
+            if mask.get_pixel(x, y).0 != [255] {
+                continue;
+            }
+            let at = matrix * nalgebra::Vector3::new(f64::from(x) + 0.5, f64::from(y) + 0.5, 1.0);
+            let (u, v) = (at.x - 0.5, at.y - 0.5);
+            if !(2.0..157.0).contains(&u) || !(2.0..117.0).contains(&v) {
+                continue;
+            }
+            seen += 1;
+            let want = 127.0 + 120.0 * (u / 17.0 + v / 11.0).sin();
+            assert!(
+                (f64::from(pixel.0[1]) - want).abs() < 1.6,
+                "{x},{y}: {} {want}",
+                pixel.0[1]
+            );
+        }
+        assert!(seen > 5000);
+    }
+
+    #[test]
+    fn the_same_pixels_come_out_where_nothing_moves() {
+        let picture = smooth(64, 32);
+        for interpolation in [Interpolation::Bilinear, Interpolation::Bicubic] {
+            let (image, mask) =
+                warped(&picture, &Matrix3::identity(), interpolation, (64, 32), 1.0);
+            assert_eq!(image, picture);
+            assert!(mask.pixels().all(|seen| seen.0 == [255]));
+        }
+    }
+
+    #[test]
+    fn outside_and_too_deep_stay_black_and_masked() {
+        let picture = RgbImage::from_pixel(64, 64, image::Rgb([200; 3]));
+        // Depth 1 at the middle row, growing upwards.
+        let matrix = Matrix3::new(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, -0.05, 1.0 + 0.05 * 32.0);
+        let (image, mask) = warped(&picture, &matrix, Interpolation::Bilinear, (64, 64), 2.0);
+        for (x, y, seen) in mask.enumerate_pixels() {
+            let depth = 1.0 - 0.05 * (f64::from(y) + 0.5 - 32.0);
+            let (u, v) = ((f64::from(x) + 0.5) / depth, (f64::from(y) + 0.5) / depth);
+            let expected = depth > 0.0 && depth <= 2.0 && u <= 64.0 && v <= 64.0;
+            assert_eq!(seen.0[0] == 255, expected, "{x},{y}");
+            assert_eq!(image.get_pixel(x, y).0[0] == 200, expected, "{x},{y}");
+        }
+    }
+
+    #[test]
+    fn threads_do_not_change_the_answer() {
+        let picture = smooth(160, 120);
+        let matrix = Matrix3::new(0.9, 0.3, 2.0, -0.3, 0.9, 30.0, 1e-4, 2e-4, 1.0);
+        let with = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| {
+                warped(
+                    &picture,
+                    &matrix,
+                    Interpolation::Bicubic,
+                    (160, 160),
+                    f64::INFINITY,
+                )
+            })
+        };
+        assert_eq!(with(1), with(3));
+    }
 }

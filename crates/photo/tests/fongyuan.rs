@@ -1,6 +1,10 @@
 //! Real photos, where the data folder stands beside the checkout.
 
-#![allow(clippy::print_stdout, reason = "skipped tests say so")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "helpers of tests, outside of test functions"
+)]
 
 use std::path::PathBuf;
 

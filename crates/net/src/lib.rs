@@ -31,6 +31,7 @@ mod heatmap;
 mod keypoints;
 mod layer;
 mod model;
+mod parameters;
 mod random;
 mod seen;
 mod softmax;

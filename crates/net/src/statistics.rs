@@ -33,7 +33,7 @@ impl Statistics {
     /// # Errors
     /// None for a model that could be opened.
     pub fn of_model(model: &Model, domain: Domain) -> Result<Self, NetError> {
-        let layer = |norm: crate::spec::NormSpec| {
+        let layer = |norm: crate::parameters::NormSpec| {
             let (mean, var) = model.norm_moments(&norm.name, domain)?;
             Ok(LayerStatistics {
                 name: norm.name,

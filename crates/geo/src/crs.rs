@@ -12,14 +12,19 @@ use crate::{GeoError, LonLat};
 
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
 
+/// S-JTSK to WGS 84 in the list of definitions: three parameters, 10 m off.
+const S_JTSK_COARSE: &str = "+towgs84=589,76,480,0,0,0,0";
+/// S-JTSK to WGS 84 (5), EPSG:5239, as a position vector transformation: 1 m, PROJ's choice.
+const S_JTSK_FINE: &str = "+towgs84=572.213,85.334,461.94,4.9732,1.529,5.2484,3.5378";
+
 static WGS84_PROJ: LazyLock<Option<Proj>> = LazyLock::new(|| Proj::from_proj_string(WGS84).ok());
 
 /// A coordinate reference system. It is written as `EPSG:CODE` or as a PROJ string, and read back
 /// from that.
 ///
 /// Definitions come from the EPSG registry (`crs-definitions`), transformations from `proj4rs`.
-/// Datum shifts are those of the definition (`+towgs84`); grids are not used: see
-/// [`Crs::caveat`].
+/// Datum shifts are those of the definition (`+towgs84`), good to some metres; a CRS whose shift is
+/// a grid of corrections (NAD 27) is refused, one without any shift has a [`Crs::caveat`].
 #[derive(Clone)]
 pub struct Crs {
     definition: String,
@@ -54,7 +59,10 @@ impl Crs {
             .ok()
             .and_then(crs_definitions::from_code)
             .ok_or_else(|| unknown("the code is not in the list of known systems"))?;
-        Self::from_parts(definition.clone(), def.proj4)
+        Self::from_parts(
+            definition.clone(),
+            &def.proj4.replace(S_JTSK_COARSE, S_JTSK_FINE),
+        )
     }
 
     /// By PROJ string (`+proj=...`).
@@ -96,7 +104,14 @@ impl Crs {
             crs: definition.clone(),
             reason,
         };
-        let proj = Proj::from_proj_string(proj_string).map_err(|e| unknown(e.to_string()))?;
+        let proj = Proj::from_proj_string(proj_string).map_err(|e| match e {
+            proj4rs::errors::Error::NadGridNotAvailable => unknown(
+                "its datum shift is a grid of corrections, which is not built in; reproject the \
+                 map: gdalwarp -t_srs EPSG:4326 IN OUT"
+                    .to_string(),
+            ),
+            other => unknown(other.to_string()),
+        })?;
         if proj.is_geocent() {
             return Err(unknown(
                 "geocentric coordinates are not those of a map".to_string(),
@@ -137,8 +152,8 @@ impl Crs {
         self.proj.is_latlong()
     }
 
-    /// What limits the accuracy, if something does: a datum whose shift is known only as a grid,
-    /// or not at all, can be off by metres to hundreds of metres.
+    /// What limits the accuracy, if something does: a datum whose shift to WGS 84 is not in the
+    /// definition can be off by hundreds of metres.
     pub fn caveat(&self) -> Option<&str> {
         self.caveat.as_deref()
     }
@@ -232,13 +247,6 @@ impl Crs {
 /// Says what is known to be inexact about a definition.
 fn caveat_of(proj_string: &str) -> Option<String> {
     let has = |key: &str| proj_string.contains(key);
-    let grids = has("+datum=NAD27") || (has("+nadgrids=") && !has("+nadgrids=@null"));
-    if grids {
-        return Some(
-            "its datum shift is a grid, which is not applied: positions can be off by tens of metres"
-                .to_string(),
-        );
-    }
     let shift_known = has("+datum=") || has("+towgs84=") || has("+nadgrids=@null");
     // GRS 80 without a shift is a frame that moves with a continent: within a metre or two.
     let modern = has("+ellps=GRS80") || has("+ellps=WGS84");

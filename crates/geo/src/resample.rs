@@ -1,5 +1,7 @@
 //! Antialiased bilinear resampling with missing data, streamed over source rows.
 
+use std::collections::HashMap;
+
 use image::{GrayImage, RgbImage};
 use rayon::prelude::*;
 
@@ -13,6 +15,12 @@ const MIN_VALID_WEIGHT: f32 = 0.5 - 1e-4;
 struct Taps {
     start: usize,
     weights: Vec<f32>,
+}
+
+impl Taps {
+    fn end(&self) -> usize {
+        self.start + self.weights.len()
+    }
 }
 
 /// How each output pixel along an axis is made of source pixels.
@@ -63,7 +71,7 @@ impl Axis {
         }
         let used = || taps.iter().filter(|t| !t.weights.is_empty());
         let source_start = used().map(|t| t.start).min().unwrap_or(0);
-        let source_end = used().map(|t| t.start + t.weights.len()).max().unwrap_or(0);
+        let source_end = used().map(Taps::end).max().unwrap_or(0);
         let inside = taps.iter().map(|t| t.weights.iter().sum()).collect();
         Self {
             source_start,
@@ -79,8 +87,7 @@ impl Axis {
     }
 }
 
-/// Source rows of a resampling, interleaved RGB and mask (255 data, 0 none), over the columns that
-/// the horizontal axis uses.
+/// Source rows of a resampling, over the columns that the horizontal axis uses.
 pub(crate) struct SourceRows {
     /// First row.
     pub first_row: usize,
@@ -88,145 +95,231 @@ pub(crate) struct SourceRows {
     pub rows: usize,
     /// Pixels in a row.
     pub width: usize,
-    /// `rows * width * 3` bytes.
+    /// Interleaved RGB, `rows * width * 3`.
     pub rgb: Vec<u8>,
-    /// `rows * width` bytes; `None` if all have data.
+    /// 255 where there is data, 0 where not, `rows * width`; `None` if all have data.
     pub mask: Option<Vec<u8>>,
+}
+
+/// Source rows summed into one output row, not yet filtered across.
+struct RowSum {
+    /// `width * 3`.
+    colour: Vec<f32>,
+    /// Weight of the rows without a mask: the same for all pixels.
+    plain_weight: f32,
+    /// Weight on data of the rows with a mask, `width`; empty if there were none.
+    masked_weight: Vec<f32>,
 }
 
 /// Collects source rows, in order, into an output patch.
 pub(crate) struct Resampler {
     across: Axis,
     down: Axis,
-    out_w: usize,
-    out_h: usize,
-    /// Weighted colours, `out_h * out_w * 3`.
-    colour: Vec<f32>,
-    /// Weight that fell on data, `out_h * out_w`.
-    weight: Vec<f32>,
+    patch: RasterPatch,
+    /// Sums of output rows that source rows still to come belong to.
+    open: HashMap<usize, RowSum>,
 }
 
 impl Resampler {
     pub fn new(across: Axis, down: Axis) -> Self {
-        let (out_w, out_h) = (across.taps.len(), down.taps.len());
-        let colour = vec![0.0; out_w * out_h * 3];
-        let weight = vec![0.0; out_w * out_h];
+        let (out_w, out_h) = (across.taps.len() as u32, down.taps.len() as u32);
+        let patch = RasterPatch {
+            rgb: RgbImage::new(out_w, out_h),
+            valid: GrayImage::new(out_w, out_h),
+        };
         Self {
             across,
             down,
-            out_w,
-            out_h,
-            colour,
-            weight,
+            patch,
+            open: HashMap::new(),
         }
     }
 
-    /// Adds source rows. Each must be given once, in ascending order, so that sums are the same on
-    /// any number of threads.
-    pub fn add(&mut self, source: &SourceRows) {
-        let out_w = self.out_w;
-        let across = &self.across;
-        let mut colour = vec![0.0_f32; source.rows * out_w * 3];
-        let mut weight = vec![0.0_f32; source.rows * out_w];
-        colour
-            .par_chunks_mut(out_w * 3)
-            .zip(weight.par_chunks_mut(out_w))
-            .enumerate()
-            .with_min_len(8)
-            .for_each(|(row, (colour, weight))| {
-                let rgb = &source.rgb[row * source.width * 3..(row + 1) * source.width * 3];
-                match &source.mask {
-                    None => across.filter_row(rgb, colour, weight),
-                    Some(mask) => {
-                        let mask = &mask[row * source.width..(row + 1) * source.width];
-                        across.filter_masked_row(rgb, mask, colour, weight);
-                    }
-                }
-            });
+    /// Adds source rows. Each must be given once, in ascending order; each output row sums its
+    /// source rows in that order, so the answer is the same on any number of threads.
+    pub fn add(&mut self, mut source: SourceRows) {
+        source.blacken_missing();
         let (first, end) = (source.first_row, source.first_row + source.rows);
-        let down = &self.down;
-        self.colour
+        let from = self.down.taps.partition_point(|t| t.end() <= first);
+        let to = self.down.taps.partition_point(|t| t.start < end).max(from);
+        let begun: Vec<Option<RowSum>> = (from..to).map(|j| self.open.remove(&j)).collect();
+        let out_w = self.across.taps.len();
+        let rgb: &mut [u8] = &mut self.patch.rgb;
+        let valid: &mut [u8] = &mut self.patch.valid;
+        let (across, down, source) = (&self.across, &self.down, &source);
+        let unfinished: Vec<(usize, RowSum)> = rgb[from * out_w * 3..to * out_w * 3]
             .par_chunks_mut(out_w * 3)
-            .zip(self.weight.par_chunks_mut(out_w))
+            .zip(valid[from * out_w..to * out_w].par_chunks_mut(out_w))
+            .zip(begun)
             .enumerate()
-            .with_min_len(8)
-            .for_each(|(j, (out_colour, out_weight))| {
-                let taps = &down.taps[j];
+            .with_min_len(4)
+            .filter_map(|(i, ((rgb, valid), begun))| {
+                let taps = &down.taps[from + i];
+                let mut sum = begun.unwrap_or_else(|| RowSum::new(source.width));
                 for (k, &w) in taps.weights.iter().enumerate() {
                     let y = taps.start + k;
-                    if y < first || y >= end {
-                        continue;
-                    }
-                    let row = y - first;
-                    let from = &colour[row * out_w * 3..(row + 1) * out_w * 3];
-                    for (o, &c) in out_colour.iter_mut().zip(from) {
-                        *o += w * c;
-                    }
-                    let from = &weight[row * out_w..(row + 1) * out_w];
-                    for (o, &c) in out_weight.iter_mut().zip(from) {
-                        *o += w * c;
+                    if (first..end).contains(&y) {
+                        sum.add(source, y - first, w);
                     }
                 }
-            });
+                if taps.end() > end {
+                    return Some((from + i, sum));
+                }
+                across.filter(&sum, rgb, valid);
+                None
+            })
+            .collect();
+        self.open.extend(unfinished);
     }
 
-    /// The patch: colours divided by the weight on data.
+    /// The patch, when all source rows were added.
     pub fn finish(self) -> RasterPatch {
-        let (width, height) = (self.out_w as u32, self.out_h as u32);
-        let mut rgb = RgbImage::new(width, height);
-        let mut valid = GrayImage::new(width, height);
-        for (i, (pixel, seen)) in rgb.pixels_mut().zip(valid.pixels_mut()).enumerate() {
-            let weight = self.weight[i];
-            if weight < MIN_VALID_WEIGHT {
-                continue;
+        self.patch
+    }
+}
+
+impl SourceRows {
+    fn blacken_missing(&mut self) {
+        if let Some(mask) = &self.mask {
+            for (pixel, &seen) in self.rgb.chunks_exact_mut(3).zip(mask) {
+                if seen == 0 {
+                    pixel.fill(0);
+                }
             }
-            for c in 0..3 {
-                pixel.0[c] = (self.colour[i * 3 + c] / weight + 0.5) as u8;
-            }
-            seen.0[0] = 255;
         }
-        RasterPatch { rgb, valid }
+    }
+}
+
+impl RowSum {
+    fn new(width: usize) -> Self {
+        Self {
+            colour: vec![0.0; width * 3],
+            plain_weight: 0.0,
+            masked_weight: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, source: &SourceRows, row: usize, weight: f32) {
+        let width = source.width;
+        let rgb = &source.rgb[row * width * 3..(row + 1) * width * 3];
+        for (sum, &value) in self.colour.iter_mut().zip(rgb) {
+            *sum += weight * f32::from(value);
+        }
+        match &source.mask {
+            None => self.plain_weight += weight,
+            Some(mask) => {
+                self.masked_weight.resize(width, 0.0);
+                let mask = &mask[row * width..(row + 1) * width];
+                for (sum, &seen) in self.masked_weight.iter_mut().zip(mask) {
+                    *sum += if seen == 0 { 0.0 } else { weight };
+                }
+            }
+        }
     }
 }
 
 impl Axis {
-    fn filter_row(&self, rgb: &[u8], colour: &mut [f32], weight: &mut [f32]) {
-        for (i, taps) in self.taps.iter().enumerate() {
-            if taps.weights.is_empty() {
-                continue;
-            }
-            let from = (taps.start - self.source_start) * 3;
-            let pixels = &rgb[from..from + taps.weights.len() * 3];
-            let mut sum = [0.0_f32; 3];
-            for (pixel, &w) in pixels.chunks_exact(3).zip(&taps.weights) {
-                for c in 0..3 {
-                    sum[c] += w * f32::from(pixel[c]);
-                }
-            }
-            colour[i * 3..i * 3 + 3].copy_from_slice(&sum);
-            weight[i] = self.inside[i];
-        }
-    }
-
-    fn filter_masked_row(&self, rgb: &[u8], mask: &[u8], colour: &mut [f32], weight: &mut [f32]) {
-        for (i, taps) in self.taps.iter().enumerate() {
+    /// Filters a row of sums across and writes its colours, divided by the weight on data.
+    fn filter(&self, row: &RowSum, rgb: &mut [u8], valid: &mut [u8]) {
+        let pixels = rgb.chunks_exact_mut(3).zip(valid);
+        for ((taps, &inside), (pixel, valid)) in self.taps.iter().zip(&self.inside).zip(pixels) {
             if taps.weights.is_empty() {
                 continue;
             }
             let from = taps.start - self.source_start;
-            let pixels = &rgb[from * 3..(from + taps.weights.len()) * 3];
-            let seen = &mask[from..from + taps.weights.len()];
-            let mut sum = [0.0_f32; 3];
-            let mut total = 0.0_f32;
-            for ((pixel, &w), &seen) in pixels.chunks_exact(3).zip(&taps.weights).zip(seen) {
-                let w = if seen == 0 { 0.0 } else { w };
-                for c in 0..3 {
-                    sum[c] += w * f32::from(pixel[c]);
-                }
-                total += w;
+            let to = from + taps.weights.len();
+            let mut weight = row.plain_weight * inside;
+            if let Some(masked) = row.masked_weight.get(from..to) {
+                weight += taps
+                    .weights
+                    .iter()
+                    .zip(masked)
+                    .map(|(w, m)| w * m)
+                    .sum::<f32>();
             }
-            colour[i * 3..i * 3 + 3].copy_from_slice(&sum);
-            weight[i] = total;
+            if weight < MIN_VALID_WEIGHT {
+                continue;
+            }
+            let mut sum = [0.0_f32; 3];
+            for (colour, &w) in row.colour[from * 3..to * 3]
+                .chunks_exact(3)
+                .zip(&taps.weights)
+            {
+                for c in 0..3 {
+                    sum[c] += w * colour[c];
+                }
+            }
+            for c in 0..3 {
+                pixel[c] = (sum[c] / weight + 0.5) as u8;
+            }
+            *valid = 255;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn rows(first_row: usize, values: &[&[u8]], mask: Option<Vec<u8>>) -> SourceRows {
+        let width = values[0].len();
+        let rgb = values.concat().iter().flat_map(|&v| [v, v, v]).collect();
+        SourceRows {
+            first_row,
+            rows: values.len(),
+            width,
+            rgb,
+            mask,
+        }
+    }
+
+    #[test]
+    fn weights_sum_to_one_and_what_falls_outside_is_missing() {
+        let axis = Axis::new(-2.0, 8.0, 4, 6);
+        let sums: Vec<f32> = axis.inside.clone();
+        assert!(sums[0] < 0.2, "two pixels before the source: {sums:?}");
+        assert!((sums[2] - 1.0).abs() < 1e-6, "{sums:?}");
+        assert_eq!((axis.source_start, axis.source_end), (0, 6));
+    }
+
+    #[test]
+    fn same_answer_in_one_piece_or_many() {
+        let values: Vec<Vec<u8>> = (0..40)
+            .map(|y| (0..30).map(|x| (x * 7 + y * 5) as u8).collect())
+            .collect();
+        let all: Vec<&[u8]> = values.iter().map(Vec::as_slice).collect();
+        let axes = || (Axis::new(0.3, 29.0, 11, 30), Axis::new(0.7, 38.5, 13, 40));
+        let whole = {
+            let (across, down) = axes();
+            let (start, end) = (down.source_start, down.source_end);
+            let mut r = Resampler::new(across, down);
+            r.add(rows(start, &all[start..end], None));
+            r.finish()
+        };
+        for piece in [1, 3, 7] {
+            let (across, down) = axes();
+            let (start, end) = (down.source_start, down.source_end);
+            let mut r = Resampler::new(across, down);
+            let mut y = start;
+            while y < end {
+                let next = (y + piece).min(end);
+                // An all-valid mask must change nothing.
+                let mask = (y % 2 == 0).then(|| vec![255; (next - y) * 30]);
+                r.add(rows(y, &all[y..next], mask));
+                y = next;
+            }
+            assert_eq!(r.finish(), whole, "pieces of {piece}");
+        }
+    }
+
+    #[test]
+    fn missing_pixels_have_no_part_in_the_average() {
+        // Four pixels, the second and fourth missing; two output pixels.
+        let mut r = Resampler::new(Axis::new(0.0, 4.0, 2, 4), Axis::new(0.0, 1.0, 1, 1));
+        r.add(rows(0, &[&[100, 7, 50, 9]], Some(vec![255, 0, 255, 0])));
+        let patch = r.finish();
+        assert_eq!(patch.valid.get_pixel(0, 0).0[0], 255);
+        // Weights 3/8, 3/8, 1/8 and 1/8 beyond the edge: (3 * 100 + 50) / 4.
+        assert_eq!(patch.rgb.get_pixel(0, 0).0, [88, 88, 88]);
     }
 }

@@ -15,8 +15,8 @@ const MAX_OUTPUT_PX: u64 = 1 << 28;
 const OVERVIEW_SLACK: f64 = 1.01;
 /// Windows this near to whole pixels are copied, pixels.
 const WHOLE_PIXEL_TOLERANCE: f64 = 1e-6;
-/// Source rows that are filtered at a time.
-const ROWS_AT_A_TIME: usize = 64;
+/// Source bytes that are filtered at a time, about.
+const BYTES_AT_A_TIME: usize = 4 << 20;
 /// The cache grows to hold what two neighbouring windows share, up to this.
 const MAX_BUDGET_BYTES: usize = 512 << 20;
 
@@ -178,10 +178,11 @@ impl Reader<'_> {
             let (top, bottom) = self.layout.rows_of(block_row);
             let (from_y, to_y) = (rows.0.max(top), rows.1.min(bottom));
             let blocks = self.blocks(columns, block_row)?;
+            let all_valid = blocks.iter().all(|b| b.validity == Validity::All);
+            let rows_at_a_time = (BYTES_AT_A_TIME / (width * 3)).max(16);
             let mut y = from_y;
             while y < to_y {
-                let count = ROWS_AT_A_TIME.min((to_y - y) as usize);
-                let all_valid = blocks.iter().all(|b| b.validity == Validity::All);
+                let count = rows_at_a_time.min((to_y - y) as usize);
                 let mut rgb = vec![0_u8; count * width * 3];
                 let mut mask = (!all_valid).then(|| vec![0_u8; count * width]);
                 for (i, block) in blocks.iter().enumerate() {
@@ -197,7 +198,7 @@ impl Reader<'_> {
                         copy_row(block, from, count, &mut rgb, mask.as_deref_mut(), to);
                     }
                 }
-                resampler.add(&SourceRows {
+                resampler.add(SourceRows {
                     first_row: y as usize,
                     rows: count,
                     width,

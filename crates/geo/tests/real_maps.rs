@@ -1,5 +1,6 @@
 //! Maps of `../shared/data`, where that is present. These tests say so when they skip.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
 #![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
 use std::path::{Path, PathBuf};

@@ -214,7 +214,11 @@ impl Tensor {
     /// kernels rely on the padding being zero.
     pub fn par_rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f32]> {
         let (height, pixel, row) = (self.height, self.channel_stride(), self.row_stride());
-        let rows = self.as_mut_slice().par_chunks_exact_mut(row).skip(1).take(height);
+        let rows = self
+            .as_mut_slice()
+            .par_chunks_exact_mut(row)
+            .skip(1)
+            .take(height);
         rows.map(move |line| &mut line[pixel..row - pixel])
     }
 

@@ -1,0 +1,306 @@
+//! Round trips and equations.
+
+use approx::assert_relative_eq;
+use grimnet_geo::{
+    Affine, Crs, Georeference, LevelFrame, LonLat, MapPx, PaperCorners, PaperTile, TileGrid,
+    TilePlan, bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
+};
+use proptest::prelude::*;
+
+/// Places within the reach of a CRS: longitude and latitude, half a degree around its middle.
+fn crs_and_place() -> impl Strategy<Value = (u32, LonLat)> {
+    let middles = prop::sample::select(vec![
+        (4326, 120.7, 24.2),
+        (3857, -70.0, -33.0),
+        (32651, 120.7, 24.2),
+        (32733, 15.5, -22.5),
+        (3826, 120.7, 24.2),
+        (2193, 174.7, -41.3),
+        (25832, 9.0, 48.0),
+        (2154, 2.35, 48.85),
+        (3035, 10.0, 52.0),
+        (3832, 179.9, -17.0),
+    ]);
+    (middles, -0.5..0.5, -0.5..0.5).prop_map(|((epsg, lon, lat), dx, dy)| {
+        (
+            epsg,
+            LonLat::new(grimnet_geo::wrap_longitude_deg(lon + dx), lat + dy),
+        )
+    })
+}
+
+proptest! {
+    #[test]
+    fn lonlat_comes_back((epsg, place) in crs_and_place()) {
+        let crs = Crs::from_epsg(epsg).unwrap();
+        let (x, y) = crs.xy_from_lonlat(place).unwrap();
+        let back = crs.lonlat_from_xy(x, y).unwrap();
+        prop_assert!(distance_m(place, back) < 1e-4, "EPSG:{epsg} {place:?} {back:?}");
+    }
+
+    #[test]
+    fn map_pixels_come_back_through_any_rotation(
+        (epsg, place) in crs_and_place(),
+        angle in 0.0..std::f64::consts::TAU,
+        scale_x in 0.05..5.0_f64,
+        scale_y in 0.05..5.0_f64,
+        col in -5_000.0..50_000.0_f64,
+        row in -5_000.0..50_000.0_f64,
+    ) {
+        let crs = Crs::from_epsg(epsg).unwrap();
+        let (x, y) = crs.xy_from_lonlat(place).unwrap();
+        let unit = if crs.is_geographic() { 1e-5 } else { 1.0 };
+        let (sin, cos) = angle.sin_cos();
+        let affine = Affine {
+            origin_x: x,
+            x_from_col: unit * scale_x * cos,
+            x_from_row: unit * scale_y * sin,
+            origin_y: y,
+            y_from_col: unit * scale_x * sin,
+            y_from_row: -unit * scale_y * cos,
+        };
+        let map = Georeference::new(affine, crs, (40_000, 40_000)).unwrap();
+        let px = MapPx::new(col, row);
+        let back = map.map_px_from_lonlat(map.lonlat_from_map_px(px).unwrap()).unwrap();
+        prop_assert!((back.x - col).abs() < 1e-2 && (back.y - row).abs() < 1e-2, "{px:?} {back:?}");
+    }
+
+    #[test]
+    fn the_jacobian_predicts_offsets(
+        (epsg, place) in crs_and_place(),
+        angle in 0.0..std::f64::consts::TAU,
+        dx in -50.0..50.0_f64,
+        dy in -50.0..50.0_f64,
+    ) {
+        let crs = Crs::from_epsg(epsg).unwrap();
+        let (x, y) = crs.xy_from_lonlat(place).unwrap();
+        let unit = if crs.is_geographic() { 2e-6 } else { 0.3 };
+        let (sin, cos) = angle.sin_cos();
+        let affine = Affine::from_gdal([x, unit * cos, unit * sin, y, unit * sin, -unit * cos]);
+        let map = Georeference::new(affine, crs, (1000, 1000)).unwrap();
+        let at = MapPx::new(300.0, 200.0);
+        let j = map.east_north_m_from_map_px_jacobian(at).unwrap();
+        let en = j * nalgebra::Vector2::new(dx, dy);
+        let there = map.lonlat_from_map_px(MapPx::new(at.x + dx, at.y + dy)).unwrap();
+        let (east, north) = offset_en_m(map.lonlat_from_map_px(at).unwrap(), there);
+        prop_assert!((en.x - east).abs() < 2e-3 && (en.y - north).abs() < 2e-3,
+            "EPSG:{epsg}: {en:?}, {east} {north}");
+        // Up is where the top of the map is.
+        let up = map.up_bearing_deg(at).unwrap();
+        let above = map.lonlat_from_map_px(MapPx::new(at.x, at.y - 100.0)).unwrap();
+        let bearing = bearing_deg(map.lonlat_from_map_px(at).unwrap(), above);
+        let off = (up - bearing + 180.0).rem_euclid(360.0) - 180.0;
+        prop_assert!(off.abs() < 0.01, "EPSG:{epsg}: {up}, {bearing}");
+    }
+
+    #[test]
+    fn destinations_come_back(
+        lon in -180.0..180.0_f64, lat in -80.0..80.0_f64,
+        bearing in 0.0..360.0_f64, length in 0.1..20_000.0_f64,
+    ) {
+        let from = LonLat::new(lon, lat);
+        let to = destination(from, bearing, length);
+        prop_assert!((distance_m(from, to) - length).abs() < 1e-6);
+        let (east, north) = offset_en_m(from, to);
+        prop_assert!(distance_m(destination_en_m(from, east, north), to) < 1e-6);
+    }
+
+    #[test]
+    fn clamped_tiles_cover_every_pixel(
+        width in 1_u64..3000, height in 1_u64..3000, tile in 1_u64..700, share in 0.01..1.0_f64,
+    ) {
+        let stride = ((tile as f64 * share) as u64).max(1);
+        let grid = TileGrid::new(width, height, tile, stride, TilePlan::Clamped).unwrap();
+        // One axis at a time: which columns of pixels are under a tile.
+        let mut next_x = 0;
+        for column in 0..grid.columns() {
+            let t = grid.tile(column).unwrap();
+            prop_assert!(t.x_px <= next_x, "a hole before {}", t.x_px);
+            next_x = t.x_px + tile;
+        }
+        prop_assert!(next_x >= width);
+        prop_assert!(width < tile || next_x == width, "ends at the edge");
+        let mut next_y = 0;
+        for row in 0..grid.rows() {
+            let t = grid.tile(row * grid.columns()).unwrap();
+            prop_assert!(t.y_px <= next_y);
+            next_y = t.y_px + tile;
+        }
+        prop_assert!(next_y >= height);
+        prop_assert_eq!(grid.iter().count() as u64, grid.len());
+        prop_assert!(grid.tile(grid.len()).is_none());
+    }
+
+    #[test]
+    fn paper_tiles_fit_and_no_more_would(width in 1_u64..5000, height in 1_u64..5000) {
+        let grid = TileGrid::paper(width, height).unwrap();
+        for t in grid.iter() {
+            prop_assert!(t.x_px + 512 <= width && t.y_px + 512 <= height);
+            prop_assert_eq!((t.x_px, t.y_px), (t.column * 256, t.row * 256));
+        }
+        if !grid.is_empty() {
+            prop_assert!(grid.columns() * 256 + 512 > width && grid.rows() * 256 + 512 > height);
+        } else {
+            prop_assert!(width < 512 || height < 512);
+        }
+    }
+}
+
+#[test]
+fn equation_1_by_hand() {
+    // W = 4103: j in 0..=(4103 - 512) / 256 = 14; H = 3894: i in 0..=13.
+    let grid = TileGrid::paper(4103, 3894).unwrap();
+    assert_eq!((grid.columns(), grid.rows(), grid.len()), (15, 14, 210));
+    let clamped = TileGrid::clamped(4103, 3894).unwrap();
+    assert_eq!((clamped.columns(), clamped.rows()), (16, 15));
+    let last = clamped.tile(clamped.len() - 1).unwrap();
+    assert_eq!((last.x_px, last.y_px), (4103 - 512, 3894 - 512));
+    // A map that a tile fits exactly has one, in both plans.
+    assert_eq!(TileGrid::paper(512, 512).unwrap().len(), 1);
+    assert_eq!(TileGrid::clamped(512, 512).unwrap().len(), 1);
+    // Smaller than a tile: none in the paper's, one in ours.
+    assert!(TileGrid::paper(511, 4000).unwrap().is_empty());
+    assert_eq!(TileGrid::clamped(300, 200).unwrap().len(), 1);
+}
+
+#[test]
+fn equations_2_22_and_23_by_hand() {
+    let map = PaperCorners {
+        lower_left: LonLat::new(-2.30, 53.40),
+        upper_right: LonLat::new(-2.20, 53.48),
+        map_width_px: 10_000.0,
+        map_height_px: 8_000.0,
+    };
+    // (2a): -2.30 + (3 * 256 + 256) / 10000 * 0.10 = -2.30 + 0.01024;
+    // (2b): 53.48 - (2 * 256 + 256) / 8000 * 0.08 = 53.48 - 0.00768.
+    let center = map.tile_center(PaperTile { row: 2, column: 3 }, 512.0, 256.0);
+    assert_relative_eq!(center.lon_deg, -2.28976, epsilon = 1e-12);
+    assert_relative_eq!(center.lat_deg, 53.47232, epsilon = 1e-12);
+    // (22): (200, 80) of 320 x 320 is (320, 128) of 512 x 512.
+    let px = PaperCorners::tile_px_from_processing_px((200.0, 80.0), 320.0, 320.0, 512.0);
+    assert_eq!(px, (320.0, 128.0));
+    // And of 640 x 320: (160, 128).
+    let wide = PaperCorners::tile_px_from_processing_px((200.0, 80.0), 640.0, 320.0, 512.0);
+    assert_eq!(wide, (160.0, 128.0));
+    // (23): lon + (320/512 - 0.5) * 0.1 * 512/10000 = lon + 0.125 * 0.00512;
+    //       lat - (128/512 - 0.5) * 0.08 * 512/8000 = lat + 0.25 * 0.00512.
+    let place = map.lonlat_from_tile_px(center, px, 512.0);
+    assert_relative_eq!(place.lon_deg, -2.28976 + 0.00064, epsilon = 1e-12);
+    assert_relative_eq!(place.lat_deg, 53.47232 + 0.00128, epsilon = 1e-12);
+}
+
+#[test]
+fn the_papers_equations_are_the_affine_of_the_corners() {
+    // Tile (i, j) and a point in it, the paper's way and through the georeference.
+    let (ll, ur) = (LonLat::new(120.70, 24.20), LonLat::new(120.73, 24.22));
+    let size = (6000, 4400);
+    let corners = grimnet_geo::Corners::new(ll, ur, size, "test", "").unwrap();
+    let map = Georeference::new(corners.affine(size), Crs::wgs84().unwrap(), size).unwrap();
+    let paper = PaperCorners {
+        lower_left: ll,
+        upper_right: ur,
+        map_width_px: 6000.0,
+        map_height_px: 4400.0,
+    };
+    for (row, column, x, y) in [
+        (0, 0, 0.0, 0.0),
+        (3, 5, 100.0, 400.5),
+        (15, 21, 511.0, 256.0),
+    ] {
+        let center = paper.tile_center(PaperTile { row, column }, 512.0, 256.0);
+        let theirs = paper.lonlat_from_tile_px(center, (x, y), 512.0);
+        let px = MapPx::new(column as f64 * 256.0 + x, row as f64 * 256.0 + y);
+        let ours = map.lonlat_from_map_px(px).unwrap();
+        assert!(distance_m(ours, theirs) < 1e-6);
+    }
+}
+
+#[test]
+fn a_level_is_square_on_the_ground() {
+    // Degrees at 60 north: a pixel of equal degrees is half as wide as high.
+    let affine = Affine::from_gdal([22.46, 2e-6, 0.0, 60.41, 0.0, -2e-6]);
+    let size = (5000, 3000);
+    let map = Georeference::new(affine, Crs::wgs84().unwrap(), size).unwrap();
+    let level = LevelFrame::new(&map, size, 0.5).unwrap();
+    let (w, h) = (level.width_px as f64, level.height_px as f64);
+    let at = |x: f64, y: f64| {
+        map.lonlat_from_map_px(level.map_px_from_level_px(x, y))
+            .unwrap()
+    };
+    let right = distance_m(at(w / 2.0, h / 2.0), at(w / 2.0 + 100.0, h / 2.0));
+    let down = distance_m(at(w / 2.0, h / 2.0), at(w / 2.0, h / 2.0 + 100.0));
+    assert_relative_eq!(right, 50.0, epsilon = 1e-3);
+    assert_relative_eq!(down, 50.0, epsilon = 1e-3);
+    let end = level.map_px_from_level_px(w, h);
+    assert!(end.x >= 4999.9 && end.y >= 2999.9, "{end:?}");
+    assert!(LevelFrame::new(&map, size, 0.0).is_err());
+    assert!(LevelFrame::new(&map, size, f64::NAN).is_err());
+}
+
+#[test]
+fn a_georeference_survives_json() {
+    let affine = Affine::from_gdal([300000.0, 0.1, 0.02, 2700000.0, 0.03, -0.1]);
+    for crs in [
+        "EPSG:32651",
+        "+proj=tmerc +lat_0=23 +lon_0=120 +k=0.9999 +x_0=0 +y_0=0 +datum=WGS84 +units=m",
+    ] {
+        let map = Georeference::new(affine, Crs::parse(crs).unwrap(), (100, 200)).unwrap();
+        let text = serde_json::to_string(&map).unwrap();
+        let back: Georeference = serde_json::from_str(&text).unwrap();
+        assert_eq!(map, back);
+        let px = MapPx::new(12.0, 34.0);
+        assert_eq!(
+            map.lonlat_from_map_px(px).unwrap(),
+            back.lonlat_from_map_px(px).unwrap()
+        );
+    }
+    assert!(serde_json::from_str::<Crs>("\"EPSG:1\"").is_err());
+}
+
+#[test]
+fn crs_are_read_in_the_ways_they_are_written() {
+    let utm = Crs::from_epsg(32651).unwrap();
+    for text in [
+        "EPSG:32651",
+        "epsg:32651",
+        " 32651 ",
+        "urn:ogc:def:crs:EPSG::32651",
+    ] {
+        assert_eq!(Crs::parse(text).unwrap(), utm, "{text}");
+    }
+    assert_eq!(Crs::parse("OGC:CRS84").unwrap(), Crs::wgs84().unwrap());
+    let nad27 = Crs::from_epsg(4267).unwrap_err().to_string();
+    assert!(
+        nad27.contains("grid") && nad27.contains("gdalwarp"),
+        "{nad27}"
+    );
+    assert!(
+        Crs::from_epsg(2000)
+            .unwrap()
+            .caveat()
+            .unwrap()
+            .contains("no shift")
+    );
+    for exact in [4326, 3857, 32651, 3826, 28992, 27700, 2056, 7844] {
+        assert_eq!(
+            Crs::from_epsg(exact).unwrap().caveat(),
+            None,
+            "EPSG:{exact}"
+        );
+    }
+}
+
+#[test]
+fn places_outside_a_projection_are_an_error() {
+    let utm = Crs::from_epsg(32651).unwrap();
+    assert!(utm.xy_from_lonlat(LonLat::new(0.0, 91.0)).is_err());
+    assert!(utm.xy_from_lonlat(LonLat::new(f64::NAN, 0.0)).is_err());
+    assert!(utm.lonlat_from_xy(f64::INFINITY, 0.0).is_err());
+    assert!(Crs::wgs84().unwrap().lonlat_from_xy(0.0, 90.1).is_err());
+    assert!(
+        Crs::from_epsg(3857)
+            .unwrap()
+            .xy_from_lonlat(LonLat::new(0.0, 90.0))
+            .is_err()
+    );
+}

@@ -127,6 +127,8 @@ pub struct SimilarityEstimator {
     pub scale_range: (f64, f64),
     /// Two points of a sample closer than this fix neither rotation nor scale, pixels.
     pub min_distance_px: f64,
+    /// Largest rotation either way, radians.
+    pub max_rotation_rad: f64,
 }
 
 impl Default for SimilarityEstimator {
@@ -134,6 +136,7 @@ impl Default for SimilarityEstimator {
         Self {
             scale_range: (0.0, f64::INFINITY),
             min_distance_px: 8.0,
+            max_rotation_rad: f64::INFINITY,
         }
     }
 }
@@ -172,5 +175,6 @@ impl Estimator for SimilarityEstimator {
 impl SimilarityEstimator {
     fn accepts(&self, model: &Similarity) -> bool {
         (self.scale_range.0..=self.scale_range.1).contains(&model.scale())
+            && model.rotation_rad().abs() <= self.max_rotation_rad
     }
 }

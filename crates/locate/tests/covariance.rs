@@ -1,5 +1,7 @@
 //! The stated covariance against what repeated trials scatter.
 
+#![allow(clippy::unwrap_used)]
+
 use grimnet_locate::{
     correspondence::Correspondence,
     covariance::{mapped_point_covariance, propagate, radius95},

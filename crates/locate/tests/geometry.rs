@@ -1,5 +1,7 @@
 //! Geometry and matching against OpenCV (golden/make_golden.py) and against properties that hold for any input.
 
+#![allow(clippy::unwrap_used)]
+
 use grimnet_kernels::Isa;
 use grimnet_locate::{
     correspondence::Correspondence,

@@ -1,0 +1,100 @@
+//! The photo as the matcher sees it: keypoints, descriptors, and where the photo's centre lies among them.
+
+use grimnet_net::{ExtractOptions, Extractor, Features};
+use grimnet_pack::quantise::{descriptor_scale, quantise_descriptors};
+use image::{GrayImage, RgbImage};
+use nalgebra::{Matrix3, Point2};
+
+use crate::{
+    error::Result,
+    matching::Descriptors,
+    options::{Adapt, Options},
+};
+
+/// Features of one query. Points are continuous pixels: the centre of the top-left pixel is (0.5, 0.5).
+#[derive(Debug, Clone)]
+pub(crate) struct QueryFeatures {
+    /// Keypoints, strongest first, query pixels.
+    pub points: Vec<Point2<f32>>,
+    /// Their probabilities.
+    pub scores: Vec<f32>,
+    /// Their descriptors, n x dim, quantised as the pack's are.
+    descriptors: Vec<i8>,
+    descriptor_scale: f32,
+    /// Numbers in a descriptor.
+    pub dim: usize,
+    /// The global descriptor.
+    pub global: Vec<f32>,
+    /// Where the photo's centre lies, query pixels.
+    pub centre: Point2<f64>,
+    /// Half the geometric mean of the sides of what is seen of the photo, query pixels.
+    pub half_side_px: f64,
+    /// Pixels of `Photo::image` from query pixels, both continuous.
+    pub photo_px_from_query_px: Matrix3<f64>,
+}
+
+/// From the network's integer pixel indices to continuous pixels. The one place of this half pixel on the photo's side.
+pub(crate) const PIXEL_CENTRE: f32 = 0.5;
+
+impl QueryFeatures {
+    /// Runs the network over a query.
+    pub fn extract(
+        extractor: &Extractor,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+        photo_px_from_query_px: Matrix3<f64>,
+        options: &Options,
+    ) -> Result<Self> {
+        let extract = ExtractOptions {
+            threshold: options.keypoint_threshold,
+            max_keypoints: options.max_keypoints,
+            nms_radius_px: options.nms_radius_px,
+        };
+        let features = match options.adapt {
+            Adapt::Photo => extractor.extract_instance(image, mask, &extract)?,
+            Adapt::None | Adapt::Flight => extractor.extract(image, mask, &extract)?,
+        };
+        let seen_px = mask.map_or(image.width() as usize * image.height() as usize, |mask| {
+            mask.as_raw().iter().filter(|&&seen| seen > 0).count()
+        });
+        Ok(Self::new(
+            &features,
+            image.dimensions(),
+            seen_px,
+            photo_px_from_query_px,
+        ))
+    }
+
+    fn new(
+        features: &Features,
+        size_px: (u32, u32),
+        seen_px: usize,
+        photo_px_from_query_px: Matrix3<f64>,
+    ) -> Self {
+        let dim = features.descriptor_dim;
+        let points = features
+            .keypoints
+            .iter()
+            .map(|point| Point2::new(point.x_px + PIXEL_CENTRE, point.y_px + PIXEL_CENTRE));
+        Self {
+            points: points.collect(),
+            scores: features.keypoints.iter().map(|point| point.score).collect(),
+            descriptors: quantise_descriptors(&features.descriptors, dim),
+            descriptor_scale: descriptor_scale(dim),
+            dim,
+            global: features.global.clone(),
+            centre: Point2::new(f64::from(size_px.0) / 2.0, f64::from(size_px.1) / 2.0),
+            half_side_px: (seen_px as f64).sqrt() / 2.0,
+            photo_px_from_query_px,
+        }
+    }
+
+    /// Descriptors of the `most` strongest keypoints.
+    pub fn strongest(&self, most: usize) -> Descriptors<'_> {
+        let count = self.points.len().min(most) * self.dim;
+        Descriptors::I8 {
+            values: &self.descriptors[..count],
+            scale: self.descriptor_scale,
+        }
+    }
+}

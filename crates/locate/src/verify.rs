@@ -1,0 +1,286 @@
+//! Full matching of one candidate: matches, transform, gates, and how far its centre may be off.
+
+use grimnet_pack::Level;
+use nalgebra::{Matrix2, Point2, Vector2};
+
+use crate::{
+    candidates::{Candidate, Desk},
+    correspondence::Correspondence,
+    covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
+    error::Result,
+    gates::Rejection,
+    homography::{Homography, HomographyEstimator},
+    matching::Descriptors,
+    options::{GeometryModel, Options},
+    query_features::{PIXEL_CENTRE, QueryFeatures},
+    ransac::{Estimate, Estimator},
+    refine::refine,
+    sampler::Progressive,
+    similarity::{Similarity, SimilarityEstimator},
+    transform::Transform,
+};
+
+/// What full matching made of a candidate.
+#[derive(Debug, Clone)]
+pub(crate) struct Verified {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// Matched points: query pixels, and pixels of the tile at the query's resolution.
+    pub pairs: Vec<Correspondence>,
+    /// Indices of the pairs that agree.
+    pub inliers: Vec<usize>,
+    /// Query pixels to pixels of the tile at the query's resolution; none where no transform was found.
+    pub transform: Option<Homography>,
+    /// Covariance of the mapped centre, in the same pixels.
+    pub covariance_px2: Option<Matrix2<f64>>,
+    /// The photo's centre, continuous level pixels.
+    pub centre_level_px: Option<[f64; 2]>,
+    /// The first gate that it did not pass.
+    pub rejection: Option<Rejection>,
+}
+
+/// The frame of a tile at the query's resolution.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct TileFrame {
+    /// Top-left corner, level pixels.
+    pub origin_px: Vector2<f64>,
+    /// Level pixels a pixel of the query: 1 but in packs built in paper mode.
+    pub level_px_per_query_px: f64,
+}
+
+impl TileFrame {
+    pub fn new(level: &Level, tile: usize) -> Self {
+        let [x, y] = level.tile(tile).origin_px;
+        Self {
+            origin_px: Vector2::new(x as f64, y as f64),
+            level_px_per_query_px: level_px_per_query_px(level),
+        }
+    }
+
+    /// Continuous level pixel of a pixel of the tile at the query's resolution.
+    pub fn level_px(&self, in_tile: Point2<f64>) -> [f64; 2] {
+        (self.origin_px + in_tile.coords * self.level_px_per_query_px).into()
+    }
+}
+
+/// Level pixels a pixel that the network saw.
+pub(crate) fn level_px_per_query_px(level: &Level) -> f64 {
+    f64::from(level.tile_px()) / f64::from(level.manifest().network_px)
+}
+
+/// Limits on the similarity that hypotheses of heading and scale set.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Expected {
+    /// Largest rotation between query and map, radians.
+    pub max_rotation_rad: f64,
+}
+
+/// Matches `query` with the candidate's tile and checks the answer.
+pub(crate) fn verify(
+    level: &Level,
+    query: &QueryFeatures,
+    candidate: Candidate,
+    expected: Expected,
+    desk: &mut Desk,
+    options: &Options,
+) -> Result<Verified> {
+    let frame = TileFrame::new(level, candidate.tile);
+    let tile = level.features(candidate.tile);
+    let tile_descriptors = Descriptors::I8 {
+        values: &tile.descriptors,
+        scale: tile.scale,
+    };
+    let whole = query.strongest(usize::MAX);
+    desk.matcher.mutual(
+        whole,
+        tile_descriptors,
+        query.dim,
+        options.max_ratio,
+        &mut desk.matches,
+    )?;
+    // Best first, as the progressive sampler wants them.
+    desk.matches.sort_by(|a, b| {
+        b.similarity
+            .total_cmp(&a.similarity)
+            .then(a.query.cmp(&b.query))
+    });
+    let pairs: Vec<Correspondence> = desk
+        .matches
+        .iter()
+        .map(|found| {
+            let [x, y] = tile.xy_px[found.tile as usize]
+                .map(|along| f64::from(along + PIXEL_CENTRE) / frame.level_px_per_query_px);
+            let from = query.points[found.query as usize].cast::<f64>();
+            Correspondence::weighted(
+                from,
+                Point2::new(x, y),
+                f64::from(query.scores[found.query as usize]),
+            )
+        })
+        .collect();
+    let solved = solve(&pairs, expected, options);
+    let mut verified = Verified {
+        candidate,
+        pairs,
+        inliers: Vec::new(),
+        transform: None,
+        covariance_px2: None,
+        centre_level_px: None,
+        rejection: None,
+    };
+    if let Some(solved) = solved {
+        let agreeing: Vec<Correspondence> = solved
+            .inliers
+            .iter()
+            .map(|&index| verified.pairs[index])
+            .collect();
+        verified.covariance_px2 = match &solved.similarity {
+            Some(similarity) => {
+                mapped_point_covariance(similarity, &agreeing, query.centre, MIN_RESIDUAL_SIGMA_PX)
+            }
+            None => mapped_point_covariance(
+                &solved.homography,
+                &agreeing,
+                query.centre,
+                MIN_RESIDUAL_SIGMA_PX,
+            ),
+        };
+        verified.centre_level_px = solved
+            .homography
+            .map(query.centre)
+            .map(|centre| frame.level_px(centre));
+        verified.inliers = solved.inliers;
+        verified.transform = Some(solved.homography);
+    }
+    verified.rejection = check(&verified, level, query, options).err();
+    Ok(verified)
+}
+
+struct Solved {
+    homography: Homography,
+    /// Where the transform is one.
+    similarity: Option<Similarity>,
+    inliers: Vec<usize>,
+}
+
+/// A homography must explain this many more matches than a similarity to be taken, relative and absolute: it has twice the
+/// freedom and degenerates more.
+const HOMOGRAPHY_GAIN: (f64, usize) = (1.15, 4);
+
+fn solve(pairs: &[Correspondence], expected: Expected, options: &Options) -> Option<Solved> {
+    let max_scale = options
+        .gates
+        .map_or(f64::INFINITY, |gates| 1.0 + gates.max_scale_change);
+    let for_similarity = SimilarityEstimator {
+        scale_range: (1.0 / max_scale, max_scale),
+        max_rotation_rad: expected.max_rotation_rad,
+        ..SimilarityEstimator::default()
+    };
+    let for_homography = HomographyEstimator::default();
+    let ransac = &options.ransac;
+    if options.geometry == GeometryModel::Homography {
+        let found = ransac.run(&for_homography, pairs, &mut Progressive::new(options.seed))?;
+        let (homography, inliers) = settle::<8, _>(&for_homography, found, pairs, options);
+        return Some(Solved {
+            homography,
+            similarity: None,
+            inliers,
+        });
+    }
+    let found = ransac.run(&for_similarity, pairs, &mut Progressive::new(options.seed))?;
+    let (similarity, inliers) = settle::<4, _>(&for_similarity, found, pairs, options);
+    let homography = Homography::of(&similarity)?;
+    let plain = Solved {
+        homography,
+        similarity: Some(similarity),
+        inliers,
+    };
+    if options.geometry == GeometryModel::Similarity {
+        return Some(plain);
+    }
+    // Pairs that the similarity nearly explains are where a perspective would show.
+    let near: Vec<Correspondence> = ransac
+        .inliers(&for_homography, &homography, pairs, 2.0)
+        .into_iter()
+        .map(|index| pairs[index])
+        .collect();
+    let start = Homography::fit(&near).unwrap_or(homography);
+    let (score, count) = ransac.rate(&for_homography, &start, pairs);
+    let (model, score, _) = ransac.optimise(&for_homography, (start, score, count), pairs);
+    let found = Estimate {
+        inliers: ransac.inliers(&for_homography, &model, pairs, 1.0),
+        model,
+        score,
+        iterations: 0,
+    };
+    let (homography, inliers) = settle::<8, _>(&for_homography, found, pairs, options);
+    let needed = (plain.inliers.len() as f64 * HOMOGRAPHY_GAIN.0)
+        .max((plain.inliers.len() + HOMOGRAPHY_GAIN.1) as f64);
+    if inliers.len() as f64 >= needed {
+        Some(Solved {
+            homography,
+            similarity: None,
+            inliers,
+        })
+    } else {
+        Some(plain)
+    }
+}
+
+/// The refined transform and its inliers; what was found where refinement loses some.
+fn settle<const N: usize, E: Estimator>(
+    estimator: &E,
+    found: Estimate<E::Model>,
+    pairs: &[Correspondence],
+    options: &Options,
+) -> (E::Model, Vec<usize>)
+where
+    E::Model: Transform<N>,
+{
+    if !options.refine {
+        return (found.model, found.inliers);
+    }
+    let agreeing: Vec<Correspondence> = found.inliers.iter().map(|&index| pairs[index]).collect();
+    let Some(refined) = refine(&found.model, &agreeing) else {
+        return (found.model, found.inliers);
+    };
+    let inliers = options
+        .ransac
+        .inliers(estimator, &refined.model, pairs, 1.0);
+    // A weighted fit may trade a few strong pairs for many weak ones.
+    if inliers.len() * 10 >= found.inliers.len() * 9 {
+        (refined.model, inliers)
+    } else {
+        (found.model, found.inliers)
+    }
+}
+
+fn check(
+    verified: &Verified,
+    level: &Level,
+    query: &QueryFeatures,
+    options: &Options,
+) -> std::result::Result<(), Rejection> {
+    let needed = options.gates.map_or(0, |gates| gates.min_inliers);
+    let Some(transform) = &verified.transform else {
+        return Err(Rejection::Inliers { found: 0, needed });
+    };
+    let Some(gates) = &options.gates else {
+        return Ok(());
+    };
+    let inliers = verified
+        .inliers
+        .iter()
+        .map(|&index| verified.pairs[index].from);
+    gates.check_support(inliers, verified.pairs.len(), query.half_side_px)?;
+    gates.check_shape(transform, query.centre, 1.0)?;
+    let [x, y] = verified.centre_level_px.ok_or(Rejection::NotFinite)?;
+    let [width, height] = level.size_px();
+    if !((0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y)) {
+        return Err(Rejection::OutsideMap);
+    }
+    if verified.covariance_px2.is_none() {
+        return Err(Rejection::NotFinite);
+    }
+    Ok(())
+}

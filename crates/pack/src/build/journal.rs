@@ -1,0 +1,312 @@
+//! What was computed so far, in a file beside the pack that is only ever appended to.
+//!
+//! Each record carries a checksum over its kind, length and content. A killed build leaves a whole number of good
+//! records and perhaps a piece of one, which is cut off when the build goes on. Nothing waits for the disk: after a
+//! power cut some records are lost or damaged, which the checksum shows as well.
+
+use std::fs::{File, TryLockError};
+use std::io::{BufReader, Read, Seek, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use crate::error::{PackError, Result};
+
+const MAGIC: [u8; 4] = *b"GJR1";
+const HEAD_LEN: usize = 32;
+
+/// What a record holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Kind {
+    /// The build's fingerprint; the first record.
+    Start = 1,
+    /// Adapted statistics of one level.
+    Statistics = 2,
+    /// A finished piece of work.
+    Item = 3,
+}
+
+/// Where a record's content lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Start of the content, bytes.
+    pub offset: u64,
+    /// Length of the content, bytes.
+    pub len: u64,
+}
+
+/// A locked journal, positioned at its end.
+#[derive(Debug)]
+pub struct Journal {
+    path: PathBuf,
+    file: File,
+    end: u64,
+}
+
+impl Journal {
+    /// Opens or starts the journal at `path`, locks it, and hands each good record of the same build to `each`
+    /// until that returns `false`, where the rest is cut off. A journal of another build (other fingerprint) is
+    /// emptied.
+    ///
+    /// # Errors
+    /// [`PackError::Busy`] where another process holds it (`output` names the pack in the message), and whatever
+    /// the system refuses.
+    pub fn open(
+        path: &Path,
+        output: &Path,
+        fingerprint: &str,
+        mut each: impl FnMut(Kind, Place, &[u8]) -> Result<bool>,
+    ) -> Result<Self> {
+        let file = lock(path, output)?;
+        let len = file
+            .metadata()
+            .map_err(|e| PackError::io("read", path, e))?
+            .len();
+        let mut reader = BufReader::with_capacity(1 << 20, &file);
+        let mut content = Vec::new();
+        let mut end = 0;
+        while let Some(kind) = next_record(&mut reader, len - end, &mut content) {
+            let place = Place {
+                offset: end + HEAD_LEN as u64,
+                len: content.len() as u64,
+            };
+            let is_first = end == 0;
+            let wanted = match (is_first, kind) {
+                (true, Kind::Start) => content == fingerprint.as_bytes(),
+                (false, Kind::Statistics | Kind::Item) => each(kind, place, &content)?,
+                _ => false,
+            };
+            if !wanted {
+                if is_first {
+                    tracing::warn!(
+                        journal = %path.display(),
+                        "an unfinished build with another map, model or options was left here; starting anew"
+                    );
+                }
+                break;
+            }
+            end = place.offset + place.len;
+        }
+        drop(reader);
+        let error = |e| PackError::io("write", path, e);
+        file.set_len(end).map_err(error)?;
+        (&file).seek(SeekFrom::Start(end)).map_err(error)?;
+        let mut journal = Self {
+            path: path.to_path_buf(),
+            file,
+            end,
+        };
+        if end == 0 {
+            journal.append(Kind::Start, fingerprint.as_bytes())?;
+        }
+        Ok(journal)
+    }
+
+    /// Appends a record.
+    ///
+    /// # Errors
+    /// Whatever the system refuses; the journal stays good up to the record before.
+    pub fn append(&mut self, kind: Kind, content: &[u8]) -> Result<Place> {
+        let mut record = Vec::with_capacity(HEAD_LEN + content.len());
+        record.extend_from_slice(&head(kind as u32, content));
+        record.extend_from_slice(content);
+        self.file
+            .write_all(&record)
+            .map_err(|e| PackError::io("write", &self.path, e))?;
+        let place = Place {
+            offset: self.end + HEAD_LEN as u64,
+            len: content.len() as u64,
+        };
+        self.end = place.offset + place.len;
+        Ok(place)
+    }
+
+    /// Reads `len` bytes at `offset`, as given by a [`Place`]. Afterwards nothing may be appended.
+    ///
+    /// # Errors
+    /// Whatever the system refuses.
+    pub fn read(&mut self, offset: u64, len: usize, into: &mut Vec<u8>) -> Result<()> {
+        into.resize(len, 0);
+        self.file
+            .seek(SeekFrom::Start(offset))
+            .and_then(|_| self.file.read_exact(into))
+            .map_err(|e| PackError::io("read", &self.path, e))
+    }
+
+    /// Deletes the journal, once the pack is in place.
+    ///
+    /// # Errors
+    /// Whatever the system refuses.
+    pub fn remove(self) -> Result<()> {
+        fs_err::remove_file(&self.path).map_err(|e| PackError::io("delete", &self.path, e))
+    }
+}
+
+/// Opens `path`, making it where it is missing, and locks it without waiting.
+fn lock(path: &Path, output: &Path) -> Result<File> {
+    loop {
+        let file = File::options()
+            .read(true)
+            .write(true)
+            .create(true)
+            .truncate(false)
+            .open(path)
+            .map_err(|e| PackError::io("create", path, e))?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(PackError::Busy {
+                    path: output.to_path_buf(),
+                });
+            }
+            // Some network file systems know no locks.
+            Err(TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {
+                tracing::warn!(path = %path.display(), "this file system cannot lock files; start no second build");
+            }
+            Err(TryLockError::Error(e)) => return Err(PackError::io("lock", path, e)),
+        }
+        // Between opening and locking the holder may have finished and deleted it: then this is a file without a
+        // name, and the next process would not see the lock.
+        if is_at(&file, path) {
+            return Ok(file);
+        }
+    }
+}
+
+#[cfg(unix)]
+fn is_at(file: &File, path: &Path) -> bool {
+    use std::os::unix::fs::MetadataExt;
+    match (file.metadata(), std::fs::metadata(path)) {
+        (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
+        _ => false,
+    }
+}
+
+/// Elsewhere an open file cannot be deleted.
+#[cfg(not(unix))]
+fn is_at(_file: &File, _path: &Path) -> bool {
+    true
+}
+
+fn head(kind: u32, content: &[u8]) -> [u8; HEAD_LEN] {
+    let mut head = [0; HEAD_LEN];
+    head[..4].copy_from_slice(&MAGIC);
+    head[4..8].copy_from_slice(&kind.to_le_bytes());
+    head[8..16].copy_from_slice(&(content.len() as u64).to_le_bytes());
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&head[..16]);
+    hasher.update(content);
+    head[16..].copy_from_slice(&hasher.finalize().as_bytes()[..16]);
+    head
+}
+
+/// The next record, or `None` where what follows is not a whole good one.
+fn next_record(reader: &mut impl Read, left: u64, content: &mut Vec<u8>) -> Option<Kind> {
+    let mut found = [0; HEAD_LEN];
+    reader.read_exact(&mut found).ok()?;
+    let word =
+        |at: usize| u32::from_le_bytes([found[at], found[at + 1], found[at + 2], found[at + 3]]);
+    let len = u64::from(word(8)) | u64::from(word(12)) << 32;
+    if found[..4] != MAGIC || len > left.checked_sub(HEAD_LEN as u64)? {
+        return None;
+    }
+    content.resize(len as usize, 0);
+    reader.read_exact(content).ok()?;
+    if head(word(4), content) != found {
+        return None;
+    }
+    [Kind::Start, Kind::Statistics, Kind::Item]
+        .into_iter()
+        .find(|&kind| kind as u32 == word(4))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn records(path: &Path, fingerprint: &str) -> Vec<Vec<u8>> {
+        let mut all = Vec::new();
+        Journal::open(path, path, fingerprint, |_, _, content| {
+            all.push(content.to_vec());
+            Ok(true)
+        })
+        .unwrap();
+        all
+    }
+
+    fn filled(path: &Path) {
+        let mut journal = Journal::open(path, path, "a", |_, _, _| Ok(true)).unwrap();
+        for i in 0..5u8 {
+            journal
+                .append(Kind::Item, &vec![i; 10 * usize::from(i)])
+                .unwrap();
+        }
+    }
+
+    #[test]
+    fn survives_being_cut_or_changed_at_any_byte() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("j");
+        filled(&path);
+        let whole = std::fs::read(&path).unwrap();
+        assert_eq!(records(&path, "a").len(), 5);
+        for at in 0..whole.len() {
+            std::fs::write(&path, &whole[..at]).unwrap();
+            let cut = records(&path, "a");
+            assert!(
+                cut.len() < 5
+                    && cut
+                        .iter()
+                        .enumerate()
+                        .all(|(i, r)| r == &vec![i as u8; 10 * i])
+            );
+            let mut changed = whole.clone();
+            changed[at] ^= 0x40;
+            std::fs::write(&path, &changed).unwrap();
+            let good = records(&path, "a");
+            assert!(
+                good.len() < 5
+                    && good
+                        .iter()
+                        .enumerate()
+                        .all(|(i, r)| r == &vec![i as u8; 10 * i])
+            );
+        }
+    }
+
+    #[test]
+    fn another_build_starts_anew() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("j");
+        filled(&path);
+        assert!(records(&path, "b").is_empty());
+        assert!(records(&path, "a").is_empty(), "emptied");
+    }
+
+    #[test]
+    fn goes_on_after_a_torn_record_and_reads_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("j");
+        filled(&path);
+        let whole = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
+        let mut journal = Journal::open(&path, &path, "a", |_, _, _| Ok(true)).unwrap();
+        let place = journal.append(Kind::Item, b"again").unwrap();
+        let mut bytes = Vec::new();
+        journal.read(place.offset + 1, 3, &mut bytes).unwrap();
+        assert_eq!(bytes, b"gai");
+        drop(journal);
+        assert_eq!(records(&path, "a").last().unwrap(), b"again");
+    }
+
+    #[test]
+    fn a_second_writer_is_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("j");
+        let first = Journal::open(&path, &path, "a", |_, _, _| Ok(true)).unwrap();
+        let error =
+            Journal::open(&path, Path::new("area.grim"), "a", |_, _, _| Ok(true)).unwrap_err();
+        assert!(matches!(error, PackError::Busy { .. }) && error.to_string().contains("area.grim"));
+        first.remove().unwrap();
+        Journal::open(&path, &path, "a", |_, _, _| Ok(true)).unwrap();
+    }
+}

@@ -1,0 +1,208 @@
+//! Keypoints and local descriptors as they lie in the pack, and gathered for one tile.
+
+use half::f16;
+
+use crate::format::{BlobLayout, POSITION_STEPS_PER_PX};
+
+/// Features of one cell or paper tile, borrowed from the mapped file, strongest keypoint first.
+#[derive(Clone, Copy, Debug)]
+pub struct FeatureBlock<'a> {
+    positions: &'a [[u16; 2]],
+    scores: &'a [f16],
+    descriptors: &'a [i8],
+    /// Tile pixel of stored position (0, 0): x, y.
+    offset_px: [f32; 2],
+    /// Tile pixels a stored pixel (1 but in paper mode).
+    px_per_stored_px: f32,
+}
+
+impl<'a> FeatureBlock<'a> {
+    /// Views a blob. `None` where its parts do not fit.
+    pub(crate) fn new(
+        blob: &'a [u8],
+        keypoints: usize,
+        dim: usize,
+        offset_px: [f32; 2],
+        px_per_stored_px: f32,
+    ) -> Option<Self> {
+        let layout = BlobLayout::new(keypoints, dim);
+        let positions = blob.get(layout.positions..layout.scores)?;
+        let scores = blob.get(layout.scores..layout.end)?;
+        Some(Self {
+            positions: bytemuck::try_cast_slice(positions).ok()?,
+            scores: bytemuck::try_cast_slice(scores).ok()?,
+            descriptors: bytemuck::cast_slice(blob.get(..keypoints * dim)?),
+            offset_px,
+            px_per_stored_px,
+        })
+    }
+
+    /// Number of keypoints.
+    pub fn len(&self) -> usize {
+        self.positions.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.positions.is_empty()
+    }
+
+    /// Position of keypoint `i` in the tile, level pixels, pixel centres at integers.
+    pub fn xy_px(&self, i: usize) -> [f32; 2] {
+        let stored = self.positions[i];
+        std::array::from_fn(|a| {
+            // Between integers at centres and integers at corners lies half a pixel, in either scale.
+            (f32::from(stored[a]) / POSITION_STEPS_PER_PX + 0.5) * self.px_per_stored_px - 0.5
+                + self.offset_px[a]
+        })
+    }
+
+    /// Probability of keypoint `i`.
+    pub fn score(&self, i: usize) -> f32 {
+        self.scores[i].to_f32()
+    }
+
+    /// All descriptors, `len x dim`.
+    pub fn descriptors(&self) -> &'a [i8] {
+        self.descriptors
+    }
+}
+
+/// Features of one tile, gathered from its cells.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TileFeatures {
+    /// Positions in the tile, level pixels from its top-left pixel, pixel centres at integers.
+    pub xy_px: Vec<[f32; 2]>,
+    /// Keypoint probabilities, descending.
+    pub scores: Vec<f32>,
+    /// Descriptors, `n x descriptor_dim`.
+    pub descriptors: Vec<i8>,
+    /// Numbers in a descriptor.
+    pub descriptor_dim: usize,
+    /// What one step of a descriptor is worth; cosine = integer product x scale x the query's scale.
+    pub scale: f32,
+}
+
+impl TileFeatures {
+    /// Number of keypoints.
+    pub fn len(&self) -> usize {
+        self.xy_px.len()
+    }
+
+    /// Whether there is none.
+    pub fn is_empty(&self) -> bool {
+        self.xy_px.is_empty()
+    }
+
+    /// The `most` strongest keypoints of some blocks; ties go to the earlier block, then the earlier keypoint.
+    pub(crate) fn gather(blocks: &[FeatureBlock<'_>], dim: usize, scale: f32, most: usize) -> Self {
+        let mut order: Vec<(f32, u32, u32)> = Vec::new();
+        for (b, block) in blocks.iter().enumerate() {
+            // Blocks are sorted, so no more than `most` of each can be among the strongest.
+            order.extend((0..block.len().min(most)).map(|i| (block.score(i), b as u32, i as u32)));
+        }
+        order.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+        order.truncate(most);
+        let mut all = Self {
+            xy_px: Vec::with_capacity(order.len()),
+            scores: Vec::with_capacity(order.len()),
+            descriptors: Vec::with_capacity(order.len() * dim),
+            descriptor_dim: dim,
+            scale,
+        };
+        for (score, b, i) in order {
+            let (block, i) = (&blocks[b as usize], i as usize);
+            all.xy_px.push(block.xy_px(i));
+            all.scores.push(score);
+            all.descriptors
+                .extend_from_slice(&block.descriptors()[i * dim..(i + 1) * dim]);
+        }
+        all
+    }
+}
+
+/// Writes keypoints (strongest first) as a blob.
+///
+/// `positions_px` count from the unit's top-left pixel, pixel centres at integers.
+pub(crate) fn encode_blob(
+    positions_px: &[[f32; 2]],
+    scores: &[f32],
+    descriptors: &[i8],
+) -> Vec<u8> {
+    let n = positions_px.len();
+    let dim = descriptors.len().checked_div(n).unwrap_or(0);
+    let layout = BlobLayout::new(n, dim);
+    let mut blob = vec![0u8; layout.stored_len()];
+    blob[..n * dim].copy_from_slice(bytemuck::cast_slice(descriptors));
+    for (i, xy) in positions_px.iter().enumerate() {
+        for (a, &v) in xy.iter().enumerate() {
+            let stored = (v * POSITION_STEPS_PER_PX).round().clamp(0.0, 65535.0) as u16;
+            let at = layout.positions + 4 * i + 2 * a;
+            blob[at..at + 2].copy_from_slice(&stored.to_le_bytes());
+        }
+    }
+    for (i, &score) in scores.iter().enumerate() {
+        let at = layout.scores + 2 * i;
+        blob[at..at + 2].copy_from_slice(&f16::from_f32(score).to_le_bytes());
+    }
+    blob
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A blob at an address that is a multiple of 8, as in a mapped file.
+    fn aligned(blob: &[u8]) -> Vec<u64> {
+        let mut words = vec![0u64; blob.len().div_ceil(8)];
+        bytemuck::cast_slice_mut::<u64, u8>(&mut words)[..blob.len()].copy_from_slice(blob);
+        words
+    }
+
+    #[test]
+    fn blob_round_trip() {
+        let positions = [[3.0, 250.5], [255.0, 0.0], [17.25, 9.0]];
+        let scores = [0.9, 0.5, 0.25];
+        let descriptors: Vec<i8> = (0..3 * 6).map(|v| v as i8 - 9).collect();
+        let words = aligned(&encode_blob(&positions, &scores, &descriptors));
+        let block =
+            FeatureBlock::new(bytemuck::cast_slice(&words), 3, 6, [256.0, 0.0], 1.0).unwrap();
+        assert_eq!(block.len(), 3);
+        assert_eq!(block.xy_px(0), [259.0, 250.5]);
+        assert_eq!(block.xy_px(2), [273.25, 9.0]);
+        assert_eq!(block.score(1), 0.5);
+        assert_eq!(block.descriptors(), &descriptors[..]);
+        assert!(FeatureBlock::new(bytemuck::cast_slice(&words), 300, 6, [0.0; 2], 1.0).is_none());
+    }
+
+    #[test]
+    fn paper_positions_are_scaled_about_the_corner() {
+        // The corner between pixels -1 and 0 stays where it is, so pixel 0 of 320 has its centre at 0.8 - 0.5 of 512.
+        let words = aligned(&encode_blob(&[[0.0, 319.0]], &[1.0], &[1, 2]));
+        let block = FeatureBlock::new(bytemuck::cast_slice(&words), 1, 2, [0.0; 2], 1.6).unwrap();
+        let [x, y] = block.xy_px(0);
+        assert!((x - 0.3).abs() < 1e-5 && (y - (319.5 * 1.6 - 0.5)).abs() < 1e-4);
+    }
+
+    #[test]
+    fn gather_takes_the_strongest_and_breaks_ties_by_order() {
+        let a = aligned(&encode_blob(
+            &[[0.0, 0.0], [1.0, 0.0]],
+            &[0.5, 0.25],
+            &[1, 2],
+        ));
+        let b = aligned(&encode_blob(
+            &[[0.0, 0.0], [2.0, 0.0]],
+            &[0.75, 0.5],
+            &[3, 4],
+        ));
+        let blocks = [
+            FeatureBlock::new(bytemuck::cast_slice(&a), 2, 1, [0.0; 2], 1.0).unwrap(),
+            FeatureBlock::new(bytemuck::cast_slice(&b), 2, 1, [256.0, 0.0], 1.0).unwrap(),
+        ];
+        let all = TileFeatures::gather(&blocks, 1, 1.0, 3);
+        assert_eq!(all.scores, [0.75, 0.5, 0.5]);
+        assert_eq!(all.descriptors, [3, 1, 4]);
+        assert_eq!(all.xy_px[2], [258.0, 0.0]);
+    }
+}

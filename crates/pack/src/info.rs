@@ -1,0 +1,221 @@
+//! What `grim map info` prints.
+
+use std::fmt;
+
+use serde::Serialize;
+
+use crate::manifest::IndexManifest;
+use crate::options::Mode;
+use crate::pack::Pack;
+
+/// A pack in short.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct PackInfo {
+    /// Bytes of the file.
+    pub len_bytes: u64,
+    /// The pack format.
+    pub format_version: u32,
+    /// Program that wrote it.
+    pub created_by: String,
+    /// `paper` or `default`.
+    pub mode: Mode,
+    /// Hash of the model, hex.
+    pub model_hash: String,
+    /// Preset and name of the model.
+    pub model: String,
+    /// Whether the model's numbers are random, so that the pack localises nothing.
+    pub model_is_random: bool,
+    /// Hash of the map, hex.
+    pub map_hash: String,
+    /// The map, in words.
+    pub map: String,
+    /// Width and height of the map, pixels.
+    pub map_px: [u64; 2],
+    /// Width and height of the map, metres, measured at its centre.
+    pub map_m: [f64; 2],
+    /// Coordinate system.
+    pub crs: String,
+    /// GDAL geotransform.
+    pub geotransform: [f64; 6],
+    /// Longitude and latitude of the map's centre, degrees.
+    pub center_lon_lat_deg: Option<[f64; 2]>,
+    /// Levels, finest first.
+    pub levels: Vec<LevelInfo>,
+}
+
+/// A level in short.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct LevelInfo {
+    /// Metres a pixel.
+    pub gsd_m: f64,
+    /// Side of a tile, metres.
+    pub tile_m: f64,
+    /// Tiles with a descriptor.
+    pub tiles: u64,
+    /// Tiles without.
+    pub tiles_skipped: u64,
+    /// Cells (default mode) or tiles (paper mode) with features.
+    pub units: u64,
+    /// Those without.
+    pub units_skipped: u64,
+    /// Mean number of keypoints of a unit.
+    pub keypoints_per_unit: f64,
+    /// Bytes of the level in the file.
+    pub len_bytes: u64,
+    /// The same for each unit with features.
+    pub bytes_per_unit: f64,
+    /// Tiles that adapted statistics were taken from; 0 where the model's own were used.
+    pub adapted_from_tiles: u32,
+    /// Index.
+    pub index: IndexManifest,
+}
+
+impl Pack {
+    /// The pack in short.
+    pub fn info(&self) -> PackInfo {
+        let manifest = self.manifest();
+        let map = &manifest.map;
+        let card = |key: &str| manifest.model.card.get(key);
+        let name = card("name").and_then(|v| v.as_str()).unwrap_or_default();
+        let georeference = self.georeference();
+        let center = georeference
+            .lonlat_from_map_px(georeference.center_px())
+            .ok();
+        PackInfo {
+            len_bytes: self.len_bytes(),
+            format_version: manifest.format_version,
+            created_by: manifest.created_by.clone(),
+            mode: manifest.mode,
+            model_hash: manifest.model.hash.clone(),
+            model: format!("{} {name}", manifest.model.preset)
+                .trim()
+                .to_owned(),
+            model_is_random: card("random").and_then(|v| v.as_bool()).unwrap_or(false),
+            map_hash: map.hash.clone(),
+            map: map.description.clone(),
+            map_px: map.size_px,
+            map_m: std::array::from_fn(|a| map.size_px[a] as f64 * map.ground_resolution_m[a]),
+            crs: georeference.crs().definition().to_owned(),
+            geotransform: georeference.affine().to_gdal(),
+            center_lon_lat_deg: center.map(|place| [place.lon_deg, place.lat_deg]),
+            levels: self
+                .levels()
+                .iter()
+                .map(|level| {
+                    let m = level.manifest();
+                    let per_unit = |value: u64| value as f64 / m.units.max(1) as f64;
+                    LevelInfo {
+                        gsd_m: level.gsd_m(),
+                        tile_m: level.tile_m(),
+                        tiles: m.tiles,
+                        tiles_skipped: m.tiles_skipped,
+                        units: m.units,
+                        units_skipped: m.units_skipped,
+                        keypoints_per_unit: per_unit(m.keypoints),
+                        len_bytes: level.len_bytes(),
+                        bytes_per_unit: per_unit(level.len_bytes()),
+                        adapted_from_tiles: m.adapted_from_tiles,
+                        index: m.index.clone(),
+                    }
+                })
+                .collect(),
+        }
+    }
+}
+
+impl fmt::Display for PackInfo {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (mode, unit) = match self.mode {
+            Mode::Default => ("default", "cell"),
+            Mode::Paper => ("paper", "tile"),
+        };
+        let short = |hash: &str| hash.chars().take(16).collect::<String>();
+        writeln!(
+            f,
+            "pack     format {}, {mode} mode, {}",
+            self.format_version,
+            Bytes(self.len_bytes as f64)
+        )?;
+        let random = if self.model_is_random {
+            " - RANDOM numbers: this pack localises nothing"
+        } else {
+            ""
+        };
+        writeln!(
+            f,
+            "model    {} ({}){random}",
+            self.model,
+            short(&self.model_hash)
+        )?;
+        writeln!(f, "map      {} ({})", self.map, short(&self.map_hash))?;
+        let [w, h] = self.map_px;
+        writeln!(
+            f,
+            "         {w} x {h} px, {:.0} x {:.0} m, {}",
+            self.map_m[0], self.map_m[1], self.crs
+        )?;
+        if let Some([lon, lat]) = self.center_lon_lat_deg {
+            writeln!(f, "centre   {lat:.6}, {lon:.6} (lat, lon)")?;
+        }
+        for level in &self.levels {
+            write!(
+                f,
+                "level    {:.3} m/px: {} tiles of {:.0} m ({} skipped), {} {unit}s ({} skipped), \
+                 {:.0} keypoints and {} a {unit}, ",
+                level.gsd_m,
+                level.tiles,
+                level.tile_m,
+                level.tiles_skipped,
+                level.units,
+                level.units_skipped,
+                level.keypoints_per_unit,
+                Bytes(level.bytes_per_unit),
+            )?;
+            match &level.index {
+                IndexManifest::Exact { note } if note.is_empty() => write!(f, "exact search")?,
+                IndexManifest::Exact { note } => write!(f, "exact search ({note})")?,
+                IndexManifest::IvfPq {
+                    nlist,
+                    subquantisers,
+                    nprobe,
+                    rerank_factor,
+                    measured_recall_at_10,
+                } => {
+                    let rerank = if *rerank_factor > 0 {
+                        ", re-ranked"
+                    } else {
+                        ""
+                    };
+                    write!(
+                        f,
+                        "IVF{nlist} PQ{subquantisers} nprobe {nprobe}{rerank}, recall at 10 of {:.1} %",
+                        100.0 * measured_recall_at_10
+                    )?;
+                }
+            }
+            if level.adapted_from_tiles > 0 {
+                write!(
+                    f,
+                    ", statistics adapted on {} tiles",
+                    level.adapted_from_tiles
+                )?;
+            }
+            writeln!(f)?;
+        }
+        Ok(())
+    }
+}
+
+/// A number of bytes for people.
+struct Bytes(f64);
+
+impl fmt::Display for Bytes {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.0 {
+            b if b < 1024.0 => write!(f, "{b:.0} B"),
+            b if b < 1024.0 * 1024.0 => write!(f, "{:.1} KiB", b / 1024.0),
+            b if b < 1024.0 * 1024.0 * 1024.0 => write!(f, "{:.1} MiB", b / 1024.0 / 1024.0),
+            b => write!(f, "{:.2} GiB", b / 1024.0 / 1024.0 / 1024.0),
+        }
+    }
+}

@@ -1,0 +1,135 @@
+//! What a pack says about itself: the JSON at its end.
+
+use serde::{Deserialize, Serialize};
+
+use crate::options::{BuildOptions, Mode};
+
+/// Everything about a pack but its numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Manifest {
+    /// The pack format, see [`crate::format::FORMAT_VERSION`].
+    pub format_version: u32,
+    /// Program and version that wrote it.
+    pub created_by: String,
+    /// blake3 (hex) over model, map, options and format: equal for packs that are built from the same things.
+    pub fingerprint: String,
+    /// `paper` or `default`.
+    pub mode: Mode,
+    /// The model whose features these are.
+    pub model: ModelSummary,
+    /// The map they were computed from.
+    pub map: MapSummary,
+    /// How it was built.
+    pub options: BuildOptions,
+    /// Levels of ground resolution, finest first.
+    pub levels: Vec<LevelManifest>,
+    /// Where the numbers lie.
+    pub sections: Vec<Section>,
+}
+
+/// The model of a pack.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ModelSummary {
+    /// Hash of its tensors and description, hex.
+    pub hash: String,
+    /// Preset of the network description (`compact`, `vgg16`, ...).
+    pub preset: String,
+    /// The model card.
+    pub card: serde_json::Value,
+    /// Numbers in a local descriptor.
+    pub descriptor_dim: usize,
+    /// Numbers in a tile descriptor.
+    pub global_dim: usize,
+}
+
+/// The map of a pack.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct MapSummary {
+    /// Hash of its content, hex.
+    pub hash: String,
+    /// What it is, in words.
+    pub description: String,
+    /// Width and height, map pixels.
+    pub size_px: [u64; 2],
+    /// Affine transform and coordinate system.
+    pub georeference: grimnet_geo::Georeference,
+    /// Metres a map pixel at the map's centre, x and y.
+    pub ground_resolution_m: [f64; 2],
+}
+
+/// One level of ground resolution.
+///
+/// A level pixel is a square of `gsd_m` metres on the ground at the map's centre; level pixel coordinates are
+/// continuous, (0, 0) being the outer corner of the map's top-left pixel, as in the map's own pixels.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LevelManifest {
+    /// Ground resolution, scale factors to map pixels and size.
+    pub frame: grimnet_geo::LevelFrame,
+    /// Top-left corner of tile (0, 0), level pixels; negative where the map is padded.
+    pub origin_px: [i64; 2],
+    /// Side of a tile, level pixels.
+    pub tile_px: u32,
+    /// Distance between neighbouring tiles, level pixels.
+    pub stride_px: u32,
+    /// Side of the picture that the network sees for one tile; equal to `tile_px` where it sees level pixels.
+    pub network_px: u32,
+    /// Columns and rows of the tile grid, skipped tiles included.
+    pub tile_grid: [u32; 2],
+    /// Columns and rows of feature units: cells (one more than tiles) or, in paper mode, tiles.
+    pub unit_grid: [u32; 2],
+    /// Tiles with a descriptor.
+    pub tiles: u64,
+    /// Tiles left out because (nearly) all of them is nodata or black.
+    pub tiles_skipped: u64,
+    /// Feature units computed.
+    pub units: u64,
+    /// Feature units left out because (nearly) all of them is nodata or black.
+    pub units_skipped: u64,
+    /// Keypoints in all units.
+    pub keypoints: u64,
+    /// Most keypoints that a unit may keep.
+    pub keypoints_per_unit: u32,
+    /// What one step of a local descriptor is worth.
+    pub descriptor_scale: f32,
+    /// Tiles that adapted statistics were taken from; 0 where the model's own were used.
+    pub adapted_from_tiles: u32,
+    /// How tile descriptors are searched.
+    pub index: IndexManifest,
+}
+
+/// The index of a level.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+pub enum IndexManifest {
+    /// Every row is compared.
+    Exact {
+        /// Why, where something else could have been expected.
+        note: String,
+    },
+    /// Inverted lists with product-quantised residuals.
+    IvfPq {
+        /// Number of lists.
+        nlist: u32,
+        /// Bytes a vector.
+        subquantisers: u32,
+        /// Lists visited by default.
+        nprobe: u32,
+        /// Candidates per answer that are ranked again by full vectors; 0: none (as the paper).
+        rerank_factor: u32,
+        /// Share of the ten exact nearest neighbours (of sampled tiles, themselves left out) that are found.
+        measured_recall_at_10: f64,
+    },
+}
+
+/// A part of the file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Section {
+    /// Name, unique.
+    pub name: String,
+    /// Start, bytes from the start of the file.
+    pub offset: u64,
+    /// Length, bytes.
+    pub len: u64,
+    /// blake3 of the bytes, hex.
+    pub blake3: String,
+}

@@ -1,0 +1,86 @@
+//! Exact cosine search: every row of the mapped descriptors against every query.
+
+use grimnet_kernels::{Isa, matmul_nt_i8};
+use rayon::prelude::*;
+
+use super::top_k::{Hit, TopK};
+use crate::quantise::quantise_row;
+
+/// Rows a task takes: 512 numbers each, half a level-2 cache.
+const ROWS_PER_TASK: usize = 1024;
+
+/// Which tiles may be found.
+pub type Filter<'a> = &'a (dyn Fn(usize) -> bool + Sync);
+
+/// Queries (`q x dim`) against rows (`n x dim` bytes, one scale each): the `k` best rows of each query.
+///
+/// Queries are quantised as the rows are and compared by integer products, so the answer is the same on every
+/// processor. A row whose filter says no is left out.
+pub(crate) fn search(
+    rows: &[i8],
+    scales: &[f32],
+    dim: usize,
+    queries: &[f32],
+    k: usize,
+    filter: Option<Filter<'_>>,
+) -> Vec<Vec<Hit>> {
+    let query_count = queries.len() / dim;
+    let mut bytes = Vec::with_capacity(queries.len());
+    let mut query_scales = Vec::with_capacity(query_count);
+    for query in queries.chunks_exact(dim) {
+        let (row, scale) = quantise_row(query);
+        bytes.extend_from_slice(&row);
+        query_scales.push(scale);
+    }
+    let isa = Isa::detect();
+    let none = || vec![TopK::new(k); query_count];
+    let best = rows
+        .par_chunks(ROWS_PER_TASK * dim)
+        .enumerate()
+        .map(|(task, rows)| {
+            let (first, count) = (task * ROWS_PER_TASK, rows.len() / dim);
+            let mut products = vec![0i32; query_count * count];
+            matmul_nt_i8(isa, query_count, count, dim, &bytes, rows, &mut products);
+            let mut best = none();
+            for (q, products) in products.chunks_exact(count.max(1)).enumerate() {
+                for (i, &product) in products.iter().enumerate() {
+                    let tile = first + i;
+                    let similarity = product as f32 * (scales[tile] * query_scales[q]);
+                    if best[q].may_take(similarity) && filter.is_none_or(|keep| keep(tile)) {
+                        best[q].push(Hit { tile, similarity });
+                    }
+                }
+            }
+            best
+        })
+        .reduce(none, |a, b| {
+            a.into_iter().zip(b).map(|(a, b)| a.merge(b)).collect()
+        });
+    best.into_iter().map(TopK::into_sorted).collect()
+}
+
+/// Ranks given rows of one query by their full vectors.
+pub(crate) fn rerank(
+    rows: &[i8],
+    scales: &[f32],
+    query: &[f32],
+    candidates: &[Hit],
+    k: usize,
+) -> Vec<Hit> {
+    let dim = query.len();
+    let (bytes, query_scale) = quantise_row(query);
+    let mut best = TopK::new(k);
+    for &Hit { tile, .. } in candidates {
+        let row = &rows[tile * dim..(tile + 1) * dim];
+        let product: i32 = row
+            .iter()
+            .zip(&bytes)
+            .map(|(&a, &b)| i32::from(a) * i32::from(b))
+            .sum();
+        best.push(Hit {
+            tile,
+            similarity: product as f32 * (scales[tile] * query_scale),
+        });
+    }
+    best.into_sorted()
+}

@@ -1,0 +1,216 @@
+//! A build that is stopped at any moment goes on where it was, and ends with the same bytes.
+
+#![allow(clippy::unwrap_used)] // helpers outside of test functions fail the test that calls them
+
+mod support;
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::process::Command;
+
+use grimnet_pack::{BuildOptions, Levels, Pack, PackError, Phase, build};
+use support::*;
+
+fn map() -> TestMap {
+    let mut map = TestMap::new(2500, 2300);
+    map.nodata_left = 400;
+    map
+}
+
+fn options() -> BuildOptions {
+    BuildOptions {
+        levels: Levels::Gsd(vec![0.25, 0.5]),
+        adapt: true,
+        ..one_level()
+    }
+}
+
+/// Builds until `calls` progress reports were made, then dies without tidying up.
+fn die_after(calls: usize, options: &BuildOptions, out: &Path) {
+    let mut seen = 0;
+    let stopped = catch_unwind(AssertUnwindSafe(|| {
+        build(&map(), &tiny_model(1), options, out, &mut |_| {
+            seen += 1;
+            assert!(seen < calls, "stopped by the test");
+        })
+    }));
+    assert!(stopped.is_err(), "{calls} reports were too many");
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn stopped_at_any_report_or_byte_the_same_bytes_come_out() {
+    for options in [options(), paper()] {
+        let folder = tempfile::tempdir().unwrap();
+        let whole = folder.path().join("whole.grim");
+        let mut reports = 0;
+        build(&map(), &tiny_model(1), &options, &whole, &mut |_| {
+            reports += 1
+        })
+        .unwrap();
+        let expected = std::fs::read(&whole).unwrap();
+        assert_eq!(
+            names(folder.path()),
+            ["whole.grim"],
+            "nothing is left beside the pack"
+        );
+        for calls in [1, 2, 4, reports / 2, reports - 1, reports] {
+            let folder = tempfile::tempdir().unwrap();
+            let out = folder.path().join("area.grim");
+            die_after(calls, &options, &out);
+            assert_eq!(names(folder.path()), ["area.grim.partial"]);
+            // The last record may be torn, too.
+            let journal = folder.path().join("area.grim.partial");
+            let len = std::fs::metadata(&journal).unwrap().len();
+            let cut = len - (calls as u64 * 37) % (len / 3);
+            std::fs::File::options()
+                .write(true)
+                .open(&journal)
+                .unwrap()
+                .set_len(cut)
+                .unwrap();
+            let report = make(&map(), &options, &out).unwrap();
+            assert!(!report.was_complete);
+            if calls > 4 {
+                assert!(report.tiles_resumed > 0);
+            }
+            assert!(
+                std::fs::read(&out).unwrap() == expected,
+                "stopped at report {calls}"
+            );
+        }
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_threads() {
+    let bytes = |threads| {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("area.grim");
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| make(&map(), &options(), &out)).unwrap();
+        std::fs::read(&out).unwrap()
+    };
+    assert!(bytes(1) == bytes(5));
+}
+
+/// Run by the next test in a process of its own.
+#[test]
+fn child_that_is_killed() {
+    let Ok(out) = std::env::var("GRIMNET_TEST_KILLED_BUILD") else {
+        return;
+    };
+    let mut reports = 0;
+    let _ = build(
+        &map(),
+        &tiny_model(1),
+        &options(),
+        Path::new(&out),
+        &mut |_| {
+            reports += 1;
+            if reports == 6 {
+                std::process::abort();
+            }
+        },
+    );
+}
+
+#[test]
+fn a_killed_process_leaves_the_old_pack_and_its_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    make(&map(), &one_level(), &out).unwrap();
+    let old = std::fs::read(&out).unwrap();
+    let status = Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "child_that_is_killed"])
+        .env("GRIMNET_TEST_KILLED_BUILD", &out)
+        .output()
+        .unwrap()
+        .status;
+    assert!(!status.success());
+    assert!(
+        std::fs::read(&out).unwrap() == old,
+        "what was there is intact"
+    );
+    let report = make(&map(), &options(), &out).unwrap();
+    assert!(report.tiles_resumed > 0 && report.tiles > report.tiles_resumed);
+    assert_eq!(Pack::open(&out).unwrap().levels().len(), 2);
+    assert_eq!(names(folder.path()), ["area.grim"]);
+}
+
+#[test]
+fn a_second_writer_is_refused_and_the_first_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    let mut refused = false;
+    build(
+        &map(),
+        &tiny_model(1),
+        &one_level(),
+        &out,
+        &mut |progress| {
+            if progress.phase == Phase::Tiles && !refused {
+                let error = make(&map(), &one_level(), &out).unwrap_err();
+                refused = matches!(error, PackError::Busy { .. });
+            }
+        },
+    )
+    .unwrap();
+    assert!(refused);
+    Pack::open(&out).unwrap().verify().unwrap();
+}
+
+#[test]
+fn another_map_model_or_option_starts_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    die_after(6, &options(), &out);
+    let report = make(&map(), &one_level(), &out).unwrap();
+    assert_eq!(report.tiles_resumed, 0);
+    // The same again: nothing to do. Another model: everything to do.
+    let again = make(&map(), &one_level(), &out).unwrap();
+    assert!(again.was_complete && again.tiles == report.tiles);
+    let other = build(&map(), &tiny_model(2), &one_level(), &out, &mut |_| {}).unwrap();
+    assert!(!other.was_complete);
+    Pack::open(&out)
+        .unwrap()
+        .check_model(&tiny_model(2))
+        .unwrap();
+}
+
+#[test]
+fn progress_adds_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    let mut last = None;
+    let mut done = 0;
+    build(&map(), &tiny_model(1), &options(), &out, &mut |p| {
+        assert!(
+            p.tiles_done >= done
+                && p.tiles_done <= p.tiles_total
+                && p.tiles_skipped <= p.tiles_done
+        );
+        done = p.tiles_done;
+        last = Some(p.clone());
+    })
+    .unwrap();
+    let (last, pack) = (last.unwrap(), Pack::open(&out).unwrap());
+    assert_eq!(
+        (last.phase, last.tiles_done),
+        (Phase::Writing, last.tiles_total)
+    );
+    let tiles: u64 = pack.manifest().levels.iter().map(|l| l.tiles).sum();
+    assert_eq!(tiles + last.tiles_skipped, last.tiles_total);
+    assert!(last.tiles_skipped > 0 && last.tiles_per_s > 0.0);
+}

@@ -1,0 +1,130 @@
+//! One photo's answer as it is written out. The field names are scripted against: they stay.
+
+use std::collections::BTreeMap;
+
+use grimnet_eval::metrics::ScoredFix;
+use grimnet_geo::LonLat;
+use grimnet_locate::{EvidenceUsed, Outcome, TimeMs};
+use grimnet_photo::Evidence;
+use serde::Serialize;
+
+/// One answer; without a fix the numbers are `null`.
+#[derive(Debug, Clone, Default, Serialize)]
+pub struct Answer {
+    /// The photo's path as given.
+    pub photo: String,
+    /// `fix` or `no_fix`.
+    pub state: State,
+    /// Latitude of the image centre, degrees, WGS 84.
+    pub lat_deg: Option<f64>,
+    /// Longitude of the image centre, degrees, WGS 84.
+    pub lon_deg: Option<f64>,
+    /// Direction of the photo's top edge, degrees clockwise from true north.
+    pub heading_deg: Option<f64>,
+    /// Ground resolution of the full-size photo, metres per pixel.
+    pub gsd_m: Option<f64>,
+    /// Radius in metres that should hold the truth in 95 % of cases.
+    pub radius95_m: Option<f64>,
+    /// Covariance in square metres: east-east, east-north, north-north.
+    pub covariance_en_m2: Option<[f64; 3]>,
+    /// Matches that agree with the answer.
+    pub inliers: Option<usize>,
+    /// Why there is no fix.
+    pub reason: Option<String>,
+    /// Milliseconds by stage, and `total`.
+    pub time_ms: BTreeMap<String, f64>,
+    /// Mutual matches before geometry.
+    pub matches: Option<usize>,
+    /// The best answer at another place, by its inliers.
+    pub runner_up_inliers: Option<usize>,
+    /// Distance in metres from the position in the photo's own metadata (`--check`).
+    pub check_m: Option<f64>,
+    /// Corners of the photo on the ground, `[lon, lat]` in degrees, clockwise from the top left.
+    pub outline_lon_lat_deg: Option<Vec<[f64; 2]>>,
+    /// Metadata and options that the answer rests on.
+    pub used: Vec<Evidence>,
+    /// Metadata that was set aside, with the reason.
+    pub set_aside: Vec<Evidence>,
+    /// What was assumed of heading and scale where nothing was known.
+    pub assumed: Option<String>,
+}
+
+/// Whether there is an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// A position is given.
+    Fix,
+    /// No position is given, and `reason` says why.
+    #[default]
+    NoFix,
+}
+
+impl Answer {
+    /// An answer without a fix.
+    #[must_use]
+    pub fn no_fix(photo: &str, reason: impl std::fmt::Display) -> Self {
+        Self {
+            photo: photo.to_owned(),
+            reason: Some(reason.to_string()),
+            ..Self::default()
+        }
+    }
+
+    /// What the localiser said of `photo`.
+    #[must_use]
+    pub fn of(photo: &str, outcome: &Outcome) -> Self {
+        match outcome {
+            Outcome::Fix(fix) => Self {
+                state: State::Fix,
+                lat_deg: Some(fix.lat_deg),
+                lon_deg: Some(fix.lon_deg),
+                heading_deg: Some(fix.heading_deg),
+                gsd_m: Some(fix.gsd_m),
+                radius95_m: Some(fix.radius95_m),
+                covariance_en_m2: Some(fix.covariance_en_m2),
+                inliers: Some(fix.inliers),
+                matches: Some(fix.matches),
+                runner_up_inliers: fix.runner_up.map(|r| r.inliers),
+                outline_lon_lat_deg: Some(fix.outline_lonlat_deg.clone()),
+                ..Self::told(photo, &fix.evidence, &fix.time_ms)
+            },
+            Outcome::NoFix(no_fix) => Self {
+                reason: Some(no_fix.reason.to_string()),
+                inliers: Some(no_fix.inliers),
+                matches: Some(no_fix.matches),
+                ..Self::told(photo, &no_fix.evidence, &no_fix.time_ms)
+            },
+        }
+    }
+
+    fn told(photo: &str, evidence: &EvidenceUsed, time_ms: &TimeMs) -> Self {
+        let stages = [
+            ("query", time_ms.query),
+            ("features", time_ms.features),
+            ("search", time_ms.search),
+            ("vote", time_ms.vote),
+            ("matching", time_ms.matching),
+            ("total", time_ms.total),
+        ];
+        Self {
+            photo: photo.to_owned(),
+            time_ms: stages.map(|(name, ms)| (name.to_owned(), ms)).into(),
+            used: evidence.used.clone(),
+            set_aside: evidence.set_aside.clone(),
+            assumed: evidence.assumed.clone(),
+            ..Self::default()
+        }
+    }
+
+    /// The fix as it is scored; none where there is none.
+    #[must_use]
+    pub fn scored_fix(&self) -> Option<ScoredFix> {
+        let (lat_deg, lon_deg) = self.lat_deg.zip(self.lon_deg)?;
+        Some(ScoredFix {
+            position: LonLat { lon_deg, lat_deg },
+            covariance_en_m2: self.covariance_en_m2?,
+            radius95_m: self.radius95_m?,
+        })
+    }
+}

@@ -1,0 +1,44 @@
+//! One file a command.
+
+pub mod demo;
+pub mod eval;
+pub mod locate;
+pub mod map;
+pub mod model;
+pub mod train;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use grimnet_net::Model;
+
+/// Which model to use.
+#[derive(Debug, Clone, Default, clap::Args)]
+pub struct ModelChoice {
+    /// Model file [default: the bundled one]
+    #[arg(long, value_name = "FILE")]
+    pub model: Option<PathBuf>,
+}
+
+impl ModelChoice {
+    /// Opens the chosen model.
+    ///
+    /// # Errors
+    /// The file is no model of this program.
+    pub fn open(&self) -> Result<Model> {
+        Ok(match &self.model {
+            Some(path) => Model::open(path)?,
+            None => Model::bundled()?,
+        })
+    }
+}
+
+/// The two named sets of choices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum ModeChoice {
+    /// What serves a user best
+    #[default]
+    Default,
+    /// The publication to the letter: independent tiles, 320 x 320, IVF-PQ, top 5, always an answer
+    Paper,
+}

@@ -1,0 +1,82 @@
+//! Comma-separated values with a header.
+
+use std::io::Write;
+
+use anyhow::Result;
+
+use super::AnswerWriter;
+use crate::answer::{Answer, State};
+
+const HEADER: &[&str] = &[
+    "photo",
+    "state",
+    "lat_deg",
+    "lon_deg",
+    "heading_deg",
+    "gsd_m",
+    "radius95_m",
+    "covariance_ee_m2",
+    "covariance_en_m2",
+    "covariance_nn_m2",
+    "inliers",
+    "reason",
+    "total_ms",
+];
+
+pub struct Csv<'a> {
+    writer: ::csv::Writer<Box<dyn Write + 'a>>,
+    started: bool,
+}
+
+impl<'a> Csv<'a> {
+    pub fn new(out: Box<dyn Write + 'a>) -> Self {
+        Self {
+            writer: ::csv::Writer::from_writer(out),
+            started: false,
+        }
+    }
+
+    fn start(&mut self) -> Result<()> {
+        if !self.started {
+            self.writer.write_record(HEADER)?;
+            self.started = true;
+        }
+        Ok(())
+    }
+}
+
+impl AnswerWriter for Csv<'_> {
+    fn write(&mut self, answer: &Answer) -> Result<()> {
+        self.start()?;
+        let text = |value: Option<f64>, decimals: usize| {
+            value.map(|v| format!("{v:.decimals$}")).unwrap_or_default()
+        };
+        let covariance = |i: usize| text(answer.covariance_en_m2.map(|c| c[i]), 4);
+        self.writer.write_record([
+            answer.photo.clone(),
+            match answer.state {
+                State::Fix => "fix".to_owned(),
+                State::NoFix => "no_fix".to_owned(),
+            },
+            text(answer.lat_deg, 8),
+            text(answer.lon_deg, 8),
+            text(answer.heading_deg, 2),
+            text(answer.gsd_m, 5),
+            text(answer.radius95_m, 3),
+            covariance(0),
+            covariance(1),
+            covariance(2),
+            answer.inliers.map(|i| i.to_string()).unwrap_or_default(),
+            answer.reason.clone().unwrap_or_default(),
+            text(answer.time_ms.get("total").copied(), 2),
+        ])?;
+        self.writer.flush()?;
+        Ok(())
+    }
+
+    fn finish(&mut self) -> Result<()> {
+        self.start()?;
+        self.writer.flush()?;
+        Ok(())
+    }
+}

@@ -1,0 +1,58 @@
+//! Every dependency's licence must allow what ours (MIT OR Apache-2.0) promises.
+
+use std::process::Command;
+
+use spdx::{Expression, LicenseReq, LicenseItem};
+
+/// Permissive licences, and weak copyleft that stays within its own files.
+const ALLOWED: &[&str] = &[
+    "0BSD",
+    "Apache-2.0",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "BSL-1.0",
+    "CC0-1.0",
+    "CDLA-Permissive-2.0",
+    "ISC",
+    "MIT",
+    "MIT-0",
+    "MPL-2.0",
+    "NCSA",
+    "Unicode-3.0",
+    "Unlicense",
+    "Zlib",
+];
+
+fn allowed(requirement: &LicenseReq) -> bool {
+    match &requirement.license {
+        LicenseItem::Spdx { id, .. } => ALLOWED.contains(&id.name),
+        LicenseItem::Other { .. } => false,
+    }
+}
+
+#[test]
+fn every_dependency_may_be_shipped() {
+    let output = Command::new(env!("CARGO"))
+        .args(["metadata", "--format-version", "1", "--locked", "--offline"])
+        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    let packages = metadata["packages"].as_array().unwrap();
+    assert!(packages.len() > 50, "the dependency graph is there");
+    let refused: Vec<String> = packages
+        .iter()
+        .filter_map(|package| {
+            let name = format!("{} {}", package["name"], package["version"]);
+            let Some(licence) = package["license"].as_str() else {
+                return Some(format!("{name}: states no licence"));
+            };
+            match Expression::parse_mode(licence, spdx::ParseMode::LAX) {
+                Ok(expression) if expression.evaluate(allowed) => None,
+                _ => Some(format!("{name}: {licence}")),
+            }
+        })
+        .collect();
+    assert!(refused.is_empty(), "not allowed:\n{}", refused.join("\n"));
+}

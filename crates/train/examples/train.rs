@@ -1,0 +1,40 @@
+//! Trains from a TOML configuration: `train CONFIG.toml [--resume]`.
+
+#![allow(clippy::print_stdout)]
+
+use burn::tensor::Device;
+use grimnet_train::{TrainConfig, Trainer, sources_of};
+use std::path::Path;
+
+fn main() -> Result<(), Box<dyn std::error::Error>> {
+    tracing_subscriber::fmt::init();
+    let arguments: Vec<String> = std::env::args().collect();
+    let config = TrainConfig::open(Path::new(
+        arguments
+            .get(1)
+            .ok_or("usage: train CONFIG.toml [--resume]")?,
+    ))?;
+    let (sources, _) = sources_of(&config)?;
+    let mut trainer = Trainer::new(
+        config,
+        sources,
+        &Device::flex(),
+        arguments.iter().any(|a| a == "--resume"),
+    )?;
+    trainer.run(&mut |p, _| {
+        println!(
+            "step {} {:.0}s kp {:.3} desc {:.3} global {:.3} | {:.1} pairs/s rate {:.1e} grad {:.2} left {:.0}s",
+            p.step,
+            p.elapsed_s,
+            p.losses.keypoint,
+            p.losses.descriptor,
+            p.losses.global,
+            p.pairs_per_s,
+            p.learning_rate,
+            p.gradient,
+            p.remaining_s
+        );
+        true
+    })?;
+    Ok(())
+}

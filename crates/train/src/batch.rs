@@ -1,0 +1,102 @@
+//! From pairs to the network's input.
+
+use crate::data::Pair;
+use crate::network::{Input, Part};
+use burn::tensor::{Device, Tensor, TensorData};
+use grimnet_net::{Domain, NetSpec};
+use image::RgbImage;
+
+/// Lays pictures out as the network takes them. A cell that was not seen enters as the mean colour.
+pub struct InputBuilder {
+    table: [[f32; 256]; 3],
+    pictures: Vec<f32>,
+    grey: Vec<f32>,
+    seen: Vec<f32>,
+    parts: Vec<Part>,
+    size_px: (usize, usize),
+}
+
+impl InputBuilder {
+    /// For pictures of one size.
+    pub fn new(spec: &NetSpec, width_px: usize, height_px: usize) -> Self {
+        let value =
+            |c: usize, v: usize| (v as f32 / 255.0 - spec.input_mean[c]) / spec.input_std[c];
+        Self {
+            table: std::array::from_fn(|c| std::array::from_fn(|v| value(c, v))),
+            pictures: Vec::new(),
+            grey: Vec::new(),
+            seen: Vec::new(),
+            parts: Vec::new(),
+            size_px: (width_px, height_px),
+        }
+    }
+
+    /// Adds a picture; `seen` tells for each 8 x 8 cell whether it was seen (all, where absent).
+    pub fn push(&mut self, image: &RgbImage, seen: Option<&[bool]>, domain: Domain) {
+        let (width, height) = self.size_px;
+        let (columns, rows) = (width / 8, height / 8);
+        let (first, first_grey) = (self.pictures.len(), self.grey.len());
+        self.pictures.resize(first + width * height * 3, 0.0);
+        self.grey.resize(first_grey + width * height, 0.0);
+        let (pictures, grey) = (&mut self.pictures[first..], &mut self.grey[first_grey..]);
+        for (i, pixel) in image.as_raw().chunks_exact(3).enumerate() {
+            let (x, y) = (i % width, i / width);
+            let cell = (y / 8) * columns + x / 8;
+            if seen.is_some_and(|seen| !seen[cell]) && pixel == [0; 3] {
+                continue;
+            }
+            let mut sum = 0.0;
+            for c in 0..3 {
+                let value = self.table[c][pixel[c] as usize];
+                pictures[i * 3 + c] = value;
+                sum += value;
+            }
+            grey[cell * 64 + (y % 8) * 8 + x % 8] = sum / 3.0;
+        }
+        match seen {
+            Some(seen) => self
+                .seen
+                .extend(seen.iter().map(|s| f32::from(u8::from(*s)))),
+            None => self.seen.extend(std::iter::repeat_n(1.0, columns * rows)),
+        }
+        match self.parts.last_mut() {
+            Some(part) if part.domain == domain => part.pictures += 1,
+            _ => self.parts.push(Part {
+                pictures: 1,
+                domain,
+            }),
+        }
+    }
+
+    /// Moves everything to the device.
+    pub fn finish(self, device: &Device) -> Input {
+        let (width, height) = self.size_px;
+        let n: usize = self.parts.iter().map(|part| part.pictures).sum();
+        let cells = (width / 8) * (height / 8);
+        Input {
+            pictures: Tensor::from_data(
+                TensorData::new(self.pictures, [n, height, width, 3]),
+                device,
+            ),
+            grey_cells: Tensor::from_data(
+                TensorData::new(self.grey, [n, height / 8, width / 8, 64]),
+                device,
+            ),
+            seen: Tensor::from_data(TensorData::new(self.seen, [n, cells, 1]), device),
+            parts: self.parts,
+        }
+    }
+}
+
+/// The input of a batch of pairs: all map views, then all photos.
+pub fn input_of(pairs: &[Pair], spec: &NetSpec, device: &Device) -> Input {
+    let side = pairs.first().map_or(0, |pair| pair.sat.width() as usize);
+    let mut builder = InputBuilder::new(spec, side, side);
+    for pair in pairs {
+        builder.push(&pair.sat, None, Domain::Sat);
+    }
+    for pair in pairs {
+        builder.push(&pair.uav, Some(&pair.uav_seen), Domain::Uav);
+    }
+    builder.finish(device)
+}

@@ -1,0 +1,168 @@
+//! Everything needed to go on training, in one safetensors file that is written aside and renamed.
+
+use crate::TrainError;
+use crate::optimiser::Adam;
+use crate::parameters::{Parameters, host};
+use burn::tensor::{Device, Tensor, TensorData};
+use grimnet_net::{Card, Model, NetSpec};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::Path;
+
+/// How far training has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Position {
+    /// Steps made.
+    pub step: u64,
+    /// Seconds of training, all runs together.
+    pub elapsed_s: f64,
+    /// Whether NetVLAD has been started from clusters.
+    pub centres_started: bool,
+}
+
+/// A training state.
+pub struct Checkpoint {
+    /// The network's numbers.
+    pub parameters: Parameters,
+    /// Their running average, which is what is exported.
+    pub average: Parameters,
+    /// The optimiser's state.
+    pub adam: Adam,
+    /// How far.
+    pub position: Position,
+}
+
+fn bytes_of(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn values_of(bytes: &[u8]) -> Vec<f32> {
+    bytes
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|b| f32::from_le_bytes(*b))
+        .collect()
+}
+
+impl Checkpoint {
+    /// Writes the state beside `path`, syncs it and renames it over `path`.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`], or where the device does not give values back.
+    pub fn save(&self, path: &Path) -> Result<(), TrainError> {
+        let mut buffers: Vec<(String, Vec<u8>)> = Vec::new();
+        for (prefix, parameters) in [("value/", &self.parameters), ("average/", &self.average)] {
+            for (name, values) in parameters.to_host()? {
+                buffers.push((format!("{prefix}{name}"), bytes_of(&values)));
+            }
+        }
+        for (name, (first, second)) in &self.adam.moments {
+            buffers.push((format!("first/{name}"), bytes_of(&host(first.clone())?)));
+            buffers.push((format!("second/{name}"), bytes_of(&host(second.clone())?)));
+        }
+        let wrong = |reason: String| TrainError::Checkpoint {
+            path: path.to_owned(),
+            reason,
+        };
+        let json = |error: serde_json::Error| wrong(error.to_string());
+        let metadata = HashMap::from([
+            (
+                "spec".to_owned(),
+                serde_json::to_string(self.parameters.spec()).map_err(json)?,
+            ),
+            (
+                "position".to_owned(),
+                serde_json::to_string(&self.position).map_err(json)?,
+            ),
+            ("updates".to_owned(), self.adam.updates.to_string()),
+        ]);
+        let views: Vec<(&str, TensorView<'_>)> = buffers
+            .iter()
+            .map(|(name, bytes)| {
+                Ok((
+                    name.as_str(),
+                    TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
+                ))
+            })
+            .collect::<Result<_, safetensors::SafeTensorError>>()
+            .map_err(|error| wrong(error.to_string()))?;
+        let bytes = safetensors::serialize(views, Some(metadata))
+            .map_err(|error| wrong(error.to_string()))?;
+        let folder = path
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .unwrap_or(Path::new("."));
+        fs_err::create_dir_all(folder)?;
+        let mut aside = tempfile::NamedTempFile::new_in(folder)?;
+        aside.write_all(&bytes)?;
+        aside.as_file().sync_all()?;
+        aside.persist(path).map_err(|error| error.error)?;
+        Ok(())
+    }
+
+    /// Reads a state back.
+    ///
+    /// # Errors
+    /// [`TrainError::Checkpoint`] where the file is damaged or holds another network than its description says.
+    pub fn open(path: &Path, device: &Device) -> Result<Self, TrainError> {
+        let bytes = fs_err::read(path)?;
+        let wrong = |reason: String| TrainError::Checkpoint {
+            path: path.to_owned(),
+            reason,
+        };
+        let (_, header) =
+            SafeTensors::read_metadata(&bytes).map_err(|error| wrong(error.to_string()))?;
+        let tensors = SafeTensors::deserialize(&bytes).map_err(|error| wrong(error.to_string()))?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let field = |name: &str| {
+            metadata
+                .get(name)
+                .ok_or_else(|| wrong(format!("no `{name}`: this is no checkpoint of the trainer")))
+        };
+        let spec: NetSpec =
+            serde_json::from_str(field("spec")?).map_err(|error| wrong(error.to_string()))?;
+        let position: Position =
+            serde_json::from_str(field("position")?).map_err(|error| wrong(error.to_string()))?;
+        let updates = field("updates")?
+            .parse()
+            .map_err(|_| wrong("`updates` is no number".into()))?;
+        let blank =
+            Parameters::of_model(&Model::random(&spec, 0)?.with_card(Card::default()), device);
+        let (mut parameters, mut average) = (blank.clone(), blank);
+        let mut adam = Adam {
+            updates,
+            ..Adam::default()
+        };
+        let inner = device.clone().without_autodiff();
+        let read = |name: &str| -> Result<Tensor<1>, TrainError> {
+            let view = tensors
+                .tensor(name)
+                .map_err(|_| wrong(format!("`{name}` is missing")))?;
+            let values = values_of(view.data());
+            let length = values.len();
+            Ok(Tensor::from_data(TensorData::new(values, [length]), &inner))
+        };
+        for name in parameters.names() {
+            parameters.set(&name, read(&format!("value/{name}"))?)?;
+            average.set(&name, read(&format!("average/{name}"))?)?;
+            if tensors.tensor(&format!("first/{name}")).is_ok() {
+                adam.moments.insert(
+                    name.clone(),
+                    (
+                        read(&format!("first/{name}"))?,
+                        read(&format!("second/{name}"))?,
+                    ),
+                );
+            }
+        }
+        Ok(Self {
+            parameters,
+            average,
+            adam,
+            position,
+        })
+    }
+}

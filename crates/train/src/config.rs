@@ -1,0 +1,172 @@
+//! The training configuration, as written in a TOML file.
+
+use crate::TrainError;
+use crate::data::{Folder, PairOptions};
+use grimnet_net::NetSpec;
+use serde::{Deserialize, Serialize};
+use std::path::{Path, PathBuf};
+
+/// Everything that decides a training run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrainConfig {
+    /// Network preset: `compact` or `vgg16`.
+    pub network: String,
+    /// Where checkpoints, models and curves go.
+    pub out: PathBuf,
+    /// Folders of pictures.
+    pub data: Vec<Folder>,
+    /// Share of the groups of pairs that come from the procedural world.
+    pub world_share: f64,
+    /// Length of the run; the schedule ends here.
+    pub minutes: f64,
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Pairs in a step.
+    pub pairs_per_step: usize,
+    /// Threads that make pairs.
+    pub data_threads: usize,
+    /// Peak learning rate (Adam).
+    pub learning_rate: f64,
+    /// The encoder's learning rate is this share of it (paper: 0.1; from random numbers 1).
+    pub encoder_rate: f64,
+    /// Steps over which the learning rate rises.
+    pub warmup_steps: u64,
+    /// Share of the run after which the learning rate falls, along a cosine, to nothing.
+    pub decay_from: f64,
+    /// Gradients longer than this, all together, are shortened to it.
+    pub clip: f32,
+    /// Share of the run's start without the global loss; then NetVLAD starts from clusters.
+    pub global_from: f64,
+    /// Weights of the losses.
+    pub weights: Weights,
+    /// How pairs are made.
+    pub pairs: PairOptions,
+    /// Temperature of the descriptor contrast.
+    pub descriptor_temperature: f32,
+    /// Temperature of the global contrast.
+    pub global_temperature: f32,
+    /// Past batches whose map views are negatives, too.
+    pub memory_batches: usize,
+    /// Share of the old value in the running average of the parameters, per step.
+    pub average_decay: f32,
+    /// Minutes between checkpoints.
+    pub checkpoint_minutes: f64,
+    /// Minutes between validations; 0 for none.
+    pub validate_minutes: f64,
+    /// Steps between progress reports.
+    pub report_steps: u64,
+}
+
+/// Weights of the losses in their sum.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Weights {
+    /// Keypoint cross-entropy.
+    pub keypoint: f32,
+    /// Weight of cells without a keypoint in it.
+    pub dustbin: f32,
+    /// Local descriptors.
+    pub descriptor: f32,
+    /// Global descriptors.
+    pub global: f32,
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            keypoint: 1.0,
+            dustbin: 0.3,
+            descriptor: 1.0,
+            global: 0.5,
+        }
+    }
+}
+
+impl Default for TrainConfig {
+    fn default() -> Self {
+        Self {
+            network: "compact".into(),
+            out: "training".into(),
+            data: Vec::new(),
+            world_share: 0.0,
+            minutes: 60.0,
+            seed: 1,
+            pairs_per_step: 12,
+            data_threads: 1,
+            learning_rate: 1e-3,
+            encoder_rate: 1.0,
+            warmup_steps: 50,
+            decay_from: 0.5,
+            clip: 5.0,
+            global_from: 0.1,
+            weights: Weights::default(),
+            pairs: PairOptions::default(),
+            descriptor_temperature: 0.05,
+            global_temperature: 1.0 / 16.0,
+            memory_batches: 40,
+            average_decay: 0.998,
+            checkpoint_minutes: 4.0,
+            validate_minutes: 15.0,
+            report_steps: 50,
+        }
+    }
+}
+
+impl TrainConfig {
+    /// Reads a TOML file.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`], or [`TrainError::Config`] with the line that is wrong.
+    pub fn open(path: &Path) -> Result<Self, TrainError> {
+        let text = fs_err::read_to_string(path)?;
+        let config: Self = toml::from_str(&text).map_err(|error| TrainError::Config {
+            reason: format!("{}: {error}", path.display()),
+        })?;
+        config.validate()?;
+        Ok(config)
+    }
+
+    /// The network.
+    ///
+    /// # Errors
+    /// [`TrainError::Config`] where there is no such preset.
+    pub fn spec(&self) -> Result<NetSpec, TrainError> {
+        NetSpec::preset(&self.network).ok_or_else(|| TrainError::Config {
+            reason: format!(
+                "`network = \"{}\"` is no preset; write compact or vgg16",
+                self.network
+            ),
+        })
+    }
+
+    /// Checks what a run would stumble over.
+    ///
+    /// # Errors
+    /// [`TrainError::Config`] with what to write instead.
+    pub fn validate(&self) -> Result<(), TrainError> {
+        let wrong = |reason: &str| {
+            Err(TrainError::Config {
+                reason: reason.to_owned(),
+            })
+        };
+        self.spec()?;
+        let cells = (self.pairs.side_px / 8).pow(2) as usize;
+        if self.pairs.side_px == 0 || !self.pairs.side_px.is_multiple_of(32) {
+            return wrong("`pairs.side_px` must be a multiple of 32");
+        }
+        if self.pairs.points == 0 || self.pairs.points > cells / 2 {
+            return wrong("`pairs.points` must be between 1 and half the number of 8 x 8 cells");
+        }
+        if self.pairs_per_step < 2 || self.pairs.group == 0 {
+            return wrong("`pairs_per_step` must be at least 2 and `pairs.group` at least 1");
+        }
+        if !(self.minutes > 0.0 && self.learning_rate > 0.0 && self.clip > 0.0) {
+            return wrong("`minutes`, `learning_rate` and `clip` must be positive");
+        }
+        if self.data.is_empty() {
+            return wrong("no `[[data]]` folder is given");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,360 @@
+//! How the same place looks to another sensor, at another time: changes that differ between map and photo.
+
+use super::homography::apply;
+use grimnet_net::Domain;
+use image::RgbImage;
+use nalgebra::Matrix3;
+use rand::Rng;
+use serde::{Deserialize, Serialize};
+
+/// Strength of the changes.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Look {
+    /// Strength on the map's side; 1 is the photo's.
+    pub sat_strength: f32,
+    /// Share of maps with equalised contrast.
+    pub equalised: f64,
+    /// Share of photos with cast shadows.
+    pub shadows: f64,
+    /// Share of views with haze.
+    pub haze: f64,
+    /// Share of views with vegetation of another season.
+    pub season: f64,
+    /// Share of views that were compressed as JPEG.
+    pub jpeg: f64,
+}
+
+impl Default for Look {
+    fn default() -> Self {
+        Self {
+            sat_strength: 0.7,
+            equalised: 0.3,
+            shadows: 0.45,
+            haze: 0.25,
+            season: 0.35,
+            jpeg: 0.3,
+        }
+    }
+}
+
+/// A uniform number between the bounds.
+fn between(random: &mut impl Rng, low: f32, high: f32) -> f32 {
+    low + (high - low) * random.random::<f32>()
+}
+
+/// Changes a view's look at random.
+pub fn change_look(
+    image: &RgbImage,
+    domain: Domain,
+    look: &Look,
+    random: &mut impl Rng,
+) -> RgbImage {
+    let k = if domain == Domain::Uav {
+        1.0
+    } else {
+        look.sat_strength
+    };
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    let mut pixels: Vec<f32> = image
+        .as_raw()
+        .iter()
+        .map(|v| f32::from(*v) / 255.0)
+        .collect();
+    if random.random_bool(look.season) {
+        change_season(&mut pixels, k, random);
+    }
+    if random.random_bool(0.5) {
+        change_saturation(&mut pixels, between(random, 1.0 - 0.6 * k, 1.0 + 0.5 * k));
+    }
+    change_tone(
+        &mut pixels,
+        k,
+        if random.random_bool(look.haze) {
+            between(random, 0.05, 0.45)
+        } else {
+            0.0
+        },
+        random,
+    );
+    if domain == Domain::Sat && random.random_bool(look.equalised) {
+        equalise(&mut pixels, between(random, 0.5, 1.0));
+    }
+    if random.random_bool(if domain == Domain::Uav {
+        look.shadows
+    } else {
+        look.shadows * 0.4
+    }) {
+        for _ in 0..random.random_range(1..4) {
+            cast_shadow(&mut pixels, width, height, random);
+        }
+    }
+    match random.random_range(0..10) {
+        0..4 => gaussian(&mut pixels, width, height, between(random, 0.4, 1.8)),
+        4..6 => sharpen(&mut pixels, width, height, between(random, 0.3, 1.5)),
+        _ => {}
+    }
+    add_noise(&mut pixels, between(random, 0.0, 0.05) * k, random);
+    let bytes = pixels
+        .iter()
+        .map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+        .collect();
+    let out =
+        RgbImage::from_raw(image.width(), image.height(), bytes).unwrap_or_else(|| image.clone());
+    if random.random_bool(look.jpeg) {
+        compressed(out, random.random_range(25..90))
+    } else {
+        out
+    }
+}
+
+/// Turns green towards brown or deepens it, where there is more green than red and blue.
+fn change_season(pixels: &mut [f32], k: f32, random: &mut impl Rng) {
+    let gain = [
+        between(random, -0.3, 0.9) * k,
+        between(random, -0.35, 0.25) * k,
+        between(random, -0.3, 0.3) * k,
+    ];
+    for p in pixels.chunks_exact_mut(3) {
+        let green = ((p[1] - 0.5 * (p[0] + p[2])) * 8.0 + 0.1).clamp(0.0, 1.0);
+        for c in 0..3 {
+            p[c] *= 1.0 + gain[c] * green;
+        }
+    }
+}
+
+fn change_saturation(pixels: &mut [f32], factor: f32) {
+    for p in pixels.chunks_exact_mut(3) {
+        let grey = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
+        for v in p {
+            *v = grey + (*v - grey) * factor;
+        }
+    }
+}
+
+/// Gain and white balance, gamma, haze (towards a bluish white) and contrast, by a table per channel.
+fn change_tone(pixels: &mut [f32], k: f32, haze: f32, random: &mut impl Rng) {
+    const STEPS: usize = 1024;
+    let brightness = between(random, 1.0 - 0.5 * k, 1.0 + 0.5 * k);
+    let offset = between(random, -0.15, 0.15) * k;
+    let gamma = between(random, 1.0 - 0.4 * k, 1.0 + 0.6 * k);
+    let contrast = between(random, 1.0 - 0.4 * k, 1.0 + 0.5 * k);
+    let tables: [Vec<f32>; 3] = std::array::from_fn(|c| {
+        let balance = between(random, 1.0 - 0.3 * k, 1.0 + 0.3 * k);
+        (0..STEPS)
+            .map(|i| {
+                let v = i as f32 / (STEPS - 1) as f32;
+                let v = (v * brightness * balance + offset)
+                    .clamp(0.0, 1.0)
+                    .powf(gamma);
+                let v = (v - 0.5) * contrast + 0.5;
+                v * (1.0 - haze) + haze * [0.8, 0.85, 0.92][c]
+            })
+            .collect()
+    });
+    for p in pixels.chunks_exact_mut(3) {
+        for c in 0..3 {
+            p[c] = tables[c][(p[c].clamp(0.0, 1.0) * (STEPS - 1) as f32 + 0.5) as usize];
+        }
+    }
+}
+
+/// Histogram equalisation of the brightness, mixed in by `share`, as stored maps often are.
+fn equalise(pixels: &mut [f32], share: f32) {
+    let bin =
+        |p: &[f32]| ((0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]).clamp(0.0, 1.0) * 255.0) as usize;
+    let mut below = [0u32; 256];
+    for p in pixels.chunks_exact(3) {
+        below[bin(p)] += 1;
+    }
+    let mut sum = 0;
+    let total = (pixels.len() / 3).max(1) as f32;
+    let table: Vec<f32> = below
+        .iter()
+        .map(|count| {
+            sum += count;
+            sum as f32 / total
+        })
+        .collect();
+    for p in pixels.chunks_exact_mut(3) {
+        let grey = 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2];
+        let shift = (table[bin(p)] - grey) * share;
+        for v in p {
+            *v += shift;
+        }
+    }
+}
+
+/// Darkens a quadrangle with a soft edge, a little bluish as skylight is.
+fn cast_shadow(pixels: &mut [f32], width: usize, height: usize, random: &mut impl Rng) {
+    let size = between(random, 0.1, 0.6) * width as f32;
+    let centre = [
+        between(random, 0.0, width as f32),
+        between(random, 0.0, height as f32),
+    ];
+    let (sin, cos) = between(random, 0.0, std::f32::consts::PI).sin_cos();
+    let half = [size, size * between(random, 0.15, 0.8)];
+    let soft = between(random, 0.5, 4.0);
+    let dark = between(random, 0.35, 0.8);
+    let factor = [dark, dark * 1.02, dark * 1.08];
+    for y in 0..height {
+        for x in 0..width {
+            let (dx, dy) = (x as f32 - centre[0], y as f32 - centre[1]);
+            let outside =
+                ((cos * dx + sin * dy).abs() - half[0]).max((cos * dy - sin * dx).abs() - half[1]);
+            let share = (0.5 - outside / soft).clamp(0.0, 1.0);
+            if share > 0.0 {
+                let p = &mut pixels[(y * width + x) * 3..(y * width + x) * 3 + 3];
+                for c in 0..3 {
+                    p[c] *= 1.0 + (factor[c] - 1.0) * share;
+                }
+            }
+        }
+    }
+}
+
+/// Separable Gaussian blur; edges repeated.
+fn gaussian(pixels: &mut [f32], width: usize, height: usize, sigma_px: f32) {
+    let radius = (2.5 * sigma_px).ceil() as usize;
+    let mut taps: Vec<f32> = (0..=radius)
+        .map(|i| (-0.5 * (i as f32 / sigma_px).powi(2)).exp())
+        .collect();
+    let sum = taps[0] + 2.0 * taps[1..].iter().sum::<f32>();
+    taps.iter_mut().for_each(|t| *t /= sum);
+    let row = width * 3;
+    let mut border = vec![0.0f32; row + 6 * radius];
+    let mut scratch = vec![0.0f32; pixels.len()];
+    for y in 0..height {
+        let line = &pixels[y * row..(y + 1) * row];
+        for i in 0..radius {
+            border[3 * i..3 * i + 3].copy_from_slice(&line[..3]);
+            border[row + 3 * (radius + i)..row + 3 * (radius + i) + 3]
+                .copy_from_slice(&line[row - 3..]);
+        }
+        border[3 * radius..3 * radius + row].copy_from_slice(line);
+        let out = &mut scratch[y * row..(y + 1) * row];
+        out.iter_mut()
+            .zip(&border[3 * radius..])
+            .for_each(|(o, v)| *o = v * taps[0]);
+        for (i, tap) in taps.iter().enumerate().skip(1) {
+            let (left, right) = (&border[3 * (radius - i)..], &border[3 * (radius + i)..]);
+            for ((o, a), b) in out.iter_mut().zip(left).zip(right) {
+                *o += tap * (a + b);
+            }
+        }
+    }
+    for y in 0..height {
+        let line = |i: isize| {
+            let y = (y as isize + i).clamp(0, height as isize - 1) as usize;
+            &scratch[y * row..(y + 1) * row]
+        };
+        let out = &mut pixels[y * row..(y + 1) * row];
+        out.iter_mut()
+            .zip(line(0))
+            .for_each(|(o, v)| *o = v * taps[0]);
+        for (i, tap) in taps.iter().enumerate().skip(1) {
+            for ((o, a), b) in out
+                .iter_mut()
+                .zip(line(-(i as isize)))
+                .zip(line(i as isize))
+            {
+                *o += tap * (a + b);
+            }
+        }
+    }
+}
+
+/// Unsharp masking.
+fn sharpen(pixels: &mut [f32], width: usize, height: usize, amount: f32) {
+    let before = pixels.to_vec();
+    gaussian(pixels, width, height, 1.2);
+    for (v, b) in pixels.iter_mut().zip(before) {
+        *v = b + amount * (b - *v);
+    }
+}
+
+/// Nearly Gaussian noise: the sum of eight uniform bytes.
+fn add_noise(pixels: &mut [f32], sigma: f32, random: &mut impl Rng) {
+    if sigma < 0.002 {
+        return;
+    }
+    let mut state: u64 = random.random();
+    // Eight bytes of 0..255: mean 1020, deviation 209.
+    let scale = sigma / 209.0;
+    for v in pixels {
+        // SplitMix64 (Steele, Lea and Flood 2014).
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = state;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^= z >> 31;
+        let sum: u32 = z.to_le_bytes().into_iter().map(u32::from).sum();
+        *v += (sum as f32 - 1020.0) * scale;
+    }
+}
+
+/// Through JPEG and back; unchanged where the codec refuses.
+fn compressed(image: RgbImage, quality: u8) -> RgbImage {
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);
+    if image.write_with_encoder(encoder).is_err() {
+        return image;
+    }
+    match image::load_from_memory_with_format(&bytes, image::ImageFormat::Jpeg) {
+        Ok(decoded) => decoded.into_rgb8(),
+        Err(_) => image,
+    }
+}
+
+/// Whether a point of one view lies inside the other, `margin_px` from its edge.
+pub(super) fn inside(
+    h: &Matrix3<f64>,
+    at: [f64; 2],
+    side_px: f64,
+    margin_px: f64,
+) -> Option<[f64; 2]> {
+    let [x, y] = apply(h, at);
+    let range = margin_px..=side_px - 1.0 - margin_px;
+    (range.contains(&x) && range.contains(&y)).then_some([x, y])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand::SeedableRng;
+
+    #[test]
+    fn a_seed_decides_the_look_and_every_change_keeps_the_size() {
+        let image = RgbImage::from_fn(64, 48, |x, y| {
+            image::Rgb([(x * 4) as u8, (y * 5) as u8, 90])
+        });
+        let look = Look {
+            equalised: 1.0,
+            shadows: 1.0,
+            haze: 1.0,
+            season: 1.0,
+            jpeg: 1.0,
+            ..Look::default()
+        };
+        for seed in 0..8 {
+            let mut a = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let mut b = a.clone();
+            let one = change_look(&image, Domain::Sat, &look, &mut a);
+            assert_eq!(one, change_look(&image, Domain::Sat, &look, &mut b));
+            assert_eq!(one.dimensions(), (64, 48));
+            assert_ne!(one, image);
+        }
+    }
+
+    #[test]
+    fn blur_keeps_the_mean_of_a_constant_and_spreads_a_point() {
+        let mut flat = vec![0.5; 20 * 20 * 3];
+        gaussian(&mut flat, 20, 20, 1.3);
+        assert!(flat.iter().all(|v| (v - 0.5).abs() < 1e-5));
+        let mut point = vec![0.0; 21 * 21 * 3];
+        point[(10 * 21 + 10) * 3] = 1.0;
+        gaussian(&mut point, 21, 21, 1.0);
+        assert!((point.iter().sum::<f32>() - 1.0).abs() < 1e-4);
+        assert!((point[(10 * 21 + 11) * 3] - point[(11 * 21 + 10) * 3]).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,265 @@
+//! Folders of pictures, read recursively, and their resolution pyramids.
+
+use crate::TrainError;
+use image::RgbImage;
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A folder to train on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Folder {
+    /// Where it is; read recursively.
+    pub path: PathBuf,
+    /// How often each of its pictures counts: few large maps against thousands of small pictures.
+    #[serde(default = "one")]
+    pub repeat: usize,
+}
+
+fn one() -> usize {
+    1
+}
+
+/// Which pictures of a set: one in twenty, chosen by its path, is kept aside for validation.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fold {
+    /// To train on.
+    Training,
+    /// Kept aside.
+    Validation,
+}
+
+/// One picture in that many is kept aside.
+const VALIDATION_ONE_IN: u64 = 20;
+/// Decoded pictures are kept up to this many bytes; beyond it they are decoded each time.
+const CACHE_BYTES: usize = 1_200_000_000;
+
+/// A picture with its halvings.
+#[derive(Debug)]
+pub struct Picture {
+    levels: Vec<RgbImage>,
+}
+
+impl Picture {
+    /// Builds the pyramid, down to sides of 64 pixels.
+    pub fn new(image: RgbImage) -> Self {
+        let mut levels = vec![image];
+        while let Some(last) = levels.last() {
+            if last.width().min(last.height()) < 128 {
+                break;
+            }
+            let half = halved(last);
+            levels.push(half);
+        }
+        Self { levels }
+    }
+
+    /// The picture at 1 / 2^`level`, or the smallest there is.
+    pub fn level(&self, level: usize) -> (&RgbImage, usize) {
+        let level = level.min(self.levels.len() - 1);
+        (&self.levels[level], level)
+    }
+
+    /// Width and height in pixels.
+    pub fn size_px(&self) -> (u32, u32) {
+        self.levels[0].dimensions()
+    }
+
+    fn bytes(&self) -> usize {
+        self.levels.iter().map(|level| level.as_raw().len()).sum()
+    }
+}
+
+/// Mean of 2 x 2 pixels.
+fn halved(image: &RgbImage) -> RgbImage {
+    let (width, height) = (image.width() / 2, image.height() / 2);
+    let (raw, row) = (image.as_raw(), image.width() as usize * 3);
+    let mut out = Vec::with_capacity((width * height * 3) as usize);
+    for y in 0..height as usize {
+        for x in 0..width as usize {
+            for c in 0..3 {
+                let at = 2 * y * row + 6 * x + c;
+                let sum = u16::from(raw[at])
+                    + u16::from(raw[at + 3])
+                    + u16::from(raw[at + row])
+                    + u16::from(raw[at + row + 3]);
+                out.push(((sum + 2) / 4) as u8);
+            }
+        }
+    }
+    RgbImage::from_raw(width, height, out).unwrap_or_default()
+}
+
+struct Entry {
+    path: PathBuf,
+    fold: Fold,
+    /// The short side.
+    side_px: u32,
+}
+
+/// A set of pictures to draw from.
+pub struct Pictures {
+    entries: Vec<Entry>,
+    /// Indices into the entries, as often as each counts.
+    training: Vec<usize>,
+    validation: Vec<usize>,
+    unreadable: usize,
+    cache: Mutex<(HashMap<usize, Arc<Picture>>, usize)>,
+}
+
+/// FNV-1a, which says the same on every machine.
+fn hash_of(path: &str) -> u64 {
+    path.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
+}
+
+fn files_under(folder: &Path, out: &mut Vec<PathBuf>) -> Result<(), TrainError> {
+    let mut entries: Vec<PathBuf> = fs_err::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<Result<_, std::io::Error>>()?;
+    entries.sort();
+    for path in entries {
+        if path.is_dir() {
+            files_under(&path, out)?;
+        } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| {
+            ["jpg", "jpeg", "png", "tif", "tiff", "webp"].contains(&e.to_ascii_lowercase().as_str())
+        }) {
+            out.push(path);
+        }
+    }
+    Ok(())
+}
+
+impl Pictures {
+    /// Lists the pictures of the folders; those whose header cannot be read, or whose short side is below `least_side_px`,
+    /// are counted and left out.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`] for a folder that cannot be read, [`TrainError::TooFewPictures`] where fewer than eight are left.
+    pub fn scan(folders: &[Folder], least_side_px: u32) -> Result<Self, TrainError> {
+        let mut out = Self {
+            entries: Vec::new(),
+            training: Vec::new(),
+            validation: Vec::new(),
+            unreadable: 0,
+            cache: Mutex::new((HashMap::new(), 0)),
+        };
+        for folder in folders {
+            let mut files = Vec::new();
+            files_under(&folder.path, &mut files)?;
+            for path in files {
+                let Ok((width, height)) = image::image_dimensions(&path) else {
+                    tracing::warn!(path = %path.display(), "unreadable picture left out");
+                    out.unreadable += 1;
+                    continue;
+                };
+                if width.min(height) < least_side_px {
+                    out.unreadable += 1;
+                    continue;
+                }
+                // The path below the folder decides, so that moving the folder moves nothing between the folds.
+                let inside = path
+                    .strip_prefix(&folder.path)
+                    .unwrap_or(&path)
+                    .to_string_lossy()
+                    .into_owned();
+                let aside = hash_of(&inside).is_multiple_of(VALIDATION_ONE_IN);
+                let index = out.entries.len();
+                let fold = if aside {
+                    Fold::Validation
+                } else {
+                    Fold::Training
+                };
+                let list = if aside {
+                    &mut out.validation
+                } else {
+                    &mut out.training
+                };
+                list.extend(std::iter::repeat_n(
+                    index,
+                    if aside { 1 } else { folder.repeat },
+                ));
+                out.entries.push(Entry {
+                    path,
+                    fold,
+                    side_px: width.min(height),
+                });
+            }
+        }
+        if out.training.len() < 8 {
+            return Err(TrainError::TooFewPictures {
+                found: out.training.len(),
+                unreadable: out.unreadable,
+                folders: folders
+                    .iter()
+                    .map(|f| f.path.display().to_string())
+                    .collect::<Vec<_>>()
+                    .join(", "),
+                needed: 8,
+            });
+        }
+        Ok(out)
+    }
+
+    /// Pictures to train on, each counted once.
+    pub fn training_count(&self) -> usize {
+        self.entries
+            .iter()
+            .filter(|entry| entry.fold == Fold::Training)
+            .count()
+    }
+
+    /// Indices of a fold, repeated as often as each picture counts.
+    pub fn fold(&self, fold: Fold) -> &[usize] {
+        match fold {
+            Fold::Training => &self.training,
+            Fold::Validation => &self.validation,
+        }
+    }
+
+    /// Files that were left out.
+    pub fn unreadable(&self) -> usize {
+        self.unreadable
+    }
+
+    /// The short side of a picture.
+    pub fn side_px(&self, index: usize) -> u32 {
+        self.entries[index].side_px
+    }
+
+    /// Where a picture comes from.
+    pub fn path(&self, index: usize) -> &Path {
+        &self.entries[index].path
+    }
+
+    /// Decodes a picture, or takes it from the cache; `None` where it cannot be decoded.
+    pub fn load(&self, index: usize) -> Option<Arc<Picture>> {
+        if let Some(picture) = self
+            .cache
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .0
+            .get(&index)
+        {
+            return Some(picture.clone());
+        }
+        let path = &self.entries[index].path;
+        let image = match image::ImageReader::open(path).map(image::ImageReader::decode) {
+            Ok(Ok(image)) => image.into_rgb8(),
+            _ => {
+                tracing::warn!(path = %path.display(), "picture cannot be decoded; another is taken");
+                return None;
+            }
+        };
+        let picture = Arc::new(Picture::new(image));
+        let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
+        if cache.1 + picture.bytes() <= CACHE_BYTES {
+            cache.1 += picture.bytes();
+            cache.0.insert(index, picture.clone());
+        }
+        Some(picture)
+    }
+}

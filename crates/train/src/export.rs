@@ -1,0 +1,264 @@
+//! From a checkpoint to a model file: statistics taken anew, whitening fitted and kept where it helps, a card with figures.
+
+use crate::TrainError;
+use crate::batch::input_of;
+use crate::checkpoint::Checkpoint;
+use crate::config::TrainConfig;
+use crate::data::{Fold, Pair, Pictures, Sources, batch_of};
+use crate::network::{Network, Statistics};
+use crate::parameters::Parameters;
+use crate::validation::{
+    Validation, extractors_of, features_of, pairs_of, validate, validation_options,
+};
+use crate::whitening::{WhiteningKind, fit_whitening};
+use burn::tensor::Device;
+use grimnet_net::{Card, ExtractOptions, Model, NetSpec};
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+
+/// Batches that the statistics are taken from.
+const STATISTICS_BATCHES: u64 = 24;
+/// Length of a whitened descriptor.
+const WHITENED: usize = 512;
+
+/// What to measure and fit with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ExportOptions {
+    /// Pairs that the whitening is fitted to; 0 for no whitening.
+    pub whitening_pairs: usize,
+    /// Held-aside pairs that are measured.
+    pub validation_pairs: usize,
+    /// Training views that stand in the gallery beside them.
+    pub distractors: usize,
+}
+
+impl Default for ExportOptions {
+    fn default() -> Self {
+        Self {
+            whitening_pairs: 1100,
+            validation_pairs: 240,
+            distractors: 300,
+        }
+    }
+}
+
+/// What was exported.
+#[derive(Clone, Debug)]
+pub struct Exported {
+    /// The model.
+    pub model: Model,
+    /// Figures of the exported model.
+    pub validation: Validation,
+    /// The whitening that was kept, if one helped.
+    pub whitening: Option<WhiteningKind>,
+    /// Figures by whitening, the one without first.
+    pub tried: Vec<(Option<WhiteningKind>, Validation)>,
+}
+
+/// The averaged parameters with normalisation statistics of their own, from training pairs.
+///
+/// # Errors
+/// Where the device does not give values back.
+pub fn with_fresh_statistics(
+    average: &Parameters,
+    sources: &Sources,
+    config: &TrainConfig,
+    device: &Device,
+) -> Result<Parameters, TrainError> {
+    let mut parameters = average.clone();
+    let device = device.clone().without_autodiff();
+    for i in 0..STATISTICS_BATCHES {
+        let batch = batch_of(
+            sources,
+            &config.pairs,
+            config.pairs_per_step,
+            config.seed ^ 0x57a7,
+            i,
+        );
+        let input = input_of(&batch, parameters.spec(), &device);
+        let mut network = Network::new(&parameters, Statistics::Batch);
+        network.forward(&input, false)?;
+        for (name, value) in network.into_running() {
+            parameters.set(&name, value)?;
+        }
+    }
+    Ok(parameters)
+}
+
+/// VLAD vectors of both views of the pairs: all map views', then all photos'.
+fn vectors_of(model: &Model, pairs: &[Pair]) -> Result<Vec<f32>, TrainError> {
+    let extractors = extractors_of(model)?;
+    let options = ExtractOptions {
+        max_keypoints: 1,
+        ..ExtractOptions::default()
+    };
+    let (mut sat, mut uav) = (Vec::new(), Vec::new());
+    for pair in pairs {
+        let [a, b] = features_of(pair, &extractors, &options)?;
+        sat.extend(a.global);
+        uav.extend(b.global);
+    }
+    sat.extend(uav);
+    Ok(sat)
+}
+
+/// Makes the model of a checkpoint, measures it without whitening and with each kind, and keeps what finds places best.
+///
+/// # Errors
+/// Where the device does not give values back, or the network refuses its numbers.
+pub fn export(
+    checkpoint: &Checkpoint,
+    config: &TrainConfig,
+    sources: &Sources,
+    pictures: &Pictures,
+    options: &ExportOptions,
+    device: &Device,
+) -> Result<Exported, TrainError> {
+    let parameters = with_fresh_statistics(&checkpoint.average, sources, config, device)?;
+    let card = Card {
+        name: format!("grimnet {}", config.network),
+        training_data: config
+            .data
+            .iter()
+            .map(|folder| {
+                folder
+                    .path
+                    .file_name()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned()
+            })
+            .chain(
+                config
+                    .world_share
+                    .gt(&0.0)
+                    .then(|| "procedural world".to_owned()),
+            )
+            .collect::<Vec<_>>()
+            .join(", "),
+        steps: checkpoint.position.step,
+        licence: "MIT OR Apache-2.0".into(),
+        notes: String::new(),
+        random: false,
+    };
+    let plain = parameters.to_model(card.clone())?;
+    let views = validation_options(&config.pairs);
+    let held = pairs_of(
+        pictures,
+        Fold::Validation,
+        options.validation_pairs,
+        &views,
+        11,
+    );
+    let others = pairs_of(
+        pictures,
+        Fold::Training,
+        options.distractors.div_ceil(2),
+        &views,
+        12,
+    );
+    let mut tried = Vec::new();
+    let distractors = |model: &Model| vectors_of(model, &others);
+    tried.push((
+        None,
+        plain.clone(),
+        validate(&plain, &held, &distractors(&plain)?)?,
+    ));
+    if options.whitening_pairs > 0 && parameters.spec().vlad_len() > WHITENED {
+        let fitting = pairs_of(
+            pictures,
+            Fold::Training,
+            options.whitening_pairs,
+            &views,
+            13,
+        );
+        let vectors = vectors_of(&plain, &fitting)?;
+        for kind in [WhiteningKind::Pca, WhiteningKind::Pairs] {
+            let projection = fit_whitening(&vectors, parameters.spec().vlad_len(), WHITENED, kind)?;
+            let spec = NetSpec {
+                global_dim: WHITENED,
+                ..parameters.spec().clone()
+            };
+            let mut values = parameters.to_host()?;
+            values.push(("whitening.mean".into(), projection.mean));
+            values.push(("whitening.projection".into(), projection.rows));
+            let model = Model::from_values(spec, card.clone(), values)?;
+            let validation = validate(&model, &held, &distractors(&model)?)?;
+            tried.push((Some(kind), model, validation));
+        }
+    }
+    let score = |v: &Validation| v.recall[0] + v.recall[1];
+    let mut best = 0;
+    for (i, (_, _, validation)) in tried.iter().enumerate() {
+        if score(validation) > score(&tried[best].2) {
+            best = i;
+        }
+    }
+    let (whitening, model, validation) = tried[best].clone();
+    let card = Card {
+        notes: notes(checkpoint, config, &validation, whitening),
+        ..card
+    };
+    Ok(Exported {
+        model: model.with_card(card),
+        validation,
+        whitening,
+        tried: tried
+            .into_iter()
+            .map(|(kind, _, validation)| (kind, validation))
+            .collect(),
+    })
+}
+
+fn notes(
+    checkpoint: &Checkpoint,
+    config: &TrainConfig,
+    v: &Validation,
+    whitening: Option<WhiteningKind>,
+) -> String {
+    let percent = |share: f64| (share * 100.0).round();
+    format!(
+        "{} steps of {} pairs, {:.0} minutes. On {} pairs of held-aside pictures (made like the training pairs): \
+         repeatability {} %, matching score {} %, right matches {} %, homography within 1/3/5 px {}/{}/{} %, place found \
+         first / among five of {} views {}/{} %. Whitening: {}. Trained on pictures from above; it does not know oblique \
+         views, night, snow or thermal cameras.",
+        checkpoint.position.step,
+        config.pairs_per_step,
+        checkpoint.position.elapsed_s / 60.0,
+        v.pairs,
+        percent(v.repeatability),
+        percent(v.matching_score),
+        percent(v.match_precision),
+        percent(v.homography_accuracy[0]),
+        percent(v.homography_accuracy[1]),
+        percent(v.homography_accuracy[2]),
+        v.gallery,
+        percent(v.recall[0]),
+        percent(v.recall[1]),
+        match whitening {
+            None => "none",
+            Some(WhiteningKind::Pca) => "PCA",
+            Some(WhiteningKind::Pairs) => "learned from pairs",
+        }
+    )
+}
+
+/// Writes a model beside `path` and renames it, so that a reader never sees half of it.
+///
+/// # Errors
+/// [`TrainError::Io`], [`TrainError::Net`].
+pub fn save_model(model: &Model, path: &Path) -> Result<(), TrainError> {
+    let folder = path
+        .parent()
+        .filter(|p| !p.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    fs_err::create_dir_all(folder)?;
+    let aside = tempfile::Builder::new()
+        .suffix(".safetensors")
+        .tempfile_in(folder)?
+        .into_temp_path();
+    model.save(&aside)?;
+    aside.persist(path).map_err(|error| error.error)?;
+    Ok(())
+}

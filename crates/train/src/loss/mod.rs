@@ -1,0 +1,21 @@
+//! The losses. Each takes and gives burn tensors, and is tested against PyTorch, value and gradient.
+
+mod contrast;
+mod keypoint;
+
+pub use contrast::{descriptor_contrast, global_contrast, sample_descriptors};
+pub use keypoint::keypoint_cross_entropy;
+
+use burn::tensor::{Device, Tensor, TensorData};
+
+/// What a masked-out similarity is lowered by.
+pub(crate) const MASKED: f32 = -1e4;
+
+/// A constant on a tensor's device, as part of its graph where it has one.
+pub(crate) fn constant<const D: usize>(
+    values: Vec<f32>,
+    shape: [usize; D],
+    device: &Device,
+) -> Tensor<D> {
+    Tensor::from_data(TensorData::new(values, shape), device)
+}

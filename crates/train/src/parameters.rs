@@ -1,0 +1,169 @@
+//! The network's numbers on the training device, by the model file's tensor names.
+
+use crate::TrainError;
+use burn::tensor::{Device, Tensor, TensorData};
+use grimnet_net::{Card, Model, NetSpec};
+use std::collections::BTreeMap;
+
+/// All tensors of a network, flat, by name. What the optimiser moves, a checkpoint keeps and the model file holds is this
+/// one table.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    spec: NetSpec,
+    values: BTreeMap<String, Entry>,
+}
+
+#[derive(Clone, Debug)]
+struct Entry {
+    shape: Vec<usize>,
+    value: Tensor<1>,
+    trained: bool,
+}
+
+/// Whether the optimiser moves a tensor: statistics and whitening are estimated, not descended to.
+fn is_trained(name: &str) -> bool {
+    !(name.ends_with(".mean") || name.ends_with(".var") || name.starts_with("whitening."))
+}
+
+/// A device tensor's numbers on the host.
+pub(crate) fn host<const D: usize>(tensor: Tensor<D>) -> Result<Vec<f32>, TrainError> {
+    tensor
+        .try_into_vec_as::<f32>()
+        .map_err(|error| TrainError::Device {
+            reason: error.to_string(),
+        })
+}
+
+impl Parameters {
+    /// The numbers of a model, without its whitening: training sees the unwhitened descriptor.
+    pub fn of_model(model: &Model, device: &Device) -> Self {
+        let spec = NetSpec {
+            global_dim: 0,
+            ..model.spec().clone()
+        };
+        let mut values = BTreeMap::new();
+        for (name, parameter) in model.parameters() {
+            if name.starts_with("whitening.") {
+                continue;
+            }
+            let numbers = parameter.to_f32();
+            let length = numbers.len();
+            let value = Tensor::from_data(
+                TensorData::new(numbers, [length]),
+                &device.clone().without_autodiff(),
+            );
+            values.insert(
+                name.to_owned(),
+                Entry {
+                    shape: parameter.shape().to_vec(),
+                    value,
+                    trained: is_trained(name),
+                },
+            );
+        }
+        Self { spec, values }
+    }
+
+    /// The network that the numbers belong to; never whitened.
+    pub fn spec(&self) -> &NetSpec {
+        &self.spec
+    }
+
+    /// Names of all tensors, sorted.
+    pub fn names(&self) -> Vec<String> {
+        self.values.keys().cloned().collect()
+    }
+
+    /// Names of the tensors that the optimiser moves, sorted.
+    pub fn trained_names(&self) -> Vec<String> {
+        self.values
+            .iter()
+            .filter(|(_, entry)| entry.trained)
+            .map(|(name, _)| name.clone())
+            .collect()
+    }
+
+    fn entry(&self, name: &str) -> Result<&Entry, TrainError> {
+        self.values.get(name).ok_or_else(|| TrainError::Config {
+            reason: format!("the network has no tensor `{name}`"),
+        })
+    }
+
+    /// A tensor, flat, as it is used now (tracked where [`Parameters::tracked`] made it so).
+    ///
+    /// # Errors
+    /// Where the network has no such tensor.
+    pub fn flat(&self, name: &str) -> Result<Tensor<1>, TrainError> {
+        Ok(self.entry(name)?.value.clone())
+    }
+
+    /// A tensor in its own shape.
+    ///
+    /// # Errors
+    /// Where the network has no such tensor, or it has another rank.
+    pub fn shaped<const D: usize>(&self, name: &str) -> Result<Tensor<D>, TrainError> {
+        let entry = self.entry(name)?;
+        let shape: [usize; D] =
+            entry
+                .shape
+                .clone()
+                .try_into()
+                .map_err(|shape| TrainError::Config {
+                    reason: format!("`{name}` has shape {shape:?} where {D} axes are needed"),
+                })?;
+        Ok(entry.value.clone().reshape(shape))
+    }
+
+    /// Replaces a tensor's numbers.
+    ///
+    /// # Errors
+    /// Where the network has no such tensor, or it has another number of values.
+    pub fn set(&mut self, name: &str, value: Tensor<1>) -> Result<(), TrainError> {
+        let length: usize = self.entry(name)?.shape.iter().product();
+        if value.dims()[0] != length {
+            return Err(TrainError::Config {
+                reason: format!("`{name}` has {length} values, not {}", value.dims()[0]),
+            });
+        }
+        if let Some(entry) = self.values.get_mut(name) {
+            entry.value = value.without_autodiff();
+        }
+        Ok(())
+    }
+
+    /// The same numbers as leaves of a new autodiff graph.
+    #[must_use]
+    pub fn tracked(&self) -> Self {
+        let mut out = self.clone();
+        for entry in out.values.values_mut() {
+            entry.value = entry.value.clone().autodiff();
+            if entry.trained {
+                entry.value = entry.value.clone().require_grad();
+            }
+        }
+        out
+    }
+
+    /// All numbers on the host, for a checkpoint or the model file.
+    ///
+    /// # Errors
+    /// Where the device does not give them back.
+    pub fn to_host(&self) -> Result<Vec<(String, Vec<f32>)>, TrainError> {
+        self.values
+            .iter()
+            .map(|(name, entry)| Ok((name.clone(), host(entry.value.clone())?)))
+            .collect()
+    }
+
+    /// The model as it is now, without whitening.
+    ///
+    /// # Errors
+    /// Where the device does not give the numbers back, or one is not finite.
+    pub fn to_model(&self, card: Card) -> Result<Model, TrainError> {
+        Ok(Model::from_values(
+            self.spec.clone(),
+            card,
+            self.to_host()?,
+        )?)
+    }
+}

@@ -78,7 +78,12 @@ mod tests {
             inliers: Some(41),
             time_ms: [("total".to_owned(), 37.0)].into(),
             matches: Some(96),
-            outline_lon_lat_deg: Some(vec![[120.0, 24.0], [121.0, 24.0], [121.0, 23.0], [120.0, 23.0]]),
+            outline_lon_lat_deg: Some(vec![
+                [120.0, 24.0],
+                [121.0, 24.0],
+                [121.0, 23.0],
+                [120.0, 23.0],
+            ]),
             ..Answer::default()
         };
         [fix, Answer::no_fix("c.jpg", "too few matches")]
@@ -115,7 +120,11 @@ mod tests {
     fn geojson() {
         let text = written(Format::Geojson);
         let collection: ::geojson::FeatureCollection = text.parse().unwrap();
-        assert_eq!(collection.features.len(), 3, "a point and an outline for the fix, a feature for the miss");
+        assert_eq!(
+            collection.features.len(),
+            3,
+            "a point and an outline for the fix, a feature for the miss"
+        );
         insta::assert_snapshot!(text);
     }
 

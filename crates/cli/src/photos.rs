@@ -46,7 +46,10 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         return Ok(vec![argument.to_owned()]);
     }
     let matches = glob::glob(&text).with_context(|| format!("{text}: not a usable pattern"))?;
-    Ok(matches.filter_map(Result::ok).filter(|p| p.is_file()).collect())
+    Ok(matches
+        .filter_map(Result::ok)
+        .filter(|p| p.is_file())
+        .collect())
 }
 
 fn has_photo_ending(path: &Path) -> bool {

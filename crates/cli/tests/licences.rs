@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use spdx::{Expression, LicenseReq, LicenseItem};
+use spdx::{Expression, LicenseItem, LicenseReq};
 
 /// Permissive licences, and weak copyleft that stays within its own files.
 const ALLOWED: &[&str] = &[
@@ -37,7 +37,11 @@ fn every_dependency_may_be_shipped() {
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
     let packages = metadata["packages"].as_array().unwrap();
     assert!(packages.len() > 50, "the dependency graph is there");

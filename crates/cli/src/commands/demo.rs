@@ -12,8 +12,8 @@ use grimnet_geo::{MapOptions, Raster, open_map};
 use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_pack::{BuildOptions, Pack};
 use grimnet_world::{
-    Camera, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World, WorldConfig, write_geotiff,
-    write_jpeg_with_exif, write_truth_csv,
+    Camera, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World, WorldConfig,
+    write_geotiff, write_jpeg_with_exif, write_truth_csv,
 };
 use image::RgbImage;
 
@@ -102,11 +102,21 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     ] {
         let answers = locate_all(&localizer, &truth, mode, None)?;
         write_answers(&out.join(file), &answers)?;
-        let name = if mode == HeadingMode::Exif { "heading known" } else { mode.name() };
+        let name = if mode == HeadingMode::Exif {
+            "heading known"
+        } else {
+            mode.name()
+        };
         runs.push(score(name, &answers, &truth));
     }
     write_summary(&out.join("summary.json"), &runs)?;
-    let pictures = draw_some(&localizer, map.as_ref(), &truth, &runs[0], &out.join("matches"))?;
+    let pictures = draw_some(
+        &localizer,
+        map.as_ref(),
+        &truth,
+        &runs[0],
+        &out.join("matches"),
+    )?;
     let report = Report {
         title: "A flight over a made-up town".into(),
         description: vec![
@@ -154,7 +164,11 @@ fn make_flight(arguments: &DemoArgs) -> Result<()> {
     let size_m = world.size_m();
     let flight = Flight::plan(&world, arguments.photos, arguments.seed);
 
-    let bar = progress::bar(flight.frames.len() as u64 + 1, "drawing the town", "pictures");
+    let bar = progress::bar(
+        flight.frames.len() as u64 + 1,
+        "drawing the town",
+        "pictures",
+    );
     let whole = RegionM {
         x_min_m: 0.0,
         y_min_m: 0.0,
@@ -163,7 +177,13 @@ fn make_flight(arguments: &DemoArgs) -> Result<()> {
     };
     let map = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
     let north_west_m = placement.utm_from_world([0.0, size_m]);
-    write_geotiff(&arguments.out.join("map.tif"), &map, MAP_GSD_M, north_west_m, placement.epsg())?;
+    write_geotiff(
+        &arguments.out.join("map.tif"),
+        &map,
+        MAP_GSD_M,
+        north_west_m,
+        placement.epsg(),
+    )?;
     bar.inc(1);
 
     let look = Look::drone(Season::Autumn);
@@ -210,7 +230,11 @@ fn draw_some(
     });
     // Two of the worst, the others from the whole range.
     let step = (worst.len() / PICTURES).max(1);
-    let chosen = worst.iter().take(2).chain(worst.iter().skip(step).step_by(step)).take(PICTURES);
+    let chosen = worst
+        .iter()
+        .take(2)
+        .chain(worst.iter().skip(step).step_by(step))
+        .take(PICTURES);
     let mut pictures = Vec::new();
     for &i in chosen {
         let (frame, path) = &truth[i];
@@ -219,7 +243,11 @@ fn draw_some(
             continue;
         };
         pictures.push(Picture {
-            caption: format!("{}: {:.1} m off", frame.photo, run.frames[i].error_m.unwrap_or(f64::NAN)),
+            caption: format!(
+                "{}: {:.1} m off",
+                frame.photo,
+                run.frames[i].error_m.unwrap_or(f64::NAN)
+            ),
             jpeg: fs_err::read(&file).context("cannot read the picture again")?,
         });
     }

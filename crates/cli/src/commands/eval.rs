@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use grimnet_eval::metrics::{Frame, ScoredFix, Summary};
+use grimnet_eval::metrics::{Frame, Summary};
 use grimnet_eval::report::{Report, Run};
 use grimnet_eval::truth::{self, TruthFrame};
 use grimnet_geo::{LonLat, open_map};
@@ -46,7 +46,8 @@ impl HeadingMode {
         }
     }
 
-    fn name(self) -> &'static str {
+    /// What tables call it.
+    pub fn name(self) -> &'static str {
         match self {
             Self::Both => "both",
             Self::Known => "heading known",
@@ -101,8 +102,14 @@ pub struct EvalArgs {
 /// # Errors
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
-    let map_path = arguments.map.clone().unwrap_or_else(|| arguments.folder.join("map.tif"));
-    let truth = scorable(truth::read(&arguments.folder.join("truth.csv"))?, &arguments.folder.join("photos"))?;
+    let map_path = arguments
+        .map
+        .clone()
+        .unwrap_or_else(|| arguments.folder.join("map.tif"));
+    let truth = scorable(
+        truth::read(&arguments.folder.join("truth.csv"))?,
+        &arguments.folder.join("photos"),
+    )?;
     let map = open_map(&map_path, &arguments.place.options())?;
     let model = arguments.model.open()?;
     fs_err::create_dir_all(&arguments.out)?;
@@ -114,7 +121,8 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     build_with_bar(map.as_ref(), &model, &build, &pack_path)?;
 
     let options = LocateOptions::plain(arguments.mode, arguments.adapt);
-    let mut localizer = Localizer::new(model, Pack::open(&pack_path)?)?.with_options(options.options());
+    let mut localizer =
+        Localizer::new(model, Pack::open(&pack_path)?)?.with_options(options.options());
     let paths: Vec<PathBuf> = truth.iter().map(|t| t.1.clone()).collect();
     if arguments.adapt == AdaptChoice::Flight {
         localizer = adapt_to_flight(localizer, &paths, &Prior::none())?;
@@ -135,15 +143,24 @@ fn scorable(truth: Vec<TruthFrame>, photos: &Path) -> Result<Vec<(TruthFrame, Pa
     for frame in truth {
         let path = photos.join(&frame.photo);
         if !path.is_file() {
-            tracing::warn!("{}: named in truth.csv and not there; left out", path.display());
+            tracing::warn!(
+                "{}: named in truth.csv and not there; left out",
+                path.display()
+            );
         } else if frame.centre_lat_lon_deg.is_none() && frame.gps_lat_lon_deg.is_none() {
-            tracing::warn!("{}: truth.csv does not say where it is; left out", frame.photo);
+            tracing::warn!(
+                "{}: truth.csv does not say where it is; left out",
+                frame.photo
+            );
         } else {
             usable.push((frame, path));
         }
     }
     if usable.is_empty() {
-        bail!("{}: no photo there whose place truth.csv tells", photos.display());
+        bail!(
+            "{}: no photo there whose place truth.csv tells",
+            photos.display()
+        );
     }
     Ok(usable)
 }
@@ -163,11 +180,14 @@ pub fn locate_all(
     for (frame, path) in truth {
         let prior = match (mode, frame.heading_deg) {
             (HeadingMode::Unknown, _) => Prior::none().with_unknown_heading(),
-            (HeadingMode::Known, Some(heading)) => Prior::none().with_heading(heading, TRUE_HEADING_SIGMA_DEG),
+            (HeadingMode::Known, Some(heading)) => {
+                Prior::none().with_heading(heading, TRUE_HEADING_SIGMA_DEG)
+            }
             _ => Prior::none(),
         };
         let prior = match footprint_width_m {
-            Some(width_m) => prior.with_gsd_m(width_m / f64::from(image::image_dimensions(path).map_or(1, |d| d.0))),
+            Some(width_m) => prior
+                .with_gsd_m(width_m / f64::from(image::image_dimensions(path).map_or(1, |d| d.0))),
             None => prior,
         };
         answers.push(match locate_one(localizer, path, &prior) {
@@ -188,7 +208,9 @@ pub fn score(name: &str, answers: &[Answer], truth: &[(TruthFrame, PathBuf)]) ->
         .map(|(answer, (frame, _))| {
             let place = frame.centre_lat_lon_deg.or(frame.gps_lat_lon_deg);
             let scored = match (answer.scored_fix(), place) {
-                (Some(fix), Some((lat_deg, lon_deg))) => Frame::score(&frame.photo, &fix, LonLat { lon_deg, lat_deg }),
+                (Some(fix), Some((lat_deg, lon_deg))) => {
+                    Frame::score(&frame.photo, &fix, LonLat { lon_deg, lat_deg })
+                }
                 _ => Frame::missed(&frame.photo, answer.reason.as_deref().unwrap_or("no fix")),
             };
             Frame {
@@ -208,7 +230,17 @@ pub fn score(name: &str, answers: &[Answer], truth: &[(TruthFrame, PathBuf)]) ->
 fn write_results(out: &Path, folder: &Path, runs: &[Run]) -> Result<()> {
     write_summary(&out.join("summary.json"), runs)?;
     let mut frames = csv::Writer::from_path(out.join("frames.csv"))?;
-    frames.write_record(["run", "photo", "state", "error_m", "error_east_m", "error_north_m", "radius95_m", "reason", "time_ms"])?;
+    frames.write_record([
+        "run",
+        "photo",
+        "state",
+        "error_m",
+        "error_east_m",
+        "error_north_m",
+        "radius95_m",
+        "reason",
+        "time_ms",
+    ])?;
     let mut failed = String::new();
     for run in runs {
         for frame in &run.frames {
@@ -249,7 +281,10 @@ fn write_results(out: &Path, folder: &Path, runs: &[Run]) -> Result<()> {
 pub fn write_summary(path: &Path, runs: &[Run]) -> Result<()> {
     let mut summary = serde_json::Map::new();
     for run in runs {
-        summary.insert(run.name.replace(' ', "_"), serde_json::to_value(&run.summary)?);
+        summary.insert(
+            run.name.replace(' ', "_"),
+            serde_json::to_value(&run.summary)?,
+        );
     }
     let text = serde_json::to_string_pretty(&summary)?;
     fs_err::write(path, text + "\n").context("cannot write the summary")?;
@@ -275,11 +310,17 @@ pub fn print_summary(runs: &[Run]) -> Result<()> {
         ("within 5 m", |r| percent(r.summary.within_5m)),
         ("within 10 m", |r| percent(r.summary.within_10m)),
         ("within 20 m", |r| percent(r.summary.within_20m)),
-        ("median (a miss is infinite)", |r| metres(r.summary.median_m)),
+        ("median (a miss is infinite)", |r| {
+            metres(r.summary.median_m)
+        }),
         ("average of the fixes (ALE)", |r| metres(r.summary.ale_m)),
-        ("confidently wrong", |r| r.summary.confidently_wrong.to_string()),
+        ("confidently wrong", |r| {
+            r.summary.confidently_wrong.to_string()
+        }),
         ("median time a photo", |r| {
-            r.summary.time_p50_ms.map_or_else(|| "-".to_owned(), |t| format!("{t:.0} ms"))
+            r.summary
+                .time_p50_ms
+                .map_or_else(|| "-".to_owned(), |t| format!("{t:.0} ms"))
         }),
     ];
     let mut out = std::io::stdout().lock();

@@ -46,7 +46,9 @@ impl FromStr for HeadingChoice {
             "unknown" => Ok(Self::Unknown),
             _ => match text.parse::<f64>() {
                 Ok(degrees) if degrees.is_finite() => Ok(Self::Degrees(degrees.rem_euclid(360.0))),
-                _ => Err("a number of degrees clockwise from north, `exif` or `unknown`".to_owned()),
+                _ => {
+                    Err("a number of degrees clockwise from north, `exif` or `unknown`".to_owned())
+                }
             },
         }
     }
@@ -74,15 +76,24 @@ impl FromStr for NearChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Vec<f64> = text.split(',').filter_map(|t| t.trim().parse().ok()).collect();
+        let numbers: Vec<f64> = text
+            .split(',')
+            .filter_map(|t| t.trim().parse().ok())
+            .collect();
         match numbers[..] {
             [lat_deg, lon_deg, radius_m]
-                if lat_deg.abs() <= 90.0 && lon_deg.abs() <= 180.0 && radius_m > 0.0 && radius_m.is_finite() =>
+                if lat_deg.abs() <= 90.0
+                    && lon_deg.abs() <= 180.0
+                    && radius_m > 0.0
+                    && radius_m.is_finite() =>
             {
                 let centre = LonLat { lon_deg, lat_deg };
                 Ok(Self(grimnet_locate::Near { centre, radius_m }))
             }
-            _ => Err("latitude, longitude (degrees) and radius (metres), such as 24.26,120.72,500".to_owned()),
+            _ => Err(
+                "latitude, longitude (degrees) and radius (metres), such as 24.26,120.72,500"
+                    .to_owned(),
+            ),
         }
     }
 }
@@ -114,7 +125,12 @@ impl fmt::Display for AdaptChoice {
 pub struct LocateOptions {
     /// Where the top of the photo points: degrees clockwise from north, `exif` (from the photo, searched where it does
     /// not say) or `unknown` (searched)
-    #[arg(long, value_name = "DEG|exif|unknown", default_value = "exif", allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "DEG|exif|unknown",
+        default_value = "exif",
+        allow_hyphen_values = true
+    )]
     pub heading: HeadingChoice,
 
     /// Height above ground, metres [default: from the photo]
@@ -197,14 +213,18 @@ impl LocateOptions {
 
     fn check(&self) -> Result<()> {
         let positive = |name: &str, value: Option<f64>| match value {
-            Some(v) if !(v > 0.0 && v.is_finite()) => bail!("--{name} {v}: must be a positive number"),
+            Some(v) if !(v > 0.0 && v.is_finite()) => {
+                bail!("--{name} {v}: must be a positive number")
+            }
             _ => Ok(()),
         };
         positive("height-agl", self.height_agl)?;
         positive("gsd", self.gsd)?;
         positive("budget-ms", self.budget_ms)?;
         match self.hfov {
-            Some(v) if !(v > 0.0 && v < 180.0) => bail!("--hfov {v}: must lie between 0 and 180 degrees"),
+            Some(v) if !(v > 0.0 && v < 180.0) => {
+                bail!("--hfov {v}: must lie between 0 and 180 degrees")
+            }
             _ => Ok(()),
         }
     }
@@ -270,8 +290,8 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
         keep_matches: arguments.draw.is_some(),
         ..arguments.locate.options()
     };
-    let mut localizer =
-        Localizer::new(arguments.model.open()?, Pack::open(&arguments.pack)?)?.with_options(options);
+    let mut localizer = Localizer::new(arguments.model.open()?, Pack::open(&arguments.pack)?)?
+        .with_options(options);
     let prior = arguments.locate.prior();
     if arguments.locate.adapt == AdaptChoice::Flight {
         localizer = adapt_to_flight(localizer, &paths, &prior)?;
@@ -279,7 +299,11 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
 
     let format = arguments.format.unwrap_or_else(|| {
         let readable = arguments.out.is_none() && std::io::stdout().is_terminal();
-        if readable { Format::Table } else { Format::Jsonl }
+        if readable {
+            Format::Table
+        } else {
+            Format::Jsonl
+        }
     });
     let (out, aside): (Box<dyn Write>, _) = match &arguments.out {
         Some(path) => {
@@ -315,7 +339,9 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     writer.finish()?;
     drop(writer);
     if let Some((aside, path)) = aside {
-        aside.persist(path).with_context(|| format!("cannot write {}", path.display()))?;
+        aside
+            .persist(path)
+            .with_context(|| format!("cannot write {}", path.display()))?;
     }
     Ok(exit)
 }
@@ -334,7 +360,11 @@ pub fn locate_one(localizer: &Localizer, path: &Path, prior: &Prior) -> Result<(
 ///
 /// # Errors
 /// None of them can be used.
-pub fn adapt_to_flight(localizer: Localizer, paths: &[PathBuf], prior: &Prior) -> Result<Localizer> {
+pub fn adapt_to_flight(
+    localizer: Localizer,
+    paths: &[PathBuf],
+    prior: &Prior,
+) -> Result<Localizer> {
     let photos: Vec<Photo> = paths
         .iter()
         .filter_map(|p| Photo::open_reduced(p, DECODED_SIDE_PX).ok())
@@ -348,7 +378,8 @@ fn write_aside(path: &Path) -> Result<tempfile::NamedTempFile> {
         .parent()
         .filter(|p| !p.as_os_str().is_empty())
         .unwrap_or(Path::new("."));
-    tempfile::NamedTempFile::new_in(folder).with_context(|| format!("cannot write into {}", folder.display()))
+    tempfile::NamedTempFile::new_in(folder)
+        .with_context(|| format!("cannot write into {}", folder.display()))
 }
 
 /// Distance in metres between the answer and the position in the photo's metadata.
@@ -380,7 +411,10 @@ pub fn draw(
     let Some(matched) = matched else {
         return Ok(None);
     };
-    let name = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let name = path
+        .file_stem()
+        .map(|s| s.to_string_lossy().into_owned())
+        .unwrap_or_default();
     let target = folder.join(format!("{name}.jpg"));
     draw_matches(photo, matched, map, &DrawOptions::default())?
         .save(&target)
@@ -399,7 +433,10 @@ mod tests {
         assert!("north".parse::<HeadingChoice>().is_err());
         assert!("NaN".parse::<HeadingChoice>().is_err());
         assert!("24.26,120.72,500".parse::<NearChoice>().is_ok());
-        assert!("120.72,24.26,500".parse::<NearChoice>().is_err(), "longitude first");
+        assert!(
+            "120.72,24.26,500".parse::<NearChoice>().is_err(),
+            "longitude first"
+        );
         assert!("24.26,120.72".parse::<NearChoice>().is_err());
     }
 }

@@ -35,7 +35,13 @@ pub struct MapPlace {
     pub crs: Option<String>,
 
     /// Corners of a picture without georeference, degrees
-    #[arg(long, value_name = "LL_LON,LL_LAT,UR_LON,UR_LAT", value_delimiter = ',', num_args = 4, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "LL_LON,LL_LAT,UR_LON,UR_LAT",
+        value_delimiter = ',',
+        num_args = 4,
+        allow_hyphen_values = true
+    )]
     pub corners: Option<Vec<f64>>,
 }
 
@@ -45,6 +51,7 @@ impl MapPlace {
         MapOptions {
             crs: self.crs.clone(),
             corners: self.corners.as_deref().and_then(|c| c.try_into().ok()),
+            ..MapOptions::default()
         }
     }
 }
@@ -146,7 +153,11 @@ fn run_build(arguments: &BuildArgs) -> Result<Exit> {
     let report = build_with_bar(map.as_ref(), &model, &options, &arguments.out)?;
     let mut out = std::io::stdout().lock();
     if report.was_complete {
-        writeln!(out, "{}: already built from this map, model and options", report.path.display())?;
+        writeln!(
+            out,
+            "{}: already built from this map, model and options",
+            report.path.display()
+        )?;
     } else {
         writeln!(
             out,
@@ -211,7 +222,9 @@ fn levels(arguments: &BuildArgs) -> Result<Levels> {
     } else {
         return Ok(Levels::Auto);
     };
-    Ok(Levels::Gsd(vec![footprint_m / Options::default().query_width_px]))
+    Ok(Levels::Gsd(vec![
+        footprint_m / Options::default().query_width_px,
+    ]))
 }
 
 fn run_info(arguments: &InfoArgs) -> Result<Exit> {

@@ -29,7 +29,10 @@ pub enum ModelCommand {
 pub fn run(command: ModelCommand) -> Result<Exit> {
     let ModelCommand::Info { file, json } = command;
     let bundled = file.is_none();
-    let model = ModelChoice { model: file.clone() }.open()?;
+    let model = ModelChoice {
+        model: file.clone(),
+    }
+    .open()?;
     let values: usize = model
         .spec()
         .parameters()
@@ -48,10 +51,16 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
         writeln!(out)?;
         return Ok(Exit::Done);
     }
-    let name = file.map_or_else(|| "the bundled model".to_owned(), |f| f.display().to_string());
+    let name = file.map_or_else(
+        || "the bundled model".to_owned(),
+        |f| f.display().to_string(),
+    );
     writeln!(out, "{name}")?;
     if model.is_random() {
-        writeln!(out, "  THIS MODEL IS RANDOM NUMBERS: it finds nothing. It stands in until one is trained.")?;
+        writeln!(
+            out,
+            "  THIS MODEL IS RANDOM NUMBERS: it finds nothing. It stands in until one is trained."
+        )?;
     }
     if bundled {
         writeln!(out, "  {:<14} compiled into this program", "where")?;
@@ -59,11 +68,18 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
     writeln!(out, "  {:<14} {}", "preset", model.spec().preset)?;
     writeln!(out, "  {:<14} {}", "hash", model.hash())?;
     writeln!(out, "  {:<14} {values}", "values")?;
-    writeln!(out, "  {:<14} {}", "descriptors", model.spec().descriptor_dim)?;
+    writeln!(
+        out,
+        "  {:<14} {}",
+        "descriptors",
+        model.spec().descriptor_dim
+    )?;
     writeln!(out, "  {:<14} {}", "tile vector", model.spec().global_len())?;
     if let serde_json::Value::Object(card) = serde_json::to_value(model.card())? {
         for (key, value) in card {
-            let text = value.as_str().map_or_else(|| value.to_string(), ToOwned::to_owned);
+            let text = value
+                .as_str()
+                .map_or_else(|| value.to_string(), ToOwned::to_owned);
             writeln!(out, "  {key:<14} {text}")?;
         }
     }

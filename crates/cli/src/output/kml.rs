@@ -44,20 +44,22 @@ fn placemark(xml: Xml, answer: &Answer) -> std::io::Result<()> {
             answer.inliers.unwrap_or(0)
         );
         leaf(xml, "description", &description)?;
-        xml.create_element("MultiGeometry").write_inner_content(|xml| {
-            xml.create_element("Point")
-                .write_inner_content(|xml| leaf(xml, "coordinates", &format!("{lon:.8},{lat:.8}")))?;
-            if let Some(outline) = &answer.outline_lon_lat_deg {
-                let ring: Vec<String> = outline
-                    .iter()
-                    .chain(outline.first())
-                    .map(|[lon, lat]| format!("{lon:.8},{lat:.8}"))
-                    .collect();
-                xml.create_element("LineString")
-                    .write_inner_content(|xml| leaf(xml, "coordinates", &ring.join(" ")))?;
-            }
-            Ok(())
-        })?;
+        xml.create_element("MultiGeometry")
+            .write_inner_content(|xml| {
+                xml.create_element("Point").write_inner_content(|xml| {
+                    leaf(xml, "coordinates", &format!("{lon:.8},{lat:.8}"))
+                })?;
+                if let Some(outline) = &answer.outline_lon_lat_deg {
+                    let ring: Vec<String> = outline
+                        .iter()
+                        .chain(outline.first())
+                        .map(|[lon, lat]| format!("{lon:.8},{lat:.8}"))
+                        .collect();
+                    xml.create_element("LineString")
+                        .write_inner_content(|xml| leaf(xml, "coordinates", &ring.join(" ")))?;
+                }
+                Ok(())
+            })?;
         Ok(())
     })?;
     Ok(())

@@ -34,9 +34,10 @@ impl AnswerWriter for Table<'_> {
             )?;
         }
         self.answers += 1;
-        let name = Path::new(&answer.photo)
-            .file_name()
-            .map_or_else(|| answer.photo.clone(), |n| n.to_string_lossy().into_owned());
+        let name = Path::new(&answer.photo).file_name().map_or_else(
+            || answer.photo.clone(),
+            |n| n.to_string_lossy().into_owned(),
+        );
         let time = or_dash(answer.time_ms.get("total").copied(), 0);
         match answer.state {
             State::Fix => {
@@ -65,7 +66,11 @@ impl AnswerWriter for Table<'_> {
     }
 
     fn finish(&mut self) -> Result<()> {
-        writeln!(self.out, "{} of {} photos located", self.fixes, self.answers)?;
+        writeln!(
+            self.out,
+            "{} of {} photos located",
+            self.fixes, self.answers
+        )?;
         Ok(())
     }
 }

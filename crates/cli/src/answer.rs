@@ -77,16 +77,21 @@ impl Answer {
         match outcome {
             Outcome::Fix(fix) => Self {
                 state: State::Fix,
-                lat_deg: Some(fix.lat_deg),
-                lon_deg: Some(fix.lon_deg),
-                heading_deg: Some(fix.heading_deg),
-                gsd_m: Some(fix.gsd_m),
-                radius95_m: Some(fix.radius95_m),
-                covariance_en_m2: Some(fix.covariance_en_m2),
+                lat_deg: Some(rounded(fix.lat_deg, 8)),
+                lon_deg: Some(rounded(fix.lon_deg, 8)),
+                heading_deg: Some(rounded(fix.heading_deg, 2)),
+                gsd_m: Some(rounded(fix.gsd_m, 6)),
+                radius95_m: Some(rounded(fix.radius95_m, 3)),
+                covariance_en_m2: Some(fix.covariance_en_m2.map(|v| rounded(v, 6))),
                 inliers: Some(fix.inliers),
                 matches: Some(fix.matches),
                 runner_up_inliers: fix.runner_up.map(|r| r.inliers),
-                outline_lon_lat_deg: Some(fix.outline_lonlat_deg.clone()),
+                outline_lon_lat_deg: Some(
+                    fix.outline_lonlat_deg
+                        .iter()
+                        .map(|corner| corner.map(|v| rounded(v, 8)))
+                        .collect(),
+                ),
                 ..Self::told(photo, &fix.evidence, &fix.time_ms)
             },
             Outcome::NoFix(no_fix) => Self {
@@ -109,7 +114,9 @@ impl Answer {
         ];
         Self {
             photo: photo.to_owned(),
-            time_ms: stages.map(|(name, ms)| (name.to_owned(), ms)).into(),
+            time_ms: stages
+                .map(|(name, ms)| (name.to_owned(), rounded(ms, 3)))
+                .into(),
             used: evidence.used.clone(),
             set_aside: evidence.set_aside.clone(),
             assumed: evidence.assumed.clone(),
@@ -127,4 +134,10 @@ impl Answer {
             radius95_m: self.radius95_m?,
         })
     }
+}
+
+/// To so many decimals: 8 of a degree are a millimetre, and what lies below is noise that makes lines long.
+fn rounded(value: f64, decimals: i32) -> f64 {
+    let scale = 10f64.powi(decimals);
+    (value * scale).round() / scale
 }

@@ -23,6 +23,9 @@ const ALLOWED: &[&str] = &[
     "Zlib",
 ];
 
+/// Packages that state their licence in a file alone, which was read: Apache-2.0.
+const READ: &[(&str, &str)] = &[("cfg_block", "0.1.1")];
+
 fn allowed(requirement: &LicenseReq) -> bool {
     match &requirement.license {
         LicenseItem::Spdx { id, .. } => ALLOWED.contains(&id.name),
@@ -32,8 +35,16 @@ fn allowed(requirement: &LicenseReq) -> bool {
 
 #[test]
 fn every_dependency_may_be_shipped() {
+    // Only what is built here has been downloaded.
+    let rustc = Command::new("rustc").arg("-vV").output().unwrap();
+    let rustc = String::from_utf8(rustc.stdout).unwrap();
+    let host = rustc
+        .lines()
+        .find_map(|line| line.strip_prefix("host: "))
+        .unwrap();
     let output = Command::new(env!("CARGO"))
         .args(["metadata", "--format-version", "1", "--locked", "--offline"])
+        .args(["--filter-platform", host])
         .current_dir(env!("CARGO_MANIFEST_DIR"))
         .output()
         .unwrap();
@@ -48,7 +59,11 @@ fn every_dependency_may_be_shipped() {
     let refused: Vec<String> = packages
         .iter()
         .filter_map(|package| {
-            let name = format!("{} {}", package["name"], package["version"]);
+            let (name, version) = (package["name"].as_str()?, package["version"].as_str()?);
+            if READ.contains(&(name, version)) {
+                return None;
+            }
+            let name = format!("{name} {version}");
             let Some(licence) = package["license"].as_str() else {
                 return Some(format!("{name}: states no licence"));
             };

@@ -22,17 +22,19 @@ pub fn quantise_descriptors(descriptors: &[f32], dim: usize) -> Vec<i8> {
 
 /// Quantises one vector so that its largest entry becomes 127.
 ///
-/// Returns the bytes and what one step is worth (0 for a zero vector).
+/// Returns the bytes and what one step is worth (0 for a zero vector). The step is chosen so that the length is kept
+/// exactly: products of quantised unit vectors are cosines, and nothing is more similar to a vector than itself.
 pub fn quantise_row(row: &[f32]) -> (Vec<i8>, f32) {
     let largest = row.iter().fold(0.0f32, |m, x| m.max(x.abs()));
     if !(largest > 0.0 && largest.is_finite()) {
         return (vec![0; row.len()], 0.0);
     }
     let steps = 127.0 / largest;
-    (
-        row.iter().map(|&x| step(x * steps)).collect(),
-        largest / 127.0,
-    )
+    let bytes: Vec<i8> = row.iter().map(|&x| step(x * steps)).collect();
+    let known = row.iter().filter(|x| !x.is_nan());
+    let length: f64 = known.map(|&x| f64::from(x) * f64::from(x)).sum();
+    let steps_length: i64 = bytes.iter().map(|&b| i64::from(b) * i64::from(b)).sum();
+    (bytes, (length / steps_length as f64).sqrt() as f32)
 }
 
 /// Nearest byte, symmetric and saturating; NaN becomes 0.

@@ -1,0 +1,421 @@
+//! The facade from end to end: a made-up map, its pack, and photos of it.
+
+#![allow(clippy::unwrap_used)]
+
+use std::{path::PathBuf, sync::OnceLock};
+
+use grimnet_geo::{LonLat, MapOptions, MapPx, Raster, distance_m, open_map};
+use grimnet_locate::{
+    Localizer, LocateError, Options, Outcome, Prior, Reason, TimeMs,
+    draw::{DrawOptions, draw},
+};
+use grimnet_net::Model;
+use grimnet_pack::{BuildOptions, Levels, Pack, build};
+use grimnet_photo::{Metadata, Photo};
+use image::{Rgb, RgbImage};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+const MAP_PX: (u32, u32) = (1500, 1300);
+const GSD_M: f64 = 0.3;
+const PHOTO_PX: (u32, u32) = (640, 400);
+/// Ground metres per photo pixel.
+const PHOTO_GSD_M: f64 = 0.24;
+
+/// Roofs, roads and fields without order: every place looks different.
+fn town(seed: u64) -> RgbImage {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let mut map = RgbImage::from_pixel(MAP_PX.0, MAP_PX.1, Rgb([96, 110, 84]));
+    for _ in 0..2600 {
+        let (x, y) = (rng.random_range(0..MAP_PX.0), rng.random_range(0..MAP_PX.1));
+        let (w, h) = (rng.random_range(6..60u32), rng.random_range(6..60u32));
+        let turn: f32 = rng.random_range(0.0..1.5);
+        let colour = Rgb(std::array::from_fn(|_| rng.random_range(40..230u8)));
+        let (sin, cos) = turn.sin_cos();
+        let reach = w + h;
+        for v in y.saturating_sub(reach)..(y + reach).min(MAP_PX.1) {
+            for u in x.saturating_sub(reach)..(x + reach).min(MAP_PX.0) {
+                let (dx, dy) = (u as f32 - x as f32, v as f32 - y as f32);
+                let (a, b) = (dx * cos + dy * sin, dy * cos - dx * sin);
+                if a.abs() < w as f32 / 2.0 && b.abs() < h as f32 / 2.0 {
+                    map.put_pixel(u, v, colour);
+                }
+            }
+        }
+    }
+    map
+}
+
+/// A photo of `map` around a map pixel, straight down, its top at `heading_deg` (the map is north-up), a little darker.
+fn photo(map: &RgbImage, centre: MapPx, heading_deg: f64) -> Photo {
+    let (sin, cos) = heading_deg.to_radians().sin_cos();
+    let scale = PHOTO_GSD_M / GSD_M;
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    let image = RgbImage::from_fn(PHOTO_PX.0, PHOTO_PX.1, |x, y| {
+        let (dx, dy) = (
+            (f64::from(x) + 0.5 - f64::from(PHOTO_PX.0) / 2.0) * scale,
+            (f64::from(y) + 0.5 - f64::from(PHOTO_PX.1) / 2.0) * scale,
+        );
+        let (u, v) = (
+            centre.x + dx * cos - dy * sin - 0.5,
+            centre.y + dx * sin + dy * cos - 0.5,
+        );
+        let sample = |u: f64, v: f64, channel: usize| {
+            let inside = |along: f64, side: u32| along.clamp(0.0, f64::from(side - 1)) as u32;
+            f64::from(map.get_pixel(inside(u, MAP_PX.0), inside(v, MAP_PX.1))[channel])
+        };
+        let (fu, fv) = (u - u.floor(), v - v.floor());
+        let noise = rng.random_range(-6.0..6.0);
+        Rgb(std::array::from_fn(|channel| {
+            let top = sample(u.floor(), v.floor(), channel) * (1.0 - fu)
+                + sample(u.floor() + 1.0, v.floor(), channel) * fu;
+            let bottom = sample(u.floor(), v.floor() + 1.0, channel) * (1.0 - fu)
+                + sample(u.floor() + 1.0, v.floor() + 1.0, channel) * fu;
+            ((top * (1.0 - fv) + bottom * fv) * 0.8 + 12.0 + noise).clamp(0.0, 255.0) as u8
+        }))
+    });
+    Photo::from_image(image, Metadata::default())
+}
+
+struct Scene {
+    picture: RgbImage,
+    map: Box<dyn Raster>,
+    default_pack: PathBuf,
+    paper_pack: PathBuf,
+    _folder: tempfile::TempDir,
+}
+
+fn scene() -> &'static Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    SCENE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let picture = town(1);
+        let path = folder.path().join("town.png");
+        picture.save(&path).unwrap();
+        let world = format!(
+            "{GSD_M}\n0\n0\n-{GSD_M}\n{}\n{}\n",
+            500_000.0 + GSD_M / 2.0,
+            5_400_000.0 - GSD_M / 2.0
+        );
+        std::fs::write(folder.path().join("town.pgw"), world).unwrap();
+        let options = MapOptions {
+            crs: Some("EPSG:32633".into()),
+            ..MapOptions::default()
+        };
+        let map = open_map(&path, &options).unwrap();
+        let build_pack = |name: &str, options: &BuildOptions| {
+            let out = folder.path().join(name);
+            build(
+                map.as_ref(),
+                &Model::bundled().unwrap(),
+                options,
+                &out,
+                &mut |_| (),
+            )
+            .unwrap();
+            out
+        };
+        let default_pack = build_pack(
+            "default.grim",
+            &BuildOptions {
+                levels: Levels::Gsd(vec![0.3, 0.6]),
+                ..BuildOptions::standard()
+            },
+        );
+        let paper_pack = build_pack("paper.grim", &BuildOptions::paper());
+        Scene {
+            picture,
+            map,
+            default_pack,
+            paper_pack,
+            _folder: folder,
+        }
+    })
+}
+
+fn localizer(options: Options) -> Localizer {
+    let pack = Pack::open(&scene().default_pack).unwrap();
+    Localizer::new(Model::bundled().unwrap(), pack)
+        .unwrap()
+        .with_options(options)
+}
+
+fn truth(place: MapPx) -> LonLat {
+    scene()
+        .map
+        .georeference()
+        .lonlat_from_map_px(place)
+        .unwrap()
+}
+
+fn error_m(outcome: &Outcome, place: MapPx) -> f64 {
+    match outcome {
+        Outcome::Fix(fix) => distance_m(LonLat::new(fix.lon_deg, fix.lat_deg), truth(place)),
+        Outcome::NoFix(reason) => panic!("no fix: {reason}"),
+    }
+}
+
+/// Without what differs from run to run.
+fn timeless(mut outcome: Outcome) -> Outcome {
+    match &mut outcome {
+        Outcome::Fix(fix) => fix.time_ms = TimeMs::default(),
+        Outcome::NoFix(no_fix) => no_fix.time_ms = TimeMs::default(),
+    }
+    outcome
+}
+
+const PLACES: [(MapPx, f64); 3] = [
+    (MapPx::new(430.0, 520.0), 37.0),
+    (MapPx::new(1010.5, 760.25), 214.0),
+    (MapPx::new(760.0, 380.0), 300.0),
+];
+
+#[test]
+fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
+    let localizer = localizer(Options {
+        keep_matches: true,
+        ..Options::default()
+    });
+    for (place, heading_deg) in PLACES {
+        let photo = photo(&scene().picture, place, heading_deg);
+        // On a UTM map off its central meridian grid north is not true north.
+        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
+        let prior = Prior::none()
+            .with_gsd_m(PHOTO_GSD_M)
+            .with_heading(heading_deg + north_deg + 3.0, 3.0);
+        let outcome = localizer.locate(&photo, &prior).unwrap();
+        let error_m = error_m(&outcome, place);
+        let fix = outcome.fix().unwrap();
+        assert!(error_m < 1.0, "{error_m} m");
+        assert!(
+            error_m <= fix.radius95_m && fix.radius95_m < 5.0,
+            "{error_m} m, stated {}",
+            fix.radius95_m
+        );
+        let turn_deg =
+            (fix.heading_deg - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
+        assert!(turn_deg.abs() < 1.0, "{turn_deg} degrees");
+        assert!(
+            (fix.gsd_m / PHOTO_GSD_M - 1.0).abs() < 0.01,
+            "{}",
+            fix.gsd_m
+        );
+        assert_eq!(fix.outline_lonlat_deg.len(), 4);
+        let across =
+            [0, 1].map(|i| LonLat::new(fix.outline_lonlat_deg[i][0], fix.outline_lonlat_deg[i][1]));
+        let width_m = f64::from(PHOTO_PX.0) * PHOTO_GSD_M;
+        assert!((distance_m(across[0], across[1]) / width_m - 1.0).abs() < 0.02);
+        assert!(fix.matches >= fix.inliers && fix.inliers > 20);
+        let drawn = draw(
+            &photo,
+            &outcome,
+            Some(scene().map.as_ref()),
+            &DrawOptions::default(),
+        )
+        .unwrap();
+        assert_eq!(drawn.height(), 640);
+    }
+}
+
+#[test]
+fn unknown_heading_and_scale_are_found() {
+    let localizer = localizer(Options::default());
+    let (place, heading_deg) = PLACES[1];
+    let photo = photo(&scene().picture, place, heading_deg);
+    let known_scale = Prior::none().with_gsd_m(PHOTO_GSD_M);
+    for prior in [known_scale, Prior::none()] {
+        let outcome = localizer.locate(&photo, &prior).unwrap();
+        assert!(error_m(&outcome, place) < 2.0);
+        let turn_deg =
+            (outcome.fix().unwrap().heading_deg - heading_deg + 540.0).rem_euclid(360.0) - 180.0;
+        assert!(turn_deg.abs() < 3.0);
+    }
+}
+
+#[test]
+fn other_places_and_empty_photos_have_no_fix() {
+    let localizer = localizer(Options {
+        keep_matches: true,
+        ..Options::default()
+    });
+    let prior = Prior::none().with_gsd_m(PHOTO_GSD_M);
+    let elsewhere = photo(&town(2), PLACES[0].0, 10.0);
+    for prior in [prior, prior.with_heading(10.0, 3.0)] {
+        let outcome = localizer.locate(&elsewhere, &prior).unwrap();
+        let Outcome::NoFix(no_fix) = &outcome else {
+            panic!("{outcome:?}")
+        };
+        assert!(matches!(no_fix.reason, Reason::Rejected(_)), "{no_fix}");
+        assert!(draw(&elsewhere, &outcome, None, &DrawOptions::default()).is_ok());
+    }
+    let water = Photo::from_image(
+        RgbImage::from_pixel(640, 400, Rgb([30, 60, 80])),
+        Metadata::default(),
+    );
+    let Outcome::NoFix(no_fix) = localizer.locate(&water, &prior).unwrap() else {
+        panic!("water was found")
+    };
+    assert!(
+        matches!(
+            no_fix.reason,
+            Reason::TooFewKeypoints { .. } | Reason::Rejected(_)
+        ),
+        "{no_fix}"
+    );
+    let tiny = Photo::from_image(RgbImage::new(1, 1), Metadata::default());
+    assert!(localizer.locate(&tiny, &prior).unwrap().fix().is_none());
+}
+
+#[test]
+fn an_area_restricts_the_answer() {
+    let localizer = localizer(Options::default());
+    let (place, heading_deg) = PLACES[0];
+    let photo = photo(&scene().picture, place, heading_deg);
+    let prior = Prior::none()
+        .with_gsd_m(PHOTO_GSD_M)
+        .with_heading(heading_deg, 3.0);
+    let here = localizer
+        .locate(&photo, &prior.near(truth(place), 30.0))
+        .unwrap();
+    assert!(error_m(&here, place) < 2.0);
+    let beside = localizer
+        .locate(
+            &photo,
+            &prior.near(truth(MapPx::new(place.x + 250.0, place.y)), 40.0),
+        )
+        .unwrap();
+    assert!(beside.fix().is_none());
+    let far = localizer
+        .locate(&photo, &prior.near(LonLat::new(0.0, 0.0), 1000.0))
+        .unwrap();
+    let Outcome::NoFix(no_fix) = far else {
+        panic!("found far away")
+    };
+    assert_eq!(no_fix.reason, Reason::NoTiles);
+}
+
+#[test]
+fn answers_are_the_same_on_any_number_of_threads() {
+    let localizer = localizer(Options {
+        keep_matches: true,
+        ..Options::default()
+    });
+    let prior = Prior::none().with_gsd_m(PHOTO_GSD_M);
+    let photos = [
+        photo(&scene().picture, PLACES[2].0, PLACES[2].1),
+        photo(&town(2), PLACES[0].0, 10.0),
+    ];
+    let mut answers = Vec::new();
+    for threads in [1, 2, 5] {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let all: Vec<Outcome> = pool.install(|| {
+            photos
+                .iter()
+                .map(|photo| timeless(localizer.locate(photo, &prior).unwrap()))
+                .collect()
+        });
+        answers.push(all);
+    }
+    assert_eq!(answers[0], answers[1]);
+    assert_eq!(answers[0], answers[2]);
+}
+
+#[test]
+fn paper_mode_answers_always_and_wants_a_paper_pack() {
+    let (place, _) = PLACES[1];
+    let pack = Pack::open(&scene().paper_pack).unwrap();
+    let localizer = Localizer::new(Model::bundled().unwrap(), pack)
+        .unwrap()
+        .with_options(Options::paper());
+    // The paper's tiles are 512 map pixels squeezed to 320: a photo that covers one, its top up, is what it can find.
+    let level = &localizer.pack().levels()[0];
+    let tile = level.tile(level.tile_at([2, 1]).unwrap());
+    let [x, y] = tile.origin_px.map(|along| u32::try_from(along).unwrap());
+    let crop = image::imageops::crop_imm(&scene().picture, x, y, 512, 512).to_image();
+    let outcome = localizer
+        .locate(
+            &Photo::from_image(crop, Metadata::default()),
+            &Prior::none(),
+        )
+        .unwrap();
+    assert!(
+        error_m(&outcome, tile.center_map_px) < 2.0,
+        "{}",
+        error_m(&outcome, tile.center_map_px)
+    );
+    let wrong = localizer
+        .locate(&photo(&town(2), place, 0.0), &Prior::none())
+        .unwrap();
+    let fix = wrong.fix().unwrap();
+    assert!(fix.lat_deg.is_finite() && fix.lon_deg.is_finite() && fix.radius95_m.is_finite());
+
+    let refused =
+        self::localizer(Options::paper()).locate(&photo(&town(2), place, 0.0), &Prior::none());
+    assert!(matches!(refused, Err(LocateError::NotAPaperPack { .. })));
+}
+
+#[test]
+fn options_and_priors_that_mean_nothing_are_refused() {
+    let photo = photo(&scene().picture, PLACES[0].0, 0.0);
+    let base = Options::default();
+    for options in [
+        Options {
+            top_k: 0,
+            ..base.clone()
+        },
+        Options {
+            max_matched: 0,
+            ..base.clone()
+        },
+        Options {
+            query_width_px: f64::NAN,
+            ..base.clone()
+        },
+        Options {
+            hypothesis_side_px: 5,
+            ..base.clone()
+        },
+    ] {
+        assert!(matches!(
+            localizer(options).locate(&photo, &Prior::none()),
+            Err(LocateError::BadOption { .. })
+        ));
+    }
+    let bad_place = Prior::none().near(LonLat::new(f64::NAN, 0.0), 10.0);
+    assert!(localizer(base.clone()).locate(&photo, &bad_place).is_err());
+    // Settings survive being written down.
+    let written = serde_json::to_string(&Options::paper()).unwrap();
+    assert_eq!(
+        serde_json::from_str::<Options>(&written).unwrap(),
+        Options::paper()
+    );
+    // A pack built with another model is refused.
+    let other = Model::random(Model::bundled().unwrap().spec(), 3).unwrap();
+    let pack = Pack::open(&scene().default_pack).unwrap();
+    assert!(matches!(
+        Localizer::new(other, pack),
+        Err(LocateError::Pack(_))
+    ));
+}
+
+#[test]
+fn flight_statistics_can_be_taken() {
+    let (place, heading_deg) = PLACES[0];
+    let photo = photo(&scene().picture, place, heading_deg);
+    let prior = Prior::none()
+        .with_gsd_m(PHOTO_GSD_M)
+        .with_heading(heading_deg, 3.0);
+    let adapted = localizer(Options::default())
+        .adapted_to_flight([(&photo, &prior)])
+        .unwrap();
+    assert!(error_m(&adapted.locate(&photo, &prior).unwrap(), place) < 2.0);
+    let alone = localizer(Options {
+        adapt: grimnet_locate::Adapt::Photo,
+        ..Options::default()
+    });
+    assert!(error_m(&alone.locate(&photo, &prior).unwrap(), place) < 2.0);
+    assert!(localizer(Options::default()).adapted_to_flight([]).is_err());
+}

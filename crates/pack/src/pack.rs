@@ -56,7 +56,8 @@ impl Pack {
     /// message says what to do.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let len = fs_err::metadata(path)
+        let len = path
+            .metadata()
             .map_err(|e| PackError::io("open", path, e))?
             .len();
         let check = if len <= FULL_CHECK_LEN {

@@ -39,7 +39,7 @@ pub(crate) fn decode(
         found: "the first bytes are not those of a picture".into(),
     })?;
     let (stored, full_size_px) = match format {
-        ImageFormat::Jpeg => decode_jpeg(path, bytes, max_long_side_px)?,
+        ImageFormat::Jpeg => decode_jpeg(path, bytes)?,
         ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP => {
             let image = decode_other(path, bytes, format)?;
             let size = image.dimensions();
@@ -91,11 +91,9 @@ fn check_size(path: &Path, (width_px, height_px): (u32, u32)) -> Result<(), Phot
     Ok(())
 }
 
-fn decode_jpeg(
-    path: &Path,
-    bytes: &[u8],
-    _max_long_side_px: Option<u32>,
-) -> Result<(RgbImage, (u32, u32)), PhotoError> {
+/// The whole picture and its size. Decoding at an eighth to a half of the size (crate jpeg-decoder) took 0.85 to 1.1 of
+/// this decoder's time on drones' photos, so the picture is made whole and averaged.
+fn decode_jpeg(path: &Path, bytes: &[u8]) -> Result<(RgbImage, (u32, u32)), PhotoError> {
     let structure = JpegStructure::read(path, bytes)?;
     let size = structure.size_px;
     check_size(path, size)?;

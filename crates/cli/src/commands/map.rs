@@ -2,6 +2,7 @@
 
 use std::io::Write;
 use std::path::PathBuf;
+use std::str::FromStr;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, Subcommand};
@@ -38,11 +39,30 @@ pub struct MapPlace {
     #[arg(
         long,
         value_name = "LL_LON,LL_LAT,UR_LON,UR_LAT",
-        value_delimiter = ',',
-        num_args = 4,
         allow_hyphen_values = true
     )]
-    pub corners: Option<Vec<f64>>,
+    pub corners: Option<CornersChoice>,
+}
+
+/// `LL_LON,LL_LAT,UR_LON,UR_LAT`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CornersChoice([f64; 4]);
+
+impl FromStr for CornersChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse()).collect();
+        numbers
+            .ok()
+            .and_then(|n| n.try_into().ok())
+            .map(Self)
+            .ok_or_else(|| {
+                "longitude and latitude of the lower left, then of the upper right corner, degrees, such as \
+                 13.40,52.50,13.42,52.52"
+                    .to_owned()
+            })
+    }
 }
 
 impl MapPlace {
@@ -50,7 +70,7 @@ impl MapPlace {
     pub fn options(&self) -> MapOptions {
         MapOptions {
             crs: self.crs.clone(),
-            corners: self.corners.as_deref().and_then(|c| c.try_into().ok()),
+            corners: self.corners.map(|c| c.0),
             ..MapOptions::default()
         }
     }

@@ -4,7 +4,10 @@
 //! [`metrics::Frame::score`] compares one answer with it, and [`metrics::Summary::of`] condenses all
 //! frames into the figures that the field uses; [`report::Report`] shows them on one page.
 
+pub mod experiment_table;
+pub mod gallery;
 pub mod metrics;
 pub mod plot;
+pub mod recall;
 pub mod report;
 pub mod truth;

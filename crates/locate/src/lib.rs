@@ -44,6 +44,7 @@ pub mod ransac;
 pub mod refine;
 pub mod sampler;
 pub mod similarity;
+mod trace;
 pub mod transform;
 mod verify;
 pub mod vote;
@@ -56,3 +57,4 @@ pub use outcome::{
     EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs,
 };
 pub use prior::{HeadingPrior, Near, Prior};
+pub use trace::{RoundTrace, Trace};

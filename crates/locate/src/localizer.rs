@@ -19,6 +19,7 @@ use crate::{
     outcome::{EvidenceUsed, Fix, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs},
     prior::Prior,
     query_features::QueryFeatures,
+    trace::{RoundTrace, Trace, tiles_of},
     verify::{Expected, Verified, level_px_per_query_px, verify},
     vote::Peak,
 };
@@ -51,6 +52,7 @@ pub(crate) struct Tried {
     pub queries: Vec<QueryFeatures>,
     pub verified: Vec<Verified>,
     pub about: String,
+    pub trace: RoundTrace,
 }
 
 /// The best answer of one round.
@@ -141,11 +143,19 @@ impl Localizer {
     /// # Errors
     /// Where options mean nothing, or photo, network or pack refuse. Not finding the place is no error.
     pub fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Outcome> {
+        Ok(self.locate_traced(photo, prior)?.0)
+    }
+
+    /// The same, with what was tried on the way.
+    ///
+    /// # Errors
+    /// As [`Localizer::locate`].
+    pub fn locate_traced(&self, photo: &Photo, prior: &Prior) -> Result<(Outcome, Trace)> {
         let start = Instant::now();
         self.check(prior)?;
         let mut time_ms = TimeMs::default();
         let view = photo.view(&prior.overrides());
-        let mut outcome = match self.options.mode {
+        let (mut outcome, trace) = match self.options.mode {
             Mode::Paper => self.locate_as_paper(photo, &view, prior, &mut time_ms)?,
             Mode::Default => self.locate_by_rounds(photo, &view, prior, start, &mut time_ms)?,
         };
@@ -154,7 +164,7 @@ impl Localizer {
             Outcome::Fix(fix) => fix.time_ms = time_ms,
             Outcome::NoFix(no_fix) => no_fix.time_ms = time_ms,
         }
-        Ok(outcome)
+        Ok((outcome, trace))
     }
 
     fn check(&self, prior: &Prior) -> Result<()> {
@@ -219,7 +229,7 @@ impl Localizer {
         prior: &Prior,
         start: Instant,
         time_ms: &mut TimeMs,
-    ) -> Result<Outcome> {
+    ) -> Result<(Outcome, Trace)> {
         let mut rounds_tried: Vec<Tried> = Vec::new();
         let mut most_keypoints = 0;
         for round in rounds(view, prior, &self.pack, &self.options) {
@@ -239,6 +249,12 @@ impl Localizer {
                 break;
             }
         }
+        let trace = Trace {
+            rounds: rounds_tried
+                .iter()
+                .map(|tried| tried.trace.clone())
+                .collect(),
+        };
         let evidence = EvidenceUsed::of(view);
         let found_of = |best: &Best<'_>| (best.rejection.is_none(), best.verified.inliers.len());
         let best = rounds_tried
@@ -253,10 +269,11 @@ impl Localizer {
             } else {
                 Reason::NoTiles
             };
-            return Ok(no_fix(reason, None, evidence));
+            return Ok((no_fix(reason, None, evidence), trace));
         };
         let realigned = self.realign(photo, view, &best, time_ms)?;
-        self.answer(photo, prior, &best, realigned.as_ref(), evidence)
+        let outcome = self.answer(photo, prior, &best, realigned.as_ref(), evidence)?;
+        Ok((outcome, trace))
     }
 
     /// Queries, candidates and full matching of one round.
@@ -282,14 +299,20 @@ impl Localizer {
             .iter()
             .any(|query| query.points.len() >= MIN_KEYPOINTS);
         let mut verified = Vec::new();
+        let mut trace = RoundTrace {
+            level: level_index,
+            ..RoundTrace::default()
+        };
         if enough {
             let since = Instant::now();
             let mut candidates =
                 by_descriptor(level, &queries, prior.near.as_ref(), &self.options)?;
             time_ms.search += elapsed_ms(since);
+            trace.by_descriptor = tiles_of(&candidates);
             let since = Instant::now();
             by_vote(level, &queries, &mut candidates, &self.desks, &self.options)?;
             time_ms.vote += elapsed_ms(since);
+            trace.by_vote = tiles_of(&candidates);
             let since = Instant::now();
             candidates.truncate(self.options.max_matched);
             for batch in candidates.chunks(BATCH) {
@@ -310,6 +333,7 @@ impl Localizer {
                 }
             }
             time_ms.matching += elapsed_ms(since);
+            trace.matched = tiles_of(verified.iter().map(|verified| &verified.candidate));
         }
         Ok(Tried {
             level: level_index,
@@ -317,6 +341,7 @@ impl Localizer {
             queries,
             verified,
             about: round.about.clone(),
+            trace,
         })
     }
 
@@ -455,6 +480,7 @@ impl Localizer {
             queries,
             verified,
             about: best.tried.about.clone(),
+            trace: RoundTrace::default(),
         }))
     }
 

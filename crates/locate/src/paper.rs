@@ -19,6 +19,7 @@ use crate::{
     outcome::{EvidenceUsed, Fix, Outcome, Reason, TileRef, TimeMs},
     prior::Prior,
     query_features::QueryFeatures,
+    trace::{RoundTrace, Trace, tiles_of},
     transform::Transform,
     verify::{Expected, Verified, verify},
 };
@@ -31,7 +32,7 @@ impl Localizer {
         view: &View,
         prior: &Prior,
         time_ms: &mut TimeMs,
-    ) -> Result<Outcome> {
+    ) -> Result<(Outcome, Trace)> {
         if self.pack.mode() != PackMode::Paper {
             return Err(LocateError::NotAPaperPack {
                 path: self.pack.path().to_path_buf(),
@@ -80,7 +81,17 @@ impl Localizer {
             assumed: Some("the paper's recipe: neither heading nor scale".into()),
             ..EvidenceUsed::of(view)
         };
-        self.answer_as_paper(photo, level_index, &queries[0], &verified, evidence)
+        let by_descriptor = tiles_of(&candidates);
+        let trace = Trace {
+            rounds: vec![RoundTrace {
+                level: level_index,
+                by_vote: by_descriptor.clone(),
+                matched: by_descriptor.clone(),
+                by_descriptor,
+            }],
+        };
+        let outcome = self.answer_as_paper(photo, level_index, &queries[0], &verified, evidence)?;
+        Ok((outcome, trace))
     }
 
     fn answer_as_paper(

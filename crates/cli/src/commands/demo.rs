@@ -100,7 +100,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         (HeadingMode::Exif, "fixes.jsonl"),
         (HeadingMode::Unknown, "fixes_unknown_heading.jsonl"),
     ] {
-        let answers = locate_all(&localizer, &truth, mode, None)?;
+        let (answers, _) = locate_all(&localizer, &truth, mode, None)?;
         write_answers(&out.join(file), &answers)?;
         let name = if mode == HeadingMode::Exif {
             "heading known"

@@ -9,10 +9,11 @@ use grimnet_eval::metrics::{Frame, Summary};
 use grimnet_eval::report::{Report, Run};
 use grimnet_eval::truth::{self, TruthFrame};
 use grimnet_geo::{LonLat, open_map};
-use grimnet_locate::{Localizer, Prior};
+use grimnet_locate::{Localizer, Prior, Trace};
 use grimnet_pack::{BuildOptions, Pack};
 
-use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one};
+use super::gallery::{GalleryOptions, RunRecall, print_recall};
+use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one_traced};
 use super::map::{MapPlace, build_with_bar};
 use super::{ModeChoice, ModelChoice};
 use crate::answer::Answer;
@@ -95,6 +96,9 @@ pub struct EvalArgs {
     /// Take the normalisation statistics anew
     #[arg(long, value_enum, default_value_t)]
     adapt: AdaptChoice,
+
+    #[command(flatten)]
+    gallery: GalleryOptions,
 }
 
 /// Runs the command.
@@ -110,13 +114,19 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         truth::read(&arguments.folder.join("truth.csv"))?,
         &arguments.folder.join("photos"),
     )?;
-    let map = open_map(&map_path, &arguments.place.options())?;
+    let map = arguments
+        .gallery
+        .lay_out(open_map(&map_path, &arguments.place.options())?)?;
     let model = arguments.model.open()?;
     fs_err::create_dir_all(&arguments.out)?;
     let pack_path = arguments.out.join("area.grim");
     let build = match arguments.mode {
         ModeChoice::Default => BuildOptions::standard(),
         ModeChoice::Paper => BuildOptions::paper(),
+    };
+    let build = BuildOptions {
+        levels: arguments.gallery.levels(),
+        ..build
     };
     build_with_bar(map.as_ref(), &model, &build, &pack_path)?;
 
@@ -127,13 +137,24 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     if arguments.adapt == AdaptChoice::Flight {
         localizer = adapt_to_flight(localizer, &paths, &Prior::none())?;
     }
-    let mut runs = Vec::new();
+    let (mut runs, mut recalls) = (Vec::new(), Vec::new());
     for mode in arguments.heading_mode.runs() {
-        let answers = locate_all(&localizer, &truth, *mode, arguments.footprint_width)?;
+        let (answers, traces) = locate_all(&localizer, &truth, *mode, arguments.footprint_width)?;
         runs.push(score(mode.name(), &answers, &truth));
+        let tried = traces.iter().zip(truth.iter().map(|t| &t.0));
+        let radius_px = arguments.gallery.recall_radius;
+        recalls.push(RunRecall::of(
+            mode.name(),
+            localizer.pack(),
+            tried,
+            radius_px,
+        ));
     }
     write_results(&arguments.out, &arguments.folder, &runs)?;
+    let recall_json = serde_json::to_string_pretty(&recalls)?;
+    fs_err::write(arguments.out.join("recall.json"), recall_json + "\n")?;
     print_summary(&runs)?;
+    print_recall(&recalls)?;
     Ok(Exit::Done)
 }
 
@@ -165,7 +186,7 @@ fn scorable(truth: Vec<TruthFrame>, photos: &Path) -> Result<Vec<(TruthFrame, Pa
     Ok(usable)
 }
 
-/// Localises every photo under a progress bar.
+/// Localises every photo under a progress bar: the answers, and what was tried for each.
 ///
 /// # Errors
 /// Never for a single photo: it then has no fix, with the error as its reason.
@@ -174,9 +195,10 @@ pub fn locate_all(
     truth: &[(TruthFrame, PathBuf)],
     mode: HeadingMode,
     footprint_width_m: Option<f64>,
-) -> Result<Vec<Answer>> {
+) -> Result<(Vec<Answer>, Vec<Trace>)> {
     let bar = progress::bar(truth.len() as u64, mode.name(), "photos");
     let mut answers = Vec::with_capacity(truth.len());
+    let mut traces = Vec::with_capacity(truth.len());
     for (frame, path) in truth {
         let prior = match (mode, frame.heading_deg) {
             (HeadingMode::Unknown, _) => Prior::none().with_unknown_heading(),
@@ -190,14 +212,19 @@ pub fn locate_all(
                 .with_gsd_m(width_m / f64::from(image::image_dimensions(path).map_or(1, |d| d.0))),
             None => prior,
         };
-        answers.push(match locate_one(localizer, path, &prior) {
-            Ok((_, outcome)) => Answer::of(&frame.photo, &outcome),
-            Err(error) => Answer::no_fix(&frame.photo, format!("{error:#}")),
-        });
+        let (answer, trace) = match locate_one_traced(localizer, path, &prior) {
+            Ok((_, outcome, trace)) => (Answer::of(&frame.photo, &outcome), trace),
+            Err(error) => {
+                let answer = Answer::no_fix(&frame.photo, format!("{error:#}"));
+                (answer, Trace::default())
+            }
+        };
+        answers.push(answer);
+        traces.push(trace);
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(answers)
+    Ok((answers, traces))
 }
 
 /// Scores answers against the image centre's true place (the receiver's, where no other is known).

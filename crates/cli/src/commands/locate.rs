@@ -9,7 +9,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use grimnet_geo::{LonLat, Raster, distance_m, open_map};
 use grimnet_locate::draw::{DrawOptions, draw_matches};
-use grimnet_locate::{Adapt, HeadingPrior, Localizer, Options, Outcome, Prior};
+use grimnet_locate::{Adapt, HeadingPrior, Localizer, Options, Outcome, Prior, Trace};
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
@@ -351,9 +351,22 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
 /// # Errors
 /// The photo cannot be read.
 pub fn locate_one(localizer: &Localizer, path: &Path, prior: &Prior) -> Result<(Photo, Outcome)> {
-    let photo = Photo::open_reduced(path, DECODED_SIDE_PX)?;
-    let outcome = localizer.locate(&photo, prior)?;
+    let (photo, outcome, _) = locate_one_traced(localizer, path, prior)?;
     Ok((photo, outcome))
+}
+
+/// The same, with what was tried on the way.
+///
+/// # Errors
+/// The photo cannot be read.
+pub fn locate_one_traced(
+    localizer: &Localizer,
+    path: &Path,
+    prior: &Prior,
+) -> Result<(Photo, Outcome, Trace)> {
+    let photo = Photo::open_reduced(path, DECODED_SIDE_PX)?;
+    let (outcome, trace) = localizer.locate_traced(&photo, prior)?;
+    Ok((photo, outcome, trace))
 }
 
 /// A localiser whose photo statistics come from all the given photos; unreadable ones are left out.

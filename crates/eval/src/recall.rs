@@ -1,0 +1,131 @@
+//! Recall: how often the search ranks a tile of the true place among its first K.
+//!
+//! A tile is right if it covers the true image centre; beside it the paper's definition, its centre within a radius of the truth
+//! (64 pixels), which a tiling at half overlap can meet for a fifth of all places only.
+
+use serde::Serialize;
+
+/// The K for which recall is reported.
+pub const RECALL_AT: [usize; 6] = [1, 2, 5, 10, 50, 100];
+
+/// The paper's radius about the truth, pixels of the level (section 4.2).
+pub const PAPER_RADIUS_PX: f64 = 64.0;
+
+/// When a retrieved tile counts as right.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RightTile {
+    /// It covers the true centre.
+    Covers,
+    /// Its centre lies within this many level pixels of the true centre.
+    CentreWithinPx(f64),
+}
+
+impl RightTile {
+    /// Whether a tile of side `tile_px` about `center_px` is right for `truth_px`, all level pixels.
+    #[must_use]
+    pub fn holds(self, center_px: [f64; 2], tile_px: f64, truth_px: [f64; 2]) -> bool {
+        let [dx, dy] = [0, 1].map(|axis| (center_px[axis] - truth_px[axis]).abs());
+        match self {
+            Self::Covers => dx.max(dy) <= tile_px / 2.0,
+            Self::CentreWithinPx(radius) => dx.hypot(dy) <= radius,
+        }
+    }
+}
+
+/// Where the first right tile of one frame stood in the search.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct FrameRecall {
+    /// Its rank by descriptor, from 1; none where no right tile was retrieved.
+    pub rank_by_descriptor: Option<usize>,
+    /// Its rank after the vote over translations.
+    pub rank_by_vote: Option<usize>,
+    /// Whether any right tile was matched in full.
+    pub matched: bool,
+}
+
+/// Rank, from 1, of the first tile that is right.
+pub fn rank_of_right(tiles: &[usize], is_right: impl Fn(usize) -> bool) -> Option<usize> {
+    tiles
+        .iter()
+        .position(|&tile| is_right(tile))
+        .map(|at| at + 1)
+}
+
+/// Recall over all frames, as shares of them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Recall {
+    /// Frames.
+    pub frames: usize,
+    /// K of each entry below.
+    pub at: Vec<usize>,
+    /// Share of frames with a right tile among the first K by descriptor.
+    pub by_descriptor: Vec<f64>,
+    /// The same after the vote.
+    pub by_vote: Vec<f64>,
+    /// Share of frames of which a right tile was matched in full.
+    pub matched: f64,
+}
+
+impl Recall {
+    /// Condenses frames for each K of `at`.
+    #[must_use]
+    pub fn of(frames: &[FrameRecall], at: &[usize]) -> Self {
+        let share = |count: usize| count as f64 / frames.len().max(1) as f64;
+        let within = |rank: fn(&FrameRecall) -> Option<usize>| {
+            at.iter()
+                .map(|&k| {
+                    share(
+                        frames
+                            .iter()
+                            .filter(|f| rank(f).is_some_and(|r| r <= k))
+                            .count(),
+                    )
+                })
+                .collect()
+        };
+        Self {
+            frames: frames.len(),
+            at: at.to_vec(),
+            by_descriptor: within(|f| f.rank_by_descriptor),
+            by_vote: within(|f| f.rank_by_vote),
+            matched: share(frames.iter().filter(|f| f.matched).count()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    #[test]
+    fn figures_of_a_case_done_by_hand() {
+        let frame = |descriptor, vote, matched| FrameRecall {
+            rank_by_descriptor: descriptor,
+            rank_by_vote: vote,
+            matched,
+        };
+        let frames = [
+            frame(Some(1), Some(1), true),
+            frame(Some(7), Some(1), true),
+            frame(Some(3), Some(12), false),
+            frame(None, None, false),
+        ];
+        let recall = Recall::of(&frames, &[1, 5, 10]);
+        assert_eq!(recall.by_descriptor, [0.25, 0.5, 0.75]);
+        assert_eq!(recall.by_vote, [0.5, 0.5, 0.5]);
+        assert_relative_eq!(recall.matched, 0.5);
+        assert_eq!(Recall::of(&[], &[1]).by_vote, [0.0]);
+    }
+
+    #[test]
+    fn right_is_covering_or_near() {
+        let center = [512.0, 512.0];
+        assert!(RightTile::Covers.holds(center, 512.0, [256.0, 700.0]));
+        assert!(!RightTile::Covers.holds(center, 512.0, [255.0, 512.0]));
+        assert!(RightTile::CentreWithinPx(64.0).holds(center, 512.0, [512.0, 576.0]));
+        assert!(!RightTile::CentreWithinPx(64.0).holds(center, 512.0, [560.0, 560.0]));
+        assert_eq!(rank_of_right(&[4, 9, 2], |tile| tile == 2), Some(3));
+        assert_eq!(rank_of_right(&[4, 9], |tile| tile == 2), None);
+    }
+}

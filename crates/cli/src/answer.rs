@@ -27,6 +27,8 @@ pub struct Answer {
     pub radius95_m: Option<f64>,
     /// Covariance in square metres: east-east, east-north, north-north.
     pub covariance_en_m2: Option<[f64; 3]>,
+    /// Probability that it is right and not another place; `null` where the model was never calibrated.
+    pub confidence: Option<f64>,
     /// Matches that agree with the answer.
     pub inliers: Option<usize>,
     /// Why there is no fix.
@@ -83,6 +85,7 @@ impl Answer {
                 gsd_m: Some(rounded(fix.gsd_m, 6)),
                 radius95_m: Some(rounded(fix.radius95_m, 3)),
                 covariance_en_m2: Some(fix.covariance_en_m2.map(|v| rounded(v, 6))),
+                confidence: fix.confidence.map(|v| rounded(v, 6)),
                 inliers: Some(fix.inliers),
                 matches: Some(fix.matches),
                 runner_up_inliers: fix.runner_up.map(|r| r.inliers),

@@ -1,6 +1,7 @@
 //! From a transform between query and tile to degrees, metres and headings.
 
 use grimnet_geo::{LonLat, MapPx};
+use grimnet_net::PositionError;
 use grimnet_pack::Level;
 use grimnet_photo::Photo;
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
@@ -22,6 +23,7 @@ pub(crate) struct Place {
     pub centre: LonLat,
     pub heading_deg: f64,
     pub gsd_m: f64,
+    pub inlier_covariance_en_m2: [f64; 3],
     pub covariance_en_m2: [f64; 3],
     pub radius95_m: f64,
     pub outline_lonlat_deg: Vec<[f64; 2]>,
@@ -73,6 +75,7 @@ pub(crate) fn place(
     level: &Level,
     query: &QueryFeatures,
     photo: &Photo,
+    error: &PositionError,
     options: &Options,
 ) -> Result<Option<Place>> {
     let frame = TileFrame::new(level, verified.candidate.tile);
@@ -98,9 +101,13 @@ pub(crate) fn place(
     let photo_px_per_full_px = f64::from(width) / f64::from(photo.full_size_px.0.max(1));
 
     let s = frame.level_px_per_query_px;
-    let shared = Matrix2::identity() * options.shared_error_px.powi(2);
-    let in_level_px2 = covariance_px2 * (s * s * options.covariance_factor) + shared;
-    let covariance = propagate(&in_level_px2, &en_by_level_px);
+    let of_inliers = propagate(&(covariance_px2 * (s * s)), &en_by_level_px);
+    let shared = propagate(
+        &(Matrix2::identity() * error.shared_px.powi(2)),
+        &en_by_level_px,
+    );
+    let map_m2 = Matrix2::identity() * options.map_error_m.powi(2);
+    let covariance = of_inliers * error.inlier_factor + shared + map_m2;
 
     let corners = [(0, 0), (width, 0), (width, height), (0, height)];
     let outline_lonlat_deg = corners
@@ -113,10 +120,15 @@ pub(crate) fn place(
         centre: level.lonlat_from_level_px(centre_px)?,
         heading_deg: up.x.atan2(up.y).to_degrees().rem_euclid(360.0),
         gsd_m: en_by_photo_px.determinant().abs().sqrt() * photo_px_per_full_px,
-        covariance_en_m2: [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]],
+        inlier_covariance_en_m2: upper(&of_inliers),
+        covariance_en_m2: upper(&covariance),
         radius95_m: radius95(&covariance),
         outline_lonlat_deg,
     }))
+}
+
+fn upper(symmetric: &Matrix2<f64>) -> [f64; 3] {
+    [symmetric[(0, 0)], symmetric[(0, 1)], symmetric[(1, 1)]]
 }
 
 /// The matched points in pixels of photo and map.

@@ -24,6 +24,8 @@ pub struct Gates {
     pub min_inlier_share: f64,
     /// Inliers at least this many times the runner-up's at another place.
     pub min_margin: f64,
+    /// Whether a fix must be as probable as the model's calibration asks for, where it is calibrated.
+    pub by_confidence: bool,
 }
 
 impl Default for Gates {
@@ -36,6 +38,7 @@ impl Default for Gates {
             min_spread: 0.12,
             min_inlier_share: 0.0,
             min_margin: 1.25,
+            by_confidence: true,
         }
     }
 }
@@ -101,6 +104,16 @@ pub enum Rejection {
         inliers: usize,
         /// Inliers of the best at another place.
         runner_up: usize,
+    },
+    /// By the model's calibration it is too likely to be wrong.
+    #[error(
+        "the matches that agree may do so by chance ({percent:.1} % sure, {needed_percent:.1} % are needed)"
+    )]
+    Confidence {
+        /// Probability that it is right, per cent.
+        percent: f64,
+        /// The limit.
+        needed_percent: f64,
     },
 }
 
@@ -220,6 +233,17 @@ impl Gates {
         Ok(())
     }
 
+    /// Checks the probability that the answer is right.
+    pub fn check_confidence(&self, confidence: f64, needed: f64) -> Result<(), Rejection> {
+        if self.by_confidence && !(confidence >= needed) {
+            return Err(Rejection::Confidence {
+                percent: confidence * 100.0,
+                needed_percent: needed * 100.0,
+            });
+        }
+        Ok(())
+    }
+
     /// Checks the lead over the best candidate at another place.
     pub fn check_margin(&self, inliers: usize, runner_up: usize) -> Result<(), Rejection> {
         if (inliers as f64) < self.min_margin * runner_up as f64 {
@@ -329,6 +353,8 @@ mod tests {
         };
         let lost = strict.check_support(grid(25, 60.0).into_iter(), 60, 256.0);
         assert!(matches!(lost, Err(Rejection::InlierShare { .. })));
+        assert!(gates.check_confidence(0.97, 0.97).is_ok());
+        assert!(gates.check_confidence(f64::NAN, 0.5).is_err());
         assert!(gates.check_margin(25, 20).is_ok());
         assert!(matches!(
             gates.check_margin(24, 20),

@@ -26,6 +26,7 @@
 
 mod answer;
 mod candidates;
+mod confidence;
 pub mod correspondence;
 pub mod covariance;
 pub mod draw;
@@ -49,10 +50,13 @@ pub mod transform;
 mod verify;
 pub mod vote;
 
+pub use confidence::Support;
 pub use error::{LocateError, Result};
 pub use gates::{Gates, Rejection};
 pub use localizer::Localizer;
-pub use options::{Adapt, Choice, Coordinates, GeometryModel, Mode, Options, Search};
+pub use options::{
+    Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, GeometryModel, Mode, Options, Search,
+};
 pub use outcome::{
     EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs,
 };

@@ -12,8 +12,9 @@ use rayon::prelude::*;
 use crate::{
     answer::{matched_points, place},
     candidates::{Candidate, Desks, by_descriptor, by_vote},
+    confidence::Support,
     error::{LocateError, Result},
-    gates::Rejection,
+    gates::{Rejection, spread},
     hypotheses::{Hypothesis, Round, rounds},
     options::{Adapt, Mode, Options},
     outcome::{EvidenceUsed, Fix, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs},
@@ -524,6 +525,20 @@ impl Localizer {
         })
     }
 
+    /// The probability that a fix with this support is right, where the model is calibrated.
+    pub(crate) fn confidence(&self, support: &Support) -> Option<f64> {
+        let model = self.model.calibration().confidence.as_ref()?;
+        Some(support.confidence(model))
+    }
+
+    fn check_confidence(&self, confidence: Option<f64>) -> Option<Rejection> {
+        let needed = self.model.calibration().confidence.as_ref()?.needed;
+        self.options
+            .gates?
+            .check_confidence(confidence?, needed)
+            .err()
+    }
+
     fn is_clear(&self, best: &Best<'_>) -> bool {
         self.is_clear_among(best.verified, best.runner_up)
     }
@@ -587,7 +602,8 @@ impl Localizer {
         if let Some(rejection) = rejection {
             return refuse(rejection, evidence, drawn);
         }
-        let Some(place) = place(best.verified, level, query, photo, &self.options)? else {
+        let error = &self.model.calibration().position;
+        let Some(place) = place(best.verified, level, query, photo, error, &self.options)? else {
             return refuse(Rejection::NotFinite, evidence, drawn);
         };
         if prior
@@ -595,6 +611,17 @@ impl Localizer {
             .is_some_and(|near| distance_m(near.centre, place.centre) > near.radius_m)
         {
             return refuse(Rejection::OutsideArea, evidence, drawn);
+        }
+        let runner_up_inliers = first.runner_up.map_or(0, |other| other.inliers.len());
+        let support = support(
+            best.verified,
+            query,
+            place.inlier_covariance_en_m2,
+            runner_up_inliers,
+        );
+        let confidence = self.confidence(&support);
+        if let Some(rejection) = self.check_confidence(confidence) {
+            return refuse(rejection, evidence, drawn);
         }
         let first_level = &self.pack.levels()[first.tried.level];
         let runner_up = first.runner_up.and_then(|other| {
@@ -615,8 +642,10 @@ impl Localizer {
             gsd_m: place.gsd_m,
             covariance_en_m2: place.covariance_en_m2,
             radius95_m: place.radius95_m,
-            inliers: best.verified.inliers.len(),
-            matches: best.verified.pairs.len(),
+            confidence,
+            support,
+            inliers: support.inliers,
+            matches: support.matches,
             tile: TileRef {
                 level: best.tried.level,
                 gsd_m: level.gsd_m(),
@@ -630,6 +659,24 @@ impl Localizer {
             time_ms: TimeMs::default(),
             drawn,
         })))
+    }
+}
+
+/// What a fix rests on.
+pub(crate) fn support(
+    verified: &Verified,
+    query: &QueryFeatures,
+    inlier_covariance_en_m2: [f64; 3],
+    runner_up_inliers: usize,
+) -> Support {
+    let agreeing = verified.inliers.iter();
+    let points = agreeing.map(|&index| verified.pairs[index].from);
+    Support {
+        inliers: verified.inliers.len(),
+        matches: verified.pairs.len(),
+        runner_up_inliers,
+        spread: spread(points, query.half_side_px),
+        inlier_covariance_en_m2,
     }
 }
 

@@ -83,6 +83,11 @@ pub enum Adapt {
     Flight,
 }
 
+/// Registration error that a map is taken to have, metres, 1-sigma per axis. Of national orthophotos (20 to 40 cm a pixel) two to
+/// three pixels per axis are usual (ASPRS Positional Accuracy Standards for Digital Geospatial Data, 2014, table B.5); satellite
+/// layers of web maps are often worse, a survey's own map better.
+pub const DEFAULT_MAP_ERROR_M: f64 = 1.0;
+
 /// How a photo is localised. [`Options::default`] and [`Options::paper`] are the named sets.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, rename_all = "snake_case")]
@@ -141,11 +146,9 @@ pub struct Options {
     pub query_width_px: f64,
     /// Stop after this time and answer with what was found, milliseconds. Answers then depend on the machine's speed.
     pub budget_ms: Option<f64>,
-    /// Error of the map's registration and of whatever the inliers share, 1-sigma per axis, pixels of the level; added to the
-    /// covariance.
-    pub shared_error_px: f64,
-    /// The covariance from the inliers is multiplied by this: their errors are not independent.
-    pub covariance_factor: f64,
+    /// How far the map itself may lie beside the truth, metres, 1-sigma per axis: its registration, which no photo can tell.
+    /// Added to the stated covariance. [`DEFAULT_MAP_ERROR_M`] unless it is known better.
+    pub map_error_m: f64,
     /// Keeps the matched points in the answer, for drawing.
     pub keep_matches: bool,
 }
@@ -185,8 +188,7 @@ impl Default for Options {
             realign: true,
             query_width_px: 448.0,
             budget_ms: None,
-            shared_error_px: 1.0,
-            covariance_factor: 4.0,
+            map_error_m: DEFAULT_MAP_ERROR_M,
             keep_matches: false,
         }
     }

@@ -3,7 +3,7 @@
 use grimnet_photo::{Evidence, View};
 use serde::Serialize;
 
-use crate::gates::Rejection;
+use crate::{confidence::Support, gates::Rejection};
 
 /// The answer for one photo.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -44,10 +44,15 @@ pub struct Fix {
     pub heading_deg: f64,
     /// Ground metres per pixel of the photo at full size, at its centre.
     pub gsd_m: f64,
-    /// 1-sigma covariance of the position, square metres: east-east, east-north, north-north.
+    /// 1-sigma covariance of the position, square metres: east-east, east-north, north-north. It includes the map's own error
+    /// ([`crate::Options::map_error_m`]).
     pub covariance_en_m2: [f64; 3],
     /// The true position lies within this distance with 95 % probability, metres.
     pub radius95_m: f64,
+    /// Probability that it is right and not another place; none where the model's calibration has no such figure.
+    pub confidence: Option<f64>,
+    /// What that and the covariance are made from.
+    pub support: Support,
     /// Matches that agree with the transform.
     pub inliers: usize,
     /// Matches.

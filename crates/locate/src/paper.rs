@@ -14,7 +14,7 @@ use crate::{
     candidates::{Candidate, by_descriptor},
     covariance::radius95,
     error::{LocateError, Result},
-    localizer::{Localizer, best_among, elapsed_ms, no_fix},
+    localizer::{Localizer, best_among, elapsed_ms, no_fix, support},
     options::Coordinates,
     outcome::{EvidenceUsed, Fix, Outcome, Reason, TileRef, TimeMs},
     prior::Prior,
@@ -103,14 +103,15 @@ impl Localizer {
         evidence: EvidenceUsed,
     ) -> Result<Outcome> {
         let level = &self.pack.levels()[level_index];
-        let Some((best, _)) = best_among(verified, &self.options) else {
+        let Some((best, runner_up)) = best_among(verified, &self.options) else {
             return Ok(no_fix(Reason::NoTiles, None, evidence));
         };
         if let (Some(_), Some(rejection)) = (&self.options.gates, best.rejection) {
             return Ok(no_fix(Reason::Rejected(rejection), Some(best), evidence));
         }
         // A transform may send the centre to where there are no degrees; the retrieved tile is then all that is known.
-        let found = place(best, level, query, photo, &self.options)
+        let error = &self.model.calibration().position;
+        let found = place(best, level, query, photo, error, &self.options)
             .ok()
             .flatten();
         let center = self
@@ -128,6 +129,11 @@ impl Localizer {
             Some(place) => (place.covariance_en_m2, place.radius95_m),
             None => uniform_over_tile(level, candidate)?,
         };
+        let runner_up_inliers = runner_up.map_or(0, |other| other.inliers.len());
+        let inlier_covariance_en_m2 = from_transform
+            .as_ref()
+            .map_or(covariance_en_m2, |place| place.inlier_covariance_en_m2);
+        let support = support(best, query, inlier_covariance_en_m2, runner_up_inliers);
         Ok(Outcome::Fix(Box::new(Fix {
             lat_deg: center.lat_deg,
             lon_deg: center.lon_deg,
@@ -140,8 +146,10 @@ impl Localizer {
             ),
             covariance_en_m2,
             radius95_m,
-            inliers: best.inliers.len(),
-            matches: best.pairs.len(),
+            confidence: self.confidence(&support),
+            support,
+            inliers: support.inliers,
+            matches: support.matches,
             tile: TileRef {
                 level: level_index,
                 gsd_m: level.gsd_m(),

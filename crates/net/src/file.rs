@@ -9,11 +9,13 @@ use safetensors::{Dtype, SafeTensors};
 use serde_json::{Map, Value, json};
 
 use crate::model::{Parameter, Values};
-use crate::{Card, Model, NetError, NetSpec};
+use crate::{Calibration, Card, Model, NetError, NetSpec};
 
 /// Version of the layout of names and metadata; readers refuse others.
 const VERSION: &str = "1";
 const VERSION_KEY: &str = "grimnet_model_version";
+/// Only in models that were calibrated.
+const CALIBRATION_KEY: &str = "calibration";
 
 impl Model {
     /// Reads a model file.
@@ -53,6 +55,11 @@ impl Model {
             .map_err(|e| format!("its network description cannot be read ({e})"))?;
         let card: Card = serde_json::from_str(entry("card")?)
             .map_err(|e| format!("its card cannot be read ({e})"))?;
+        let calibration: Option<Calibration> = metadata
+            .get(CALIBRATION_KEY)
+            .map(|text| serde_json::from_str(text))
+            .transpose()
+            .map_err(|e| format!("its calibration cannot be read ({e})"))?;
         let file = SafeTensors::deserialize(bytes).map_err(|e| format!("damaged ({e})"))?;
         let mut parameters = BTreeMap::new();
         for (name, tensor) in file.iter() {
@@ -82,7 +89,11 @@ impl Model {
                 },
             );
         }
-        Self::from_parameters(spec, card, parameters).map_err(|e| e.to_string())
+        let model = Self::from_parameters(spec, card, parameters).map_err(|e| e.to_string())?;
+        Ok(match calibration {
+            Some(calibration) => model.with_calibration(calibration),
+            None => model,
+        })
     }
 
     /// Writes the model file: aside, flushed to disk, then renamed into place. The same model gives the same bytes.
@@ -121,11 +132,14 @@ impl Model {
     /// The JSON header, padded to a multiple of eight bytes. Written here and not by the `safetensors` crate because that
     /// puts the metadata in an order that changes from run to run.
     fn header(&self) -> Result<Vec<u8>, serde_json::Error> {
-        let metadata = json!({
+        let mut metadata = json!({
             VERSION_KEY: VERSION,
             "spec": serde_json::to_string(self.spec())?,
             "card": serde_json::to_string(self.card())?,
         });
+        if self.calibration().fitted_on.is_some() {
+            metadata[CALIBRATION_KEY] = serde_json::to_string(self.calibration())?.into();
+        }
         let mut header = Map::from_iter([("__metadata__".to_owned(), metadata)]);
         let mut start = 0;
         for (name, parameter) in self.parameters() {
@@ -206,6 +220,33 @@ mod tests {
             Dtype::F16
         );
         assert_eq!(file.tensor("netvlad.centres").unwrap().dtype(), Dtype::F32);
+    }
+
+    #[test]
+    fn a_calibration_is_kept_and_changes_no_identity() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.safetensors");
+        let calibration = Calibration {
+            position: crate::PositionError {
+                inlier_factor: 2.5,
+                shared_px: 1.25,
+            },
+            fitted_on: Some(crate::FittedOn {
+                data: "ten towns".into(),
+                ..crate::FittedOn::default()
+            }),
+            ..Calibration::default()
+        };
+        small()
+            .with_calibration(calibration.clone())
+            .save(&path)
+            .unwrap();
+        let read = Model::open(&path).unwrap();
+        assert_eq!(*read.calibration(), calibration);
+        assert_eq!(read.hash(), small().hash());
+        small().save(&path).unwrap();
+        let plain = Model::open(&path).unwrap();
+        assert_eq!(*plain.calibration(), Calibration::default());
     }
 
     #[test]

@@ -20,6 +20,7 @@
 //! ```
 
 mod bundled;
+mod calibration;
 mod dense;
 mod describe;
 mod error;
@@ -40,6 +41,7 @@ mod statistics;
 mod vlad;
 mod whitening;
 
+pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
 pub use dense::Dense;
 pub use error::NetError;
 pub use extractor::Extractor;

@@ -11,7 +11,7 @@ use half::vec::HalfFloatVecExt;
 use serde::{Deserialize, Serialize};
 
 use crate::whitening::whiten;
-use crate::{Domain, NetError, NetSpec, VladSum};
+use crate::{Calibration, Domain, NetError, NetSpec, VladSum};
 
 /// How a parameter's numbers are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -145,9 +145,11 @@ pub struct Model {
     inner: Arc<Inner>,
 }
 
+#[derive(Clone)]
 struct Inner {
     spec: NetSpec,
     card: Card,
+    calibration: Calibration,
     parameters: BTreeMap<String, Parameter>,
     hash: ModelHash,
     isa: Isa,
@@ -225,6 +227,7 @@ impl Model {
             inner: Arc::new(Inner {
                 spec,
                 card,
+                calibration: Calibration::default(),
                 parameters,
                 hash,
                 isa: Isa::detect(),
@@ -244,18 +247,25 @@ impl Model {
 
     /// The same numbers under another card.
     pub fn with_card(&self, card: Card) -> Self {
-        let Inner {
-            spec,
-            parameters,
-            hash,
-            ..
-        } = &*self.inner;
         let inner = Inner {
-            spec: spec.clone(),
             card,
-            parameters: parameters.clone(),
-            hash: *hash,
-            isa: self.inner.isa,
+            ..(*self.inner).clone()
+        };
+        Self {
+            inner: Arc::new(inner),
+        }
+    }
+
+    /// How far its answers may be off.
+    pub fn calibration(&self) -> &Calibration {
+        &self.inner.calibration
+    }
+
+    /// The same numbers with another calibration. The identity stays: packs remain valid.
+    pub fn with_calibration(&self, calibration: Calibration) -> Self {
+        let inner = Inner {
+            calibration,
+            ..(*self.inner).clone()
         };
         Self {
             inner: Arc::new(inner),

@@ -92,6 +92,8 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     build_with_bar(map.as_ref(), &model, &BuildOptions::standard(), &pack)?;
     let localizer = Localizer::new(model, Pack::open(&pack)?)?.with_options(Options {
         keep_matches: true,
+        // The map is drawn from the town itself.
+        map_error_m: 0.0,
         ..Options::default()
     });
 

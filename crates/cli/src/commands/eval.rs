@@ -9,7 +9,7 @@ use grimnet_eval::metrics::{Frame, Summary};
 use grimnet_eval::report::{Report, Run};
 use grimnet_eval::truth::{self, TruthFrame};
 use grimnet_geo::{LonLat, open_map};
-use grimnet_locate::{Localizer, Prior, Trace};
+use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Prior, Trace};
 use grimnet_pack::{BuildOptions, Pack};
 
 use super::gallery::{GalleryOptions, RunRecall, print_recall};
@@ -93,6 +93,10 @@ pub struct EvalArgs {
     #[arg(long, value_enum, default_value_t)]
     mode: ModeChoice,
 
+    /// How far the map itself may lie beside the truth, metres (1 sigma per axis); the stated radius includes it
+    #[arg(long, value_name = "M", default_value_t = DEFAULT_MAP_ERROR_M)]
+    map_error: f64,
+
     /// Take the normalisation statistics anew
     #[arg(long, value_enum, default_value_t)]
     adapt: AdaptChoice,
@@ -130,7 +134,10 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     };
     build_with_bar(map.as_ref(), &model, &build, &pack_path)?;
 
-    let options = LocateOptions::plain(arguments.mode, arguments.adapt);
+    let options = LocateOptions {
+        map_error: arguments.map_error,
+        ..LocateOptions::plain(arguments.mode, arguments.adapt)
+    };
     let mut localizer =
         Localizer::new(model, Pack::open(&pack_path)?)?.with_options(options.options());
     let paths: Vec<PathBuf> = truth.iter().map(|t| t.1.clone()).collect();

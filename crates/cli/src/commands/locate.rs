@@ -9,7 +9,9 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
 use grimnet_geo::{LonLat, Raster, distance_m, open_map};
 use grimnet_locate::draw::{DrawOptions, draw_matches};
-use grimnet_locate::{Adapt, HeadingPrior, Localizer, Options, Outcome, Prior, Trace};
+use grimnet_locate::{
+    Adapt, DEFAULT_MAP_ERROR_M, HeadingPrior, Localizer, Options, Outcome, Prior, Trace,
+};
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
@@ -157,6 +159,10 @@ pub struct LocateOptions {
     #[arg(long, value_enum, default_value_t)]
     pub adapt: AdaptChoice,
 
+    /// How far the map itself may lie beside the truth, metres (1 sigma per axis); the stated radius includes it
+    #[arg(long, value_name = "M", default_value_t = DEFAULT_MAP_ERROR_M)]
+    pub map_error: f64,
+
     /// Stop searching after this many milliseconds a photo
     #[arg(long, value_name = "MS")]
     pub budget_ms: Option<f64>,
@@ -187,6 +193,7 @@ impl LocateOptions {
         Options {
             top_k: self.top_k.unwrap_or(named.top_k),
             budget_ms: self.budget_ms,
+            map_error_m: self.map_error,
             adapt: match self.adapt {
                 AdaptChoice::None => Adapt::None,
                 AdaptChoice::Photo => Adapt::Photo,
@@ -206,6 +213,7 @@ impl LocateOptions {
             near: None,
             mode,
             adapt,
+            map_error: DEFAULT_MAP_ERROR_M,
             budget_ms: None,
             top_k: None,
         }
@@ -221,6 +229,12 @@ impl LocateOptions {
         positive("height-agl", self.height_agl)?;
         positive("gsd", self.gsd)?;
         positive("budget-ms", self.budget_ms)?;
+        if !(self.map_error >= 0.0 && self.map_error.is_finite()) {
+            bail!(
+                "--map-error {}: must be a number of metres, not below zero",
+                self.map_error
+            );
+        }
         match self.hfov {
             Some(v) if !(v > 0.0 && v < 180.0) => {
                 bail!("--hfov {v}: must lie between 0 and 180 degrees")

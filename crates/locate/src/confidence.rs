@@ -1,0 +1,81 @@
+//! How sure a fix is: what supports it, and the probability that the model's calibration gives that support.
+
+use grimnet_net::Confidence;
+use serde::{Deserialize, Serialize};
+
+/// What a fix rests on, in numbers.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Support {
+    /// Matches that agree with the transform.
+    pub inliers: usize,
+    /// Matches.
+    pub matches: usize,
+    /// Matches that agree on the best answer at another place; 0 where there is none.
+    pub runner_up_inliers: usize,
+    /// Standard deviation of the inliers along their short axis over the photo's mean half side.
+    pub spread: f64,
+    /// Covariance of the centre from the inliers alone, before calibration, square metres: east-east, east-north,
+    /// north-north.
+    pub inlier_covariance_en_m2: [f64; 3],
+}
+
+impl Support {
+    /// What the calibration weighs: log inliers, log of inliers over the runner-up's, log of inliers over matches, spread.
+    pub fn evidence(&self) -> [f64; 4] {
+        let inliers = self.inliers.max(1) as f64;
+        [
+            inliers.ln(),
+            (inliers / self.runner_up_inliers.max(1) as f64).ln(),
+            (inliers / self.matches.max(1) as f64).ln(),
+            self.spread,
+        ]
+    }
+
+    /// Probability that a fix with this support is right, by a fitted model.
+    pub fn confidence(&self, model: &Confidence) -> f64 {
+        let weights = [
+            model.log_inliers,
+            model.log_lead,
+            model.log_share,
+            model.spread,
+        ];
+        let weighed = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
+        let log_odds = model.intercept + weighed.sum::<f64>();
+        1.0 / (1.0 + (-log_odds).exp())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn confidence_is_the_logistic_of_the_weighed_evidence() {
+        let support = Support {
+            inliers: 20,
+            matches: 40,
+            runner_up_inliers: 5,
+            spread: 0.5,
+            inlier_covariance_en_m2: [1.0, 0.0, 1.0],
+        };
+        let model = Confidence {
+            intercept: -3.0,
+            log_inliers: 1.0,
+            log_lead: 2.0,
+            log_share: 0.5,
+            spread: 0.1,
+            needed: 0.5,
+        };
+        // -3 + ln 20 + 2 ln 4 + 0.5 ln 0.5 + 0.05 = 2.471747
+        let by_hand = 1.0 / (1.0 + (-2.471_747_f64).exp());
+        assert!((support.confidence(&model) - by_hand).abs() < 1e-6);
+        let alone = Support {
+            runner_up_inliers: 0,
+            ..support
+        };
+        assert!(
+            (alone.evidence()[1] - 20f64.ln()).abs() < 1e-12,
+            "no runner-up counts as one inlier"
+        );
+    }
+}

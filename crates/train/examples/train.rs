@@ -22,13 +22,18 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         arguments.iter().any(|a| a == "--resume"),
     )?;
     trainer.run(&mut |p, _| {
+        let losses: Vec<String> = p
+            .losses
+            .terms()
+            .iter()
+            .filter(|(_, value)| *value != 0.0)
+            .map(|(name, value)| format!("{} {value:.3}", name.trim_end_matches(" loss")))
+            .collect();
         println!(
-            "step {} {:.0}s kp {:.3} desc {:.3} global {:.3} | {:.1} pairs/s rate {:.1e} grad {:.2} left {:.0}s",
+            "step {} {:.0}s {} | {:.1} pairs/s rate {:.1e} grad {:.2} left {:.0}s",
             p.step,
             p.elapsed_s,
-            p.losses.keypoint,
-            p.losses.descriptor,
-            p.losses.global,
+            losses.join(", "),
             p.pairs_per_s,
             p.learning_rate,
             p.gradient,

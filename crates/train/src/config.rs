@@ -1,7 +1,8 @@
 //! The training configuration, as written in a TOML file.
 
-use crate::TrainError;
 use crate::data::{Folder, PairOptions};
+use crate::loss::{HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions};
+use crate::{TeacherOptions, TrainError};
 use grimnet_net::NetSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -40,8 +41,24 @@ pub struct TrainConfig {
     pub global_from: f64,
     /// Weights of the losses.
     pub weights: Weights,
+    /// A trained network to learn from, beside the other losses.
+    pub teacher: Option<TeacherOptions>,
     /// How pairs are made.
     pub pairs: PairOptions,
+    /// What local descriptors are compared by.
+    pub descriptor_loss: DescriptorLoss,
+    /// What global descriptors are compared by.
+    pub global_loss: GlobalLoss,
+    /// Settings of the descriptor hinge.
+    pub hinge: HingeOptions,
+    /// Settings of the triplet loss.
+    pub triplet: TripletOptions,
+    /// Settings of the multi-similarity loss.
+    pub multi_similarity: MultiSimilarityOptions,
+    /// Settings of the homography loss.
+    pub homography: HomographyOptions,
+    /// Whether steps train retrieval and matching by turns (the paper), or both at once.
+    pub alternate: bool,
     /// Temperature of the descriptor contrast.
     pub descriptor_temperature: f32,
     /// Temperature of the global contrast.
@@ -70,6 +87,32 @@ pub struct Weights {
     pub descriptor: f32,
     /// Global descriptors.
     pub global: f32,
+    /// Homography reprojection; 0 leaves it out.
+    pub homography: f32,
+}
+
+/// Losses for local descriptors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum DescriptorLoss {
+    /// Dual softmax over the points of a pair.
+    #[default]
+    Contrast,
+    /// The paper's hinge over all pairs of points (eq. 16-17).
+    Hinge,
+}
+
+/// Losses for global descriptors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum GlobalLoss {
+    /// InfoNCE within the batch and against the memory.
+    #[default]
+    Contrast,
+    /// The paper's triplet with the hardest negatives of the batch (eq. 9).
+    Triplet,
+    /// Multi-similarity within the batch.
+    MultiSimilarity,
 }
 
 impl Default for Weights {
@@ -79,6 +122,7 @@ impl Default for Weights {
             dustbin: 0.3,
             descriptor: 1.0,
             global: 0.5,
+            homography: 0.0,
         }
     }
 }
@@ -101,7 +145,15 @@ impl Default for TrainConfig {
             clip: 5.0,
             global_from: 0.1,
             weights: Weights::default(),
+            teacher: None,
             pairs: PairOptions::default(),
+            descriptor_loss: DescriptorLoss::default(),
+            global_loss: GlobalLoss::default(),
+            hinge: HingeOptions::default(),
+            triplet: TripletOptions::default(),
+            multi_similarity: MultiSimilarityOptions::default(),
+            homography: HomographyOptions::default(),
+            alternate: false,
             descriptor_temperature: 0.05,
             global_temperature: 1.0 / 16.0,
             memory_batches: 40,
@@ -114,6 +166,26 @@ impl Default for TrainConfig {
 }
 
 impl TrainConfig {
+    /// The paper's recipe (sections 3.4-3.6 and 4.1): its network, losses, weights and turns, and a tenth of the rate for
+    /// the encoder. Data and length are for the user to set.
+    pub fn paper() -> Self {
+        Self {
+            network: "vgg16".into(),
+            encoder_rate: 0.1,
+            weights: Weights {
+                keypoint: 0.5,
+                dustbin: 1.0,
+                descriptor: 0.5,
+                global: 1.0,
+                homography: 0.3,
+            },
+            descriptor_loss: DescriptorLoss::Hinge,
+            global_loss: GlobalLoss::Triplet,
+            alternate: true,
+            ..Self::default()
+        }
+    }
+
     /// Reads a TOML file.
     ///
     /// # Errors

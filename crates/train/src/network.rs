@@ -3,7 +3,7 @@
 //! Activations are NHWC. A batch holds the pictures of both domains; convolutions see it whole, normalisations by domain.
 
 use crate::TrainError;
-use crate::ops::{Group, conv3x3, norm_relu};
+use crate::ops::{Group, conv3x3, follow_moments, norm_relu};
 use crate::parameters::Parameters;
 use burn::tensor::activation::softmax;
 use burn::tensor::module::{conv_transpose2d, max_pool2d};
@@ -14,8 +14,6 @@ use std::sync::Arc;
 
 /// As in `grimnet-net` (paper, eq. 3).
 const NORM_EPSILON: f32 = 1e-5;
-/// Share of a batch's moments in the running ones.
-const MOMENTUM: f32 = 0.1;
 /// Kept away from zero when a vector is brought to unit length.
 const LENGTH_EPSILON: f32 = 1e-12;
 
@@ -57,6 +55,8 @@ pub struct Output {
     pub keypoints: Tensor<2>,
     /// `[n, h / 8, w / 8, d]`, not normalised.
     pub descriptors: Tensor<4>,
+    /// `[n, h', w', d']`: what NetVLAD aggregates, not normalised; no gradient where none is to reach it.
+    pub aggregated: Tensor<4>,
     /// `[n, k * d]`, unit length, not whitened.
     pub global: Tensor<2>,
 }
@@ -163,7 +163,8 @@ impl<'a> Network<'a> {
         };
         Ok(Output {
             keypoints: logits.reshape([n * h * w, classes]),
-            global: self.vlad(vectors, seen)?,
+            global: self.vlad(vectors.clone(), seen)?,
+            aggregated: vectors,
             descriptors,
         })
     }
@@ -235,14 +236,18 @@ impl<'a> Network<'a> {
             .collect();
         let (y, mean, variance) = norm_relu(rows, gamma, beta, &Arc::new(groups), NORM_EPSILON);
         for (g, part) in parts.iter().enumerate() {
-            for (what, found) in [("mean", &mean), ("var", &variance)] {
-                let name = format!("{name}.norm.{}.{what}", part.domain.name());
-                let old = self.parameters.flat(&name)?.without_autodiff();
-                let found = found.clone().narrow(0, g, 1).reshape([c]);
-                self.running.push((
-                    name,
-                    old.mul_scalar(1.0 - MOMENTUM) + found.mul_scalar(MOMENTUM),
-                ));
+            let name = |what: &str| format!("{name}.norm.{}.{what}", part.domain.name());
+            let row = |found: &Tensor<2>| found.clone().narrow(0, g, 1).reshape([c]);
+            let old = |what: &str| {
+                Ok::<_, TrainError>(self.parameters.flat(&name(what))?.without_autodiff())
+            };
+            let followed = follow_moments(
+                [old("mean")?, old("var")?],
+                [row(&mean), row(&variance)],
+                part.pictures * h * w,
+            );
+            for (what, value) in ["mean", "var"].into_iter().zip(followed) {
+                self.running.push((name(what), value));
             }
         }
         Ok(y.reshape([n, h, w, c]))

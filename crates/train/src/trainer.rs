@@ -5,35 +5,19 @@ use crate::batch::input_of;
 use crate::centres::start_centres;
 use crate::checkpoint::{Checkpoint, Position};
 use crate::config::TrainConfig;
-use crate::data::{Batch, LABEL_NONE, Pictures, Place, Sources, Stream, batch_of};
-use crate::loss::{
-    descriptor_contrast, global_contrast, keypoint_cross_entropy, sample_descriptors,
-};
+use crate::data::{Batch, Pictures, Sources, Stream, batch_of};
 use crate::network::{Network, Statistics, unit_rows};
+use crate::objective::{Losses, Objective, Turn};
 use crate::optimiser::Adam;
-use crate::parameters::{Parameters, host};
+use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor};
-use grimnet_net::{Model, VladInput};
-use std::collections::VecDeque;
+use grimnet_net::Model;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Views that share more than this of their area are no negatives of each other.
-const OVERLAP: f64 = 0.05;
 /// Batches whose descriptors NetVLAD's clusters are taken from.
 const CENTRE_BATCHES: u64 = 4;
-
-/// The losses of a step, or their mean over some.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Losses {
-    /// Keypoint cross-entropy.
-    pub keypoint: f32,
-    /// Local descriptor contrast.
-    pub descriptor: f32,
-    /// Global descriptor contrast; 0 before it starts.
-    pub global: f32,
-}
 
 /// How a run is going.
 #[derive(Clone, Debug)]
@@ -59,7 +43,7 @@ pub struct Trainer {
     config: TrainConfig,
     device: Device,
     state: Checkpoint,
-    memory: VecDeque<(Tensor<2>, Vec<Place>)>,
+    objective: Objective,
     sources: Sources,
 }
 
@@ -100,10 +84,10 @@ impl Trainer {
             }
         };
         Ok(Self {
+            objective: Objective::new(&config, state.parameters.spec(), device)?,
             config,
             device: device.clone().autodiff(),
             state,
-            memory: VecDeque::new(),
             sources,
         })
     }
@@ -150,9 +134,7 @@ impl Trainer {
             let (losses, gradient) = self.step(&batch, rate)?;
             self.state.position.step += 1;
             self.state.position.elapsed_s = before_s + started.elapsed().as_secs_f64();
-            sum.keypoint += losses.keypoint;
-            sum.descriptor += losses.descriptor;
-            sum.global += losses.global;
+            sum.add(&losses);
             count += 1;
             if saved.elapsed().as_secs_f64() > config.checkpoint_minutes * 60.0 {
                 self.state.save(&path)?;
@@ -164,11 +146,7 @@ impl Trainer {
                     step: self.state.position.step,
                     elapsed_s: self.state.position.elapsed_s,
                     remaining_s: (total_s - self.state.position.elapsed_s).max(0.0),
-                    losses: Losses {
-                        keypoint: sum.keypoint / n,
-                        descriptor: sum.descriptor / n,
-                        global: sum.global / n,
-                    },
+                    losses: sum.scaled(1.0 / n),
                     pairs_per_s: (count * config.pairs_per_step as u64) as f64
                         / reported.elapsed().as_secs_f64(),
                     learning_rate: rate,
@@ -188,84 +166,15 @@ impl Trainer {
         let config = &self.config;
         let tracked = self.state.parameters.tracked();
         let input = input_of(batch, tracked.spec(), &self.device);
-        let mut network = Network::new(&tracked, Statistics::Batch);
-        let with_global = self.state.position.centres_started && config.weights.global > 0.0;
-        let output = network.forward(&input, with_global)?;
-        let running = network.into_running();
-        let n = batch.len();
-
-        let labels: Vec<u8> = batch
-            .iter()
-            .flat_map(|p| &p.sat_labels)
-            .chain(batch.iter().flat_map(|p| &p.uav_labels))
-            .copied()
-            .collect();
-        let cells = labels.len() / (2 * n).max(1);
-        let seen = std::iter::repeat_n(true, n * cells)
-            .chain(batch.iter().flat_map(|p| p.uav_seen.iter().copied()));
-        let weights: Vec<f32> = labels
-            .iter()
-            .zip(seen)
-            .map(|(label, seen)| match (seen, *label) {
-                (false, _) => 0.0,
-                (true, LABEL_NONE) => config.weights.dustbin,
-                (true, _) => 1.0,
-            })
-            .collect();
-        let keypoint = keypoint_cross_entropy(output.keypoints, &labels, &weights);
-
-        let points: Vec<(usize, [f32; 2])> = batch
-            .iter()
-            .enumerate()
-            .flat_map(|(i, p)| p.sat_points.iter().map(move |at| (i, *at)))
-            .chain(
-                batch
-                    .iter()
-                    .enumerate()
-                    .flat_map(|(i, p)| p.uav_points.iter().map(move |at| (n + i, *at))),
-            )
-            .collect();
-        let half = points.len() / 2;
-        let sampled = sample_descriptors(output.descriptors, &points);
-        let descriptor = descriptor_contrast(
-            sampled.clone().narrow(0, 0, half),
-            sampled.narrow(0, half, half),
-            n,
-            config.descriptor_temperature,
+        let turn = Turn::of(
+            config,
+            self.state.position.step,
+            self.state.position.centres_started,
         );
-
-        let mut total = keypoint.clone().mul_scalar(config.weights.keypoint)
-            + descriptor.clone().mul_scalar(config.weights.descriptor);
-        let mut global = None;
-        if with_global {
-            let (sat, uav) = (
-                output.global.clone().narrow(0, 0, n),
-                output.global.narrow(0, n, n),
-            );
-            let loss = self.global_loss(sat.clone(), uav, batch);
-            total = total + loss.clone().mul_scalar(config.weights.global);
-            global = Some(loss);
-            self.memory.push_back((
-                sat.without_autodiff(),
-                batch.iter().map(|p| p.place).collect(),
-            ));
-            while self.memory.len() > config.memory_batches {
-                self.memory.pop_front();
-            }
-        }
-        let scalar = |loss: Tensor<1>| {
-            Ok::<f32, TrainError>(
-                host(loss.without_autodiff())?
-                    .first()
-                    .copied()
-                    .unwrap_or(0.0),
-            )
-        };
-        let losses = Losses {
-            keypoint: scalar(keypoint)?,
-            descriptor: scalar(descriptor)?,
-            global: global.map_or(Ok(0.0), scalar)?,
-        };
+        let mut network = Network::new(&tracked, Statistics::Batch);
+        let output = network.forward(&input, turn.retrieval)?;
+        let running = network.into_running();
+        let (total, losses) = self.objective.of(output, batch, turn)?;
         let mut gradients = total.backward();
         let encoder = (rate * config.encoder_rate) as f32;
         let length = self.state.adam.step(
@@ -281,16 +190,12 @@ impl Trainer {
                 }
             },
         )?;
-        for (what, value) in [
-            ("the keypoint loss", losses.keypoint),
-            ("the descriptor loss", losses.descriptor),
-            ("the global loss", losses.global),
-            ("the gradient", length),
-        ] {
+        let values = losses.terms().map(|(name, value)| (name, value));
+        for (what, value) in values.into_iter().chain([("gradient", length)]) {
             if !value.is_finite() {
                 return Err(TrainError::NotFinite {
                     step: self.state.position.step,
-                    what: what.into(),
+                    what: format!("the {what}"),
                     checkpoint: checkpoint_path(config).display().to_string(),
                 });
             }
@@ -300,29 +205,6 @@ impl Trainer {
         }
         self.follow()?;
         Ok((losses, length))
-    }
-
-    fn global_loss(&self, sat: Tensor<2>, uav: Tensor<2>, batch: &Batch) -> Tensor<1> {
-        let past: Vec<&Place> = self.memory.iter().flat_map(|(_, places)| places).collect();
-        let excluded: Vec<bool> = batch
-            .iter()
-            .flat_map(|row| {
-                let overlaps = |other: &Place| row.place.overlap(other) > OVERLAP;
-                batch
-                    .iter()
-                    .map(|column| overlaps(&column.place))
-                    .chain(past.iter().map(|place| overlaps(place)))
-                    .collect::<Vec<_>>()
-            })
-            .collect();
-        let memory = (!self.memory.is_empty()).then(|| {
-            let rows = Tensor::cat(
-                self.memory.iter().map(|(rows, _)| rows.clone()).collect(),
-                0,
-            );
-            rows.autodiff()
-        });
-        global_contrast(sat, uav, memory, &excluded, self.config.global_temperature)
     }
 
     /// The running average follows the parameters; quickly at first.
@@ -360,15 +242,10 @@ impl Trainer {
             );
             let output =
                 Network::new(&self.state.parameters, Statistics::Batch).forward(&input, false)?;
-            if self.state.parameters.spec().vlad.input == VladInput::Deepest {
-                // NetVLAD on deep features starts from random centres: they are not part of the output.
-                self.state.position.centres_started = true;
-                return Ok(());
-            }
-            let [_, h, w, d] = output.descriptors.dims();
+            let [_, h, w, d] = output.aggregated.dims();
             all.push(unit_rows(
                 output
-                    .descriptors
+                    .aggregated
                     .narrow(0, 0, batch.len())
                     .reshape([batch.len() * h * w, d]),
             ));
@@ -388,7 +265,7 @@ impl Trainer {
                 .set(name, self.state.parameters.flat(name)?)?;
         }
         self.state.position.centres_started = true;
-        tracing::info!("NetVLAD starts from clusters of the local descriptors");
+        tracing::info!("NetVLAD starts from clusters of what it aggregates");
         Ok(())
     }
 }

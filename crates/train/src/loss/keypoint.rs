@@ -1,4 +1,4 @@
-//! Keypoint cross-entropy over the 65 classes of a cell (DeTone et al. 2018; paper, section 3.4).
+//! Keypoint cross-entropy over the 65 classes of a cell (paper, eq. 13; DeTone et al. 2018).
 
 use super::constant;
 use burn::tensor::activation::log_softmax;

@@ -1,10 +1,23 @@
 //! The losses. Each takes and gives burn tensors, and is tested against PyTorch, value and gradient.
 
 mod contrast;
+mod distillation;
+mod hinge;
+mod homography;
 mod keypoint;
+mod multi_similarity;
+mod triplet;
 
 pub use contrast::{descriptor_contrast, global_contrast, sample_descriptors};
+pub use distillation::{descriptor_distillation, keypoint_distillation, similarity_distillation};
+pub use hinge::{HingeOptions, descriptor_hinge};
+pub use homography::{
+    Correspondences, HomographyOptions, homography_reprojection, project, solve_positive_definite,
+    weighted_dlt,
+};
 pub use keypoint::keypoint_cross_entropy;
+pub use multi_similarity::{MultiSimilarityOptions, multi_similarity};
+pub use triplet::{TripletOptions, triplet};
 
 use burn::tensor::{Device, Tensor, TensorData};
 

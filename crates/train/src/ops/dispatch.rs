@@ -302,6 +302,26 @@ pub fn norm_relu(
     )
 }
 
+/// Share of a batch's moments in the running ones (PyTorch's default).
+const MOMENTUM: f32 = 0.1;
+
+/// Running mean and variance after a batch whose mean and biased variance over `rows` rows were found: as in PyTorch, the
+/// running variance follows the unbiased one.
+pub fn follow_moments(
+    [old_mean, old_variance]: [Tensor<1>; 2],
+    [mean, variance]: [Tensor<1>; 2],
+    rows: usize,
+) -> [Tensor<1>; 2] {
+    let unbias = rows as f32 / rows.saturating_sub(1).max(1) as f32;
+    let keep = |old: Tensor<1>, new: Tensor<1>, factor: f32| {
+        old.mul_scalar(1.0 - MOMENTUM) + new.mul_scalar(MOMENTUM * factor)
+    };
+    [
+        keep(old_mean, mean, 1.0),
+        keep(old_variance, variance, unbias),
+    ]
+}
+
 fn composed_norm_relu(
     x: Tensor<2>,
     gamma: Tensor<2>,

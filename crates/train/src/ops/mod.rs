@@ -8,5 +8,5 @@ mod dispatch;
 pub mod normalisation;
 pub mod strided_product;
 
-pub use dispatch::{conv3x3, norm_relu};
+pub use dispatch::{conv3x3, follow_moments, norm_relu};
 pub use normalisation::{Group, Moments};

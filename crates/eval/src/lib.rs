@@ -10,4 +10,5 @@ pub mod metrics;
 pub mod plot;
 pub mod recall;
 pub mod report;
+pub mod sift;
 pub mod truth;

@@ -45,6 +45,7 @@ pub mod ransac;
 pub mod refine;
 pub mod sampler;
 pub mod similarity;
+pub mod solve;
 mod trace;
 pub mod transform;
 mod verify;

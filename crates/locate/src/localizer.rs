@@ -20,8 +20,9 @@ use crate::{
     outcome::{EvidenceUsed, Fix, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs},
     prior::Prior,
     query_features::QueryFeatures,
+    solve::Expected,
     trace::{RoundTrace, Trace, tiles_of},
-    verify::{Expected, Verified, level_px_per_query_px, verify},
+    verify::{Verified, level_px_per_query_px, verify},
     vote::Peak,
 };
 

@@ -19,9 +19,10 @@ use crate::{
     outcome::{EvidenceUsed, Fix, Outcome, Reason, TileRef, TimeMs},
     prior::Prior,
     query_features::QueryFeatures,
+    solve::Expected,
     trace::{RoundTrace, Trace, tiles_of},
     transform::Transform,
-    verify::{Expected, Verified, verify},
+    verify::{Verified, verify},
 };
 
 impl Localizer {

@@ -1,4 +1,4 @@
-//! Where the photo may lie: tiles found by descriptor, ranked by the translation vote.
+//! Where the photo may lie: tiles found by descriptor, and the translation vote that ranks them.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -126,8 +126,8 @@ fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
         .collect()
 }
 
-/// Ranks candidates by the votes for one translation, ties by similarity.
-pub(crate) fn by_vote(
+/// Lets the matches of each candidate vote for one translation.
+pub(crate) fn hold_vote(
     level: &Level,
     queries: &[QueryFeatures],
     candidates: &mut [Candidate],
@@ -160,12 +160,15 @@ pub(crate) fn by_vote(
                 .vote(vote, &desk.matches, &query.points, &desk.points);
             Ok(())
         })
-    })?;
+    })
+}
+
+/// Ranks candidates by their votes, ties by similarity.
+pub(crate) fn rank_by_votes(candidates: &mut [Candidate]) {
     candidates.sort_by(|a, b| {
         let by_votes = b.peak.votes.cmp(&a.peak.votes);
         by_votes
             .then(b.similarity.total_cmp(&a.similarity))
             .then((a.query, a.tile).cmp(&(b.query, b.tile)))
     });
-    Ok(())
 }

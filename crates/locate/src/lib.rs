@@ -26,6 +26,7 @@
 
 mod answer;
 mod candidates;
+mod cascade;
 mod confidence;
 pub mod correspondence;
 pub mod covariance;

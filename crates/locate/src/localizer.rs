@@ -11,7 +11,8 @@ use rayon::prelude::*;
 
 use crate::{
     answer::{matched_points, place},
-    candidates::{Candidate, Desks, by_descriptor, by_vote},
+    candidates::{Candidate, Desks, by_descriptor},
+    cascade::Cascade,
     confidence::Support,
     error::{LocateError, Result},
     gates::{Rejection, spread},
@@ -201,10 +202,11 @@ impl Localizer {
                 "must be a number above zero",
             );
         }
-        if options.hypothesis_side_px < 32 {
+        let side_px = options.hypothesis_side_px.min(options.query_side_px);
+        if side_px < 32 {
             return bad(
-                "hypothesis_side_px",
-                options.hypothesis_side_px.to_string(),
+                "hypothesis_side_px or query_side_px",
+                side_px.to_string(),
                 "must be at least 32",
             );
         }
@@ -294,7 +296,7 @@ impl Localizer {
         let side = if hypotheses.len() > 1 {
             self.options.hypothesis_side_px
         } else {
-            u32::MAX
+            self.options.query_side_px
         };
         let queries = self.queries(photo, view, &hypotheses, side, time_ms)?;
         let enough = queries
@@ -307,35 +309,36 @@ impl Localizer {
         };
         if enough {
             let since = Instant::now();
-            let mut candidates =
-                by_descriptor(level, &queries, prior.near.as_ref(), &self.options)?;
+            let candidates = by_descriptor(level, &queries, prior.near.as_ref(), &self.options)?;
             time_ms.search += elapsed_ms(since);
             trace.by_descriptor = tiles_of(&candidates);
             let since = Instant::now();
-            by_vote(level, &queries, &mut candidates, &self.desks, &self.options)?;
-            time_ms.vote += elapsed_ms(since);
-            trace.by_vote = tiles_of(&candidates);
-            let since = Instant::now();
-            candidates.truncate(self.options.max_matched);
-            for batch in candidates.chunks(BATCH) {
+            let mut cascade = Cascade::new(level, &queries, candidates, &self.desks, &self.options);
+            loop {
+                let batch = cascade.next_batch(BATCH)?;
+                if batch.is_empty() {
+                    break;
+                }
                 let more: Vec<Verified> = batch
                     .par_iter()
                     .map(|candidate| self.verify(level, &hypotheses, &queries, *candidate))
                     .collect::<Result<_>>()?;
                 verified.extend(more);
                 let enough = verified.len() >= self.options.min_matched;
-                if enough && self.is_over_budget(start) {
-                    break;
-                }
                 if enough
-                    && best_among(&verified, &self.options)
-                        .is_some_and(|(best, runner_up)| self.is_clear_among(best, runner_up))
+                    && (self.is_over_budget(start)
+                        || best_among(&verified, &self.options)
+                            .is_some_and(|(best, runner_up)| self.is_clear_among(best, runner_up)))
                 {
                     break;
                 }
             }
-            time_ms.matching += elapsed_ms(since);
-            trace.matched = tiles_of(verified.iter().map(|verified| &verified.candidate));
+            time_ms.vote += cascade.vote_ms;
+            time_ms.matching += elapsed_ms(since) - cascade.vote_ms;
+            let matched: Vec<Candidate> = verified.iter().map(|v| v.candidate).collect();
+            trace.matched = tiles_of(&matched);
+            let rest: Vec<Candidate> = cascade.into_rest().collect();
+            trace.by_vote = tiles_of(matched.iter().chain(&rest));
         }
         Ok(Tried {
             level: level_index,
@@ -457,7 +460,8 @@ impl Localizer {
             heading_reach_deg: 2.0 * REALIGN_DEG,
             ..hypothesis
         };
-        let queries = self.queries(photo, view, &[hypothesis], u32::MAX, time_ms)?;
+        let side = self.options.query_side_px;
+        let queries = self.queries(photo, view, &[hypothesis], side, time_ms)?;
         let since = Instant::now();
         let level = &self.pack.levels()[best.tried.level];
         let tiles = self.tiles_around(level, best.verified);

@@ -107,7 +107,9 @@ pub struct Options {
     pub nms_radius_px: u32,
     /// Ranks the tiles found by a vote over translations before any is matched in full; none keeps the order of the search.
     pub vote: Option<VoteOptions>,
-    /// Candidates matched in full at most, per round of hypotheses.
+    /// Candidates that enter each stage of a round, best by descriptor first; what is left after these makes the last stage.
+    pub stages: Vec<usize>,
+    /// Candidates matched in full at most, per stage of a round.
     pub max_matched: usize,
     /// Candidates matched in full at least, so that a runner-up is known.
     pub min_matched: usize,
@@ -137,8 +139,10 @@ pub struct Options {
     pub doubtful_scales: Vec<f64>,
     /// Factors on a tile's width that are taken for the photo's where nothing is known of it, per level of the pack.
     pub unknown_scales: Vec<f64>,
-    /// Queries whose heading is only a hypothesis are cropped to this side about the photo's centre, pixels; they are made
-    /// again in full around the best answer.
+    /// Queries are cropped to this side about the photo's centre, pixels.
+    pub query_side_px: u32,
+    /// Queries whose heading is only a hypothesis are cropped to this side; one is made again at the size above around the
+    /// best answer.
     pub hypothesis_side_px: u32,
     /// Matches again with the photo turned and scaled as the first answer says, where that differs by much.
     pub realign: bool,
@@ -163,7 +167,8 @@ impl Default for Options {
             max_keypoints: 1024,
             nms_radius_px: 2,
             vote: Some(VoteOptions::default()),
-            max_matched: 20,
+            stages: vec![64, 448],
+            max_matched: 12,
             min_matched: 3,
             clear_inliers: 30,
             max_ratio: None,
@@ -184,6 +189,7 @@ impl Default for Options {
             headings: 12,
             doubtful_scales: vec![0.75, 1.33],
             unknown_scales: vec![0.95, 0.67],
+            query_side_px: 512,
             hypothesis_side_px: 384,
             realign: true,
             query_width_px: 448.0,

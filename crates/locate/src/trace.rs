@@ -19,7 +19,7 @@ pub struct RoundTrace {
     pub level: usize,
     /// Tiles found by descriptor.
     pub by_descriptor: Vec<usize>,
-    /// The same after the vote over translations; as by descriptor where none was held.
+    /// The same in the order of the cascade: as they were matched, then as they would have been.
     pub by_vote: Vec<usize>,
     /// Tiles that were matched in full.
     pub matched: Vec<usize>,

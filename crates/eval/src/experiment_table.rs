@@ -58,7 +58,7 @@ impl Column {
         }
     }
 
-    fn head(&self) -> String {
+    pub(crate) fn head(&self) -> String {
         if self.unit.is_empty() {
             self.name.clone()
         } else {
@@ -66,7 +66,7 @@ impl Column {
         }
     }
 
-    fn print(&self, value: Option<f64>) -> String {
+    pub(crate) fn print(&self, value: Option<f64>) -> String {
         value.map_or_else(|| "-".to_owned(), |v| format!("{v:.*}", self.decimals))
     }
 }

@@ -4,6 +4,7 @@
 //! [`metrics::Frame::score`] compares one answer with it, and [`metrics::Summary::of`] condenses all
 //! frames into the figures that the field uses; [`report::Report`] shows them on one page.
 
+pub mod experiment;
 pub mod experiment_table;
 pub mod gallery;
 pub mod metrics;
@@ -11,4 +12,5 @@ pub mod plot;
 pub mod recall;
 pub mod report;
 pub mod sift;
+pub mod sift_map;
 pub mod truth;

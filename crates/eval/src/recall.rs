@@ -3,6 +3,9 @@
 //! A tile is right if it covers the true image centre; beside it the paper's definition, its centre within a radius of the truth
 //! (64 pixels), which a tiling at half overlap can meet for a fifth of all places only.
 
+use grimnet_geo::LonLat;
+use grimnet_locate::{RoundTrace, Trace};
+use grimnet_pack::Pack;
 use serde::Serialize;
 
 /// The K for which recall is reported.
@@ -21,6 +24,9 @@ pub enum RightTile {
 }
 
 impl RightTile {
+    /// The paper's definition.
+    pub const PAPER: Self = Self::CentreWithinPx(PAPER_RADIUS_PX);
+
     /// Whether a tile of side `tile_px` about `center_px` is right for `truth_px`, all level pixels.
     #[must_use]
     pub fn holds(self, center_px: [f64; 2], tile_px: f64, truth_px: [f64; 2]) -> bool {
@@ -41,6 +47,33 @@ pub struct FrameRecall {
     pub rank_by_vote: Option<usize>,
     /// Whether any right tile was matched in full.
     pub matched: bool,
+}
+
+impl FrameRecall {
+    /// What a search made of a photo whose centre truly lies at `truth`. Ranks are of the first round, which is what a single search
+    /// would have given; matching may happen in any.
+    #[must_use]
+    pub fn of(pack: &Pack, trace: &Trace, truth: LonLat, right: RightTile) -> Self {
+        let is_right = |round: &RoundTrace| {
+            let level = &pack.levels()[round.level];
+            let truth_px = level.level_px_from_lonlat(truth).ok();
+            let side_px = f64::from(level.tile_px());
+            move |tile: usize| {
+                truth_px.is_some_and(|truth_px| {
+                    right.holds(level.tile(tile).center_px, side_px, truth_px)
+                })
+            }
+        };
+        let first = trace.rounds.first();
+        Self {
+            rank_by_descriptor: first.and_then(|r| rank_of_right(&r.by_descriptor, is_right(r))),
+            rank_by_vote: first.and_then(|r| rank_of_right(&r.by_vote, is_right(r))),
+            matched: trace
+                .rounds
+                .iter()
+                .any(|r| rank_of_right(&r.matched, is_right(r)).is_some()),
+        }
+    }
 }
 
 /// Rank, from 1, of the first tile that is right.

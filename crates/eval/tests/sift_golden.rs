@@ -1,5 +1,7 @@
 //! Our SIFT beside OpenCV's, on a synthetic pair of pictures (`golden/sift/make_golden.py`).
 
+#![allow(clippy::unwrap_used)]
+
 use std::path::{Path, PathBuf};
 
 use grimnet_eval::sift::{DESCRIPTOR_DIM, SiftFeatures, SiftKeypoint, SiftOptions, sift};

@@ -138,6 +138,45 @@ impl Localizer {
         })
     }
 
+    /// The same, with photos normalised by another domain's statistics and parameters: what the two sets of DA-BN are worth.
+    ///
+    /// # Errors
+    /// The model cannot run.
+    pub fn seeing_photos_as(self, domain: Domain) -> Result<Self> {
+        let extractor = Extractor::new(&self.model, domain)?;
+        Ok(Self { extractor, ..self })
+    }
+
+    /// The tiles most similar to the photo under its first round of hypotheses, best first, [`Options::top_k`] at most: retrieval
+    /// alone.
+    ///
+    /// # Errors
+    /// As [`Localizer::locate`].
+    pub fn retrieve(&self, photo: &Photo, prior: &Prior) -> Result<Vec<usize>> {
+        self.check(prior)?;
+        let view = photo.view(&prior.overrides());
+        let mut time_ms = TimeMs::default();
+        let Some(round) = rounds(&view, prior, &self.pack, &self.options)
+            .into_iter()
+            .next()
+        else {
+            return Ok(Vec::new());
+        };
+        let Some(first) = round.hypotheses.first() else {
+            return Ok(Vec::new());
+        };
+        let level = &self.pack.levels()[first.level];
+        let queries = self.queries(photo, &view, &round.hypotheses, u32::MAX, &mut time_ms)?;
+        let mut tiles = tiles_of(&by_descriptor(
+            level,
+            &queries,
+            prior.near.as_ref(),
+            &self.options,
+        )?);
+        tiles.truncate(self.options.top_k);
+        Ok(tiles)
+    }
+
     /// Finds where the photo's centre lies.
     ///
     /// The same photo, prior, pack and settings give the same answer, whatever else is localised and on however many threads,

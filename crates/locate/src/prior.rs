@@ -88,7 +88,8 @@ impl Prior {
         }
     }
 
-    pub(crate) fn overrides(&self) -> Overrides {
+    /// The same, as the photo takes it.
+    pub fn overrides(&self) -> Overrides {
         let heading = match self.heading {
             HeadingPrior::Known { heading_deg, .. } => HeadingSource::Known(heading_deg),
             HeadingPrior::FromPhoto => HeadingSource::Exif,

@@ -12,6 +12,7 @@ use grimnet_geo::{LonLat, open_map};
 use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Prior, Trace};
 use grimnet_pack::{BuildOptions, Pack};
 
+use super::experiment::{self, ExperimentOptions};
 use super::gallery::{GalleryOptions, RunRecall, print_recall};
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one_traced};
 use super::map::{MapPlace, build_with_bar};
@@ -65,7 +66,7 @@ pub struct EvalArgs {
     ///
     /// truth.csv has the columns photo, lat_deg, lon_deg (of the image centre; or centre_lat, centre_lon), and, where known,
     /// heading_deg, gps_lat, gps_lon.
-    folder: PathBuf,
+    folder: Option<PathBuf>,
 
     /// Where summary.json, report.html, frames.csv and failed.jsonl are written
     #[arg(short, long, value_name = "DIR")]
@@ -103,6 +104,9 @@ pub struct EvalArgs {
 
     #[command(flatten)]
     gallery: GalleryOptions,
+
+    #[command(flatten)]
+    experiment: ExperimentOptions,
 }
 
 /// Runs the command.
@@ -110,13 +114,24 @@ pub struct EvalArgs {
 /// # Errors
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
+    if arguments.experiment.is_asked() {
+        return experiment::run(
+            &arguments.experiment,
+            arguments.folder.as_deref(),
+            arguments.footprint_width,
+            arguments.mode,
+            &arguments.model.open()?,
+            &arguments.out,
+        );
+    }
+    let folder = experiment::needed(arguments.folder.as_ref())?;
     let map_path = arguments
         .map
         .clone()
-        .unwrap_or_else(|| arguments.folder.join("map.tif"));
+        .unwrap_or_else(|| folder.join("map.tif"));
     let truth = scorable(
-        truth::read(&arguments.folder.join("truth.csv"))?,
-        &arguments.folder.join("photos"),
+        truth::read(&folder.join("truth.csv"))?,
+        &folder.join("photos"),
     )?;
     let map = arguments
         .gallery
@@ -157,7 +172,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
             radius_px,
         ));
     }
-    write_results(&arguments.out, &arguments.folder, &runs)?;
+    write_results(&arguments.out, folder, &runs)?;
     let recall_json = serde_json::to_string_pretty(&recalls)?;
     fs_err::write(arguments.out.join("recall.json"), recall_json + "\n")?;
     print_summary(&runs)?;

@@ -6,13 +6,11 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use grimnet_eval::gallery::{Gallery, open_foreign};
-use grimnet_eval::recall::{
-    FrameRecall, PAPER_RADIUS_PX, RECALL_AT, Recall, RightTile, rank_of_right,
-};
+use grimnet_eval::recall::{FrameRecall, PAPER_RADIUS_PX, RECALL_AT, Recall, RightTile};
 use grimnet_eval::truth::TruthFrame;
 use grimnet_geo::{LonLat, Raster};
-use grimnet_locate::{RoundTrace, Trace};
-use grimnet_pack::{Level, Levels, Pack};
+use grimnet_locate::Trace;
+use grimnet_pack::{Levels, Pack};
 use serde::Serialize;
 
 /// What makes the gallery harder, and when a retrieved tile is right.
@@ -107,35 +105,13 @@ impl RunRecall {
     }
 }
 
-/// Ranks come from the first round, which is what a single search would have given; matching may happen in any.
 fn frame_recall(pack: &Pack, trace: &Trace, truth: &TruthFrame, right: RightTile) -> FrameRecall {
-    let is_right = |round: &RoundTrace| {
-        let level = &pack.levels()[round.level];
-        let truth_px = true_centre_px(level, truth);
-        move |tile: usize| {
-            truth_px.is_some_and(|truth_px| {
-                right.holds(
-                    level.tile(tile).center_px,
-                    f64::from(level.tile_px()),
-                    truth_px,
-                )
-            })
+    match truth.centre_lat_lon_deg.or(truth.gps_lat_lon_deg) {
+        Some((lat_deg, lon_deg)) => {
+            FrameRecall::of(pack, trace, LonLat { lon_deg, lat_deg }, right)
         }
-    };
-    let first = trace.rounds.first();
-    FrameRecall {
-        rank_by_descriptor: first.and_then(|r| rank_of_right(&r.by_descriptor, is_right(r))),
-        rank_by_vote: first.and_then(|r| rank_of_right(&r.by_vote, is_right(r))),
-        matched: trace
-            .rounds
-            .iter()
-            .any(|r| rank_of_right(&r.matched, is_right(r)).is_some()),
+        None => FrameRecall::default(),
     }
-}
-
-fn true_centre_px(level: &Level, truth: &TruthFrame) -> Option<[f64; 2]> {
-    let (lat_deg, lon_deg) = truth.centre_lat_lon_deg.or(truth.gps_lat_lon_deg)?;
-    level.level_px_from_lonlat(LonLat { lon_deg, lat_deg }).ok()
 }
 
 /// Prints recall, a column a run.

@@ -1,0 +1,235 @@
+//! Scenes of the procedural world: a flight over it, with one thing changed at a time.
+
+use std::path::Path;
+
+use grimnet_geo::{LonLat, MapOptions, open_map};
+use grimnet_photo::{Metadata, Photo};
+use grimnet_world::{
+    Camera, Flight, Look, Placement, Pose, RegionM, Season, TruthRow, World, WorldConfig,
+    write_geotiff,
+};
+
+use super::scene::{Scene, SceneError, Shot};
+
+/// Where made-up places lie: in the Gulf of Guinea, where there is no land.
+const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];
+
+/// Ground resolution of the maps, metres per pixel: that of a good aerial orthophoto.
+pub const MAP_GSD_M: f64 = 0.3;
+
+/// The camera: near that of a small consumer drone, at a resolution that keeps experiments short.
+const CAMERA: Camera = Camera {
+    hfov_deg: 70.0,
+    width_px: 800,
+    height_px: 600,
+};
+
+/// A flight over a procedural world.
+#[derive(Debug, Clone)]
+pub struct WorldFlight {
+    /// The scene's name.
+    pub name: String,
+    /// Seed of world and flight.
+    pub seed: u64,
+    /// Side of the square map, metres.
+    pub size_m: f64,
+    /// Share of it that is town.
+    pub urban: f32,
+    /// Photos.
+    pub photos: usize,
+    /// What the map looks like.
+    pub map_look: Look,
+    /// What the photos look like.
+    pub photo_look: Look,
+    /// What is changed of each pose.
+    pub change: PoseChange,
+    /// Whether the photos are of another world than the map: none may then get a fix.
+    pub wrong_area: bool,
+}
+
+/// A change of every pose of a flight.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub enum PoseChange {
+    /// None: lines with turns between them, 100 to 130 m above ground, tilts of about 2 degrees.
+    #[default]
+    None,
+    /// All photos point this way, degrees clockwise from north.
+    Heading(f64),
+    /// All photos are turned by this against what is said of them, degrees.
+    HeadingError(f64),
+    /// Heights times this, and said so.
+    Height(f64),
+    /// Heights times this, while metadata tell the old ones.
+    UntoldHeight(f64),
+    /// The camera looks this much ahead of straight down, degrees, and says so.
+    Pitch(f64),
+}
+
+impl WorldFlight {
+    /// The flight of the experiments over one world: summer map, autumn photos.
+    pub fn over(name: &str, seed: u64, size_m: f64, urban: f32, photos: usize) -> Self {
+        Self {
+            name: name.to_owned(),
+            seed,
+            size_m,
+            urban,
+            photos,
+            map_look: Look::satellite(Season::Summer),
+            photo_look: Look::drone(Season::Autumn),
+            change: PoseChange::None,
+            wrong_area: false,
+        }
+    }
+
+    /// Draws map and photos; the map is written into `folder`.
+    ///
+    /// # Errors
+    /// The map cannot be written.
+    pub fn make(&self, folder: &Path) -> Result<Scene, SceneError> {
+        fs_err::create_dir_all(folder)?;
+        let world = self.world(self.seed);
+        let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
+        let placement = Placement::at(lon_deg, lat_deg)?;
+        let whole = RegionM {
+            x_min_m: 0.0,
+            y_min_m: 0.0,
+            width_m: world.size_m(),
+            height_m: world.size_m(),
+        };
+        let picture = world.render_map(whole, MAP_GSD_M, &self.map_look);
+        let path = folder.join(format!("{}.tif", self.name.replace(' ', "_")));
+        let north_west_m = placement.utm_from_world([0.0, world.size_m()]);
+        write_geotiff(&path, &picture, MAP_GSD_M, north_west_m, placement.epsg())?;
+        let flown = if self.wrong_area {
+            self.world(self.seed ^ WRONG_AREA)
+        } else {
+            world
+        };
+        let flight = Flight::plan(&flown, self.photos, self.seed);
+        let shots = flight
+            .frames
+            .iter()
+            .enumerate()
+            .map(|(i, frame)| self.shot(&flown, &placement, i, frame.pose, frame.reported))
+            .collect::<Result<_, SceneError>>()?;
+        Ok(Scene {
+            name: self.name.clone(),
+            map: open_map(&path, &MapOptions::default())?,
+            shots,
+        })
+    }
+
+    fn world(&self, seed: u64) -> World {
+        World::new(WorldConfig {
+            seed,
+            size_m: self.size_m,
+            urban: self.urban,
+            ..WorldConfig::default()
+        })
+    }
+
+    fn shot(
+        &self,
+        world: &World,
+        placement: &Placement,
+        index: usize,
+        pose: Pose,
+        reported: Pose,
+    ) -> Result<Shot, SceneError> {
+        let (pose, reported) = self.change.of(pose, reported);
+        let name = format!("{:03}", index + 1);
+        let picture = world.render_photo(&pose, &CAMERA, &self.photo_look);
+        let truth = TruthRow::new(&name, &pose, &CAMERA, placement)?;
+        let told_deg = truth.heading_deg + reported.heading_deg - pose.heading_deg;
+        let metadata = Metadata {
+            gimbal_yaw_deg: Some(told_deg.rem_euclid(360.0)),
+            gimbal_pitch_deg: Some(reported.pitch_off_nadir_deg - 90.0),
+            gimbal_roll_deg: Some(reported.roll_deg),
+            relative_altitude_m: Some(reported.height_agl_m),
+            calibrated_focal_px: Some(CAMERA.focal_px()),
+            orientation: 1,
+            ..Metadata::default()
+        };
+        Ok(Shot {
+            name,
+            photo: Photo::from_image(picture, metadata),
+            truth: LonLat {
+                lon_deg: truth.lon_deg,
+                lat_deg: truth.lat_deg,
+            },
+            heading_deg: Some(told_deg.rem_euclid(360.0)),
+            gsd_m: None,
+        })
+    }
+}
+
+/// Turns a world's seed into that of another world.
+const WRONG_AREA: u64 = 0x5eed_0fff;
+
+impl PoseChange {
+    /// True pose and what is said of it, changed.
+    fn of(self, mut pose: Pose, mut reported: Pose) -> (Pose, Pose) {
+        let error_deg = reported.heading_deg - pose.heading_deg;
+        match self {
+            Self::None => {}
+            Self::Heading(deg) => (pose.heading_deg, reported.heading_deg) = (deg, deg + error_deg),
+            Self::HeadingError(deg) => reported.heading_deg += deg,
+            Self::Height(factor) => {
+                pose.height_agl_m *= factor;
+                reported.height_agl_m *= factor;
+            }
+            Self::UntoldHeight(factor) => pose.height_agl_m *= factor,
+            Self::Pitch(deg) => {
+                pose.pitch_off_nadir_deg += deg;
+                reported.pitch_off_nadir_deg += deg;
+            }
+        }
+        (pose, reported)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grimnet_geo::distance_m;
+
+    #[test]
+    fn one_thing_changes_at_a_time() {
+        let pose = Pose::default();
+        let (flown, said) = PoseChange::Heading(90.0).of(pose, pose);
+        assert_eq!((flown.heading_deg, said.heading_deg), (90.0, 90.0));
+        let (flown, said) = PoseChange::UntoldHeight(2.0).of(pose, pose);
+        assert_eq!((flown.height_agl_m, said.height_agl_m), (240.0, 120.0));
+        let (flown, said) = PoseChange::HeadingError(30.0).of(pose, pose);
+        assert_eq!((flown.heading_deg, said.heading_deg), (0.0, 30.0));
+    }
+
+    #[test]
+    fn a_flight_has_a_map_and_photos_on_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let flight = WorldFlight::over("hamlet", 3, 300.0, 0.5, 2);
+        let scene = flight.make(folder.path()).unwrap();
+        assert_eq!((scene.shots.len(), scene.map.size_px()), (2, (1000, 1000)));
+        let [first, second] = &scene.shots[..] else {
+            panic!("two shots");
+        };
+        assert!(distance_m(first.truth, second.truth) > 1.0);
+        let at = scene
+            .map
+            .georeference()
+            .map_px_from_lonlat(first.truth)
+            .unwrap();
+        assert!((100.0..900.0).contains(&at.x) && (100.0..900.0).contains(&at.y));
+        // The same flight is the same; that of another world is not.
+        let again = flight.make(folder.path()).unwrap();
+        assert_eq!(again.shots[0].photo.image, first.photo.image);
+        let elsewhere = WorldFlight {
+            wrong_area: true,
+            ..flight
+        };
+        assert_ne!(
+            elsewhere.make(folder.path()).unwrap().shots[0].photo.image,
+            first.photo.image
+        );
+    }
+}

@@ -1,0 +1,140 @@
+//! Sweeps as one self-contained HTML page: a plot and a table each.
+
+use std::fmt::Write as _;
+
+use plotters::prelude::*;
+
+use crate::experiment_table::ExperimentTable;
+use crate::plot::PlotError;
+
+const SIZE_PX: (u32, u32) = (760, 280);
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}\
+table{border-collapse:collapse;margin:1rem 0}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid #ddd}\
+td:first-child,th:first-child{text-align:left}svg{max-width:100%;height:auto}";
+
+/// The page; it refers to nothing outside itself.
+///
+/// # Errors
+/// A plot cannot be drawn.
+pub fn page(title: &str, tables: &[ExperimentTable]) -> Result<String, PlotError> {
+    let title = escape(title);
+    let mut page = format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
+    );
+    for table in tables {
+        // Writing to a string cannot fail, here and below.
+        let _ = write!(page, "<h2>{}</h2>", escape(&table.title));
+        page.push_str(&shares_plot(table)?);
+        page.push_str(&html_table(table));
+        for note in &table.notes {
+            let _ = write!(page, "<p>{}</p>", escape(note));
+        }
+    }
+    Ok(page)
+}
+
+/// Every column of percent as a line over the rows.
+fn shares_plot(table: &ExperimentTable) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
+        let last = table.rows.len().saturating_sub(1).max(1) as f64;
+        let mut chart = ChartBuilder::on(&root)
+            .margin(10)
+            .x_label_area_size(30)
+            .y_label_area_size(48)
+            .build_cartesian_2d(-0.3..last + 0.3, 0.0..105.0)?;
+        let name = |x: &f64| {
+            let i = x.round();
+            let is_row = (x - i).abs() < 1e-6 && i >= 0.0;
+            let row = is_row.then(|| table.rows.get(i as usize)).flatten();
+            row.map_or_else(String::new, |row| row.name.clone())
+        };
+        chart
+            .configure_mesh()
+            .x_labels(2 * table.rows.len().max(1))
+            .x_label_formatter(&name)
+            .y_desc("% of frames")
+            .draw()?;
+        let shares = table
+            .columns
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| c.unit == "%");
+        for (i, (column, head)) in shares.enumerate() {
+            let colour = Palette99::pick(i).to_rgba();
+            let points: Vec<(f64, f64)> = table
+                .rows
+                .iter()
+                .enumerate()
+                .filter_map(|(x, row)| Some((x as f64, (*row.values.get(column)?)?)))
+                .collect();
+            chart
+                .draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?
+                .label(&*head.name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+            chart.draw_series(
+                points
+                    .into_iter()
+                    .map(|at| Circle::new(at, 3, colour.filled())),
+            )?;
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::LowerLeft)
+            .background_style(WHITE.mix(0.8))
+            .draw()?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+fn html_table(table: &ExperimentTable) -> String {
+    let mut text = String::from("<table><tr><th></th>");
+    for column in &table.columns {
+        let _ = write!(text, "<th>{}</th>", escape(&column.head()));
+    }
+    for row in &table.rows {
+        let _ = write!(text, "</tr><tr><td>{}</td>", escape(&row.name));
+        for (column, value) in table.columns.iter().zip(&row.values) {
+            let _ = write!(text, "<td>{}</td>", column.print(*value));
+        }
+    }
+    text + "</tr></table>"
+}
+
+fn escape(text: &str) -> String {
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::experiment_table::{Column, Row};
+
+    #[test]
+    fn the_page_plots_and_tells_every_table() {
+        let table = ExperimentTable {
+            title: "Blur <px>".into(),
+            columns: vec![Column::percent("within 5 m"), Column::metres("median")],
+            rows: vec![
+                Row::new("0", vec![Some(100.0), Some(0.4)]),
+                Row::new("8", vec![Some(37.5), None]),
+            ],
+            ..ExperimentTable::default()
+        };
+        let page = page("Robustness", &[table]).unwrap();
+        for part in [
+            "Blur &lt;px&gt;",
+            "<svg",
+            "within 5 m",
+            "<td>37.5</td>",
+            "<td>-</td>",
+        ] {
+            assert!(page.contains(part), "{part}");
+        }
+    }
+}

@@ -1,0 +1,289 @@
+//! Robustness: one thing is made worse step by step on the procedural world, and accuracy is measured at each step.
+
+use std::path::Path;
+
+use grimnet_world::Season;
+
+use super::bench::{Bench, BenchError, Setup};
+use super::flight::{PoseChange, WorldFlight};
+use super::photometry::Photometry;
+use super::scene::SceneError;
+use super::tables::Recipe;
+use crate::experiment_table::{Column, ExperimentTable, Row};
+use crate::metrics::Summary;
+
+/// What is made worse.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Sweep {
+    /// Heading of the photos, told and not told.
+    Yaw,
+    /// Height above ground, told and not told.
+    Scale,
+    /// Camera ahead of straight down.
+    Pitch,
+    /// Brightness of the photos.
+    Brightness,
+    /// Contrast of the photos.
+    Contrast,
+    /// Blur of the photos.
+    Blur,
+    /// Noise of the photos.
+    Noise,
+    /// Season of the photos; the map is of summer.
+    Season,
+    /// Share of buildings and trees that came or went since the map.
+    MapAge,
+    /// Photos of another place than the map's.
+    WrongArea,
+}
+
+impl Sweep {
+    /// All of them.
+    pub const ALL: [Self; 10] = [
+        Self::Yaw,
+        Self::Scale,
+        Self::Pitch,
+        Self::Brightness,
+        Self::Contrast,
+        Self::Blur,
+        Self::Noise,
+        Self::Season,
+        Self::MapAge,
+        Self::WrongArea,
+    ];
+
+    /// Name of its files and of the option's value.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::Yaw => "yaw",
+            Self::Scale => "scale",
+            Self::Pitch => "pitch",
+            Self::Brightness => "brightness",
+            Self::Contrast => "contrast",
+            Self::Blur => "blur",
+            Self::Noise => "noise",
+            Self::Season => "season",
+            Self::MapAge => "map-age",
+            Self::WrongArea => "wrong-area",
+        }
+    }
+
+    fn title(self) -> &'static str {
+        match self {
+            Self::Yaw => "Heading of the photos, degrees",
+            Self::Scale => "Height above ground, times the usual 100 to 130 m",
+            Self::Pitch => "Camera ahead of straight down, degrees",
+            Self::Brightness => "Brightness of the photos, times",
+            Self::Contrast => "Contrast of the photos, times",
+            Self::Blur => "Blur of the photos, pixels (1 sigma)",
+            Self::Noise => "Noise of the photos, tones of 255 (1 sigma)",
+            Self::Season => "Season of the photos; the map is of summer",
+            Self::MapAge => "Share of buildings and trees that came or went since the map",
+            Self::WrongArea => "Photos of another place than the map's: none may get a fix",
+        }
+    }
+
+    /// The steps: name, flight, what is done to the photos, and whether headings are told.
+    fn steps(self, flight: &WorldFlight) -> Vec<Step> {
+        let posed = |name: String, change: PoseChange, heading_known: bool| Step {
+            name,
+            flight: WorldFlight {
+                change,
+                ..flight.clone()
+            },
+            photometry: Photometry::Original,
+            heading_known,
+        };
+        let lit = |value: f64, photometry: Photometry| Step {
+            name: value.to_string(),
+            flight: flight.clone(),
+            photometry,
+            heading_known: true,
+        };
+        let seen = |name: String, flight: WorldFlight, heading_known: bool| Step {
+            name,
+            flight,
+            photometry: Photometry::Original,
+            heading_known,
+        };
+        match self {
+            Self::Yaw => [true, false]
+                .into_iter()
+                .flat_map(|known| {
+                    let told = if known { "told" } else { "not told" };
+                    (0..8).map(move |i| (45.0 * f64::from(i), known, told))
+                })
+                .map(|(deg, known, told)| {
+                    posed(format!("{deg}, {told}"), PoseChange::Heading(deg), known)
+                })
+                .collect(),
+            Self::Scale => [0.5, 0.71, 1.0, 1.41, 2.0]
+                .into_iter()
+                .flat_map(|factor| {
+                    [
+                        posed(format!("{factor}, told"), PoseChange::Height(factor), true),
+                        posed(
+                            format!("{factor}, not told"),
+                            PoseChange::UntoldHeight(factor),
+                            true,
+                        ),
+                    ]
+                })
+                .collect(),
+            Self::Pitch => [0.0, 5.0, 10.0, 20.0, 30.0, 45.0]
+                .map(|deg| posed(deg.to_string(), PoseChange::Pitch(deg), true))
+                .into(),
+            Self::Brightness => [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0]
+                .map(|f| lit(f, Photometry::Brightness(f)))
+                .into(),
+            Self::Contrast => [0.1, 0.2, 0.4, 0.6, 1.0, 1.5]
+                .map(|f| lit(f, Photometry::Contrast(f)))
+                .into(),
+            Self::Blur => [0.0, 1.0, 2.0, 4.0, 8.0]
+                .map(|s| lit(s, Photometry::Blur(s)))
+                .into(),
+            Self::Noise => [0.0, 10.0, 20.0, 40.0, 80.0]
+                .map(|s| lit(s, Photometry::Noise(s)))
+                .into(),
+            Self::Season => Season::ALL
+                .map(|season| {
+                    let mut flight = flight.clone();
+                    flight.photo_look.season = season;
+                    seen(format!("{season:?}").to_lowercase(), flight, true)
+                })
+                .into(),
+            Self::MapAge => [0.03, 0.1, 0.2, 0.4, 0.6, 0.8]
+                .map(|share: f32| {
+                    let mut flight = flight.clone();
+                    flight.photo_look.change = share;
+                    seen(share.to_string(), flight, true)
+                })
+                .into(),
+            Self::WrongArea => [true, false]
+                .map(|known| {
+                    let flight = WorldFlight {
+                        wrong_area: true,
+                        ..flight.clone()
+                    };
+                    seen(
+                        format!("heading {}", if known { "told" } else { "not told" }),
+                        flight,
+                        known,
+                    )
+                })
+                .into(),
+        }
+    }
+}
+
+struct Step {
+    name: String,
+    flight: WorldFlight,
+    photometry: Photometry,
+    heading_known: bool,
+}
+
+/// A sweep could not be run.
+#[derive(Debug, thiserror::Error)]
+pub enum SweepError {
+    /// A scene cannot be made.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// A setup cannot be run.
+    #[error(transparent)]
+    Bench(Box<BenchError>),
+}
+
+impl From<BenchError> for SweepError {
+    fn from(error: BenchError) -> Self {
+        Self::Bench(Box::new(error))
+    }
+}
+
+/// Runs a sweep over each of `flights`; maps are written into `folder`. A row a step, over all flights together.
+///
+/// # Errors
+/// A map cannot be written, or a pack not built.
+pub fn run(
+    sweep: Sweep,
+    bench: &mut Bench<'_>,
+    flights: &[WorldFlight],
+    folder: &Path,
+) -> Result<ExperimentTable, SweepError> {
+    let mut rows: Vec<(String, Vec<crate::metrics::Frame>)> = Vec::new();
+    for flight in flights {
+        for (i, step) in sweep.steps(flight).into_iter().enumerate() {
+            let mut scene = step.flight.make(folder)?;
+            // The bench tells scenes apart by their names.
+            scene.name = format!("{} {} {}", flight.name, sweep.id(), step.name);
+            let setup = Setup {
+                photometry: step.photometry,
+                heading_known: step.heading_known,
+                ..Recipe::Default.setup()
+            };
+            let frames = bench.measure(&scene, &setup)?.frames;
+            if rows.len() <= i {
+                rows.push((step.name, Vec::new()));
+            }
+            rows[i].1.extend(frames);
+        }
+    }
+    Ok(ExperimentTable {
+        id: format!("sweep-{}", sweep.id()),
+        title: sweep.title().to_owned(),
+        columns: vec![
+            Column::percent("with a fix"),
+            Column::percent("within 5 m"),
+            Column::percent("within 20 m"),
+            Column::metres("median"),
+            Column::new("confidently wrong", "", 0),
+        ],
+        rows: rows
+            .iter()
+            .map(|(name, frames)| row(sweep, name, &Summary::of(frames)))
+            .collect(),
+        notes: vec![
+            "Shares are of all frames; the median counts a frame without a fix as infinitely far."
+                .to_owned(),
+        ],
+        ..ExperimentTable::default()
+    })
+}
+
+fn row(sweep: Sweep, name: &str, summary: &Summary) -> Row {
+    // A fix in a wrong area is wrong, however near its made-up coordinates lie.
+    let wrong = if sweep == Sweep::WrongArea {
+        summary.fixes
+    } else {
+        summary.confidently_wrong
+    };
+    Row::new(
+        name,
+        vec![
+            Some(100.0 * summary.fixes as f64 / summary.frames.max(1) as f64),
+            Some(100.0 * summary.within_5m),
+            Some(100.0 * summary.within_20m),
+            summary.median_m,
+            Some(wrong as f64),
+        ],
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_sweep_has_steps_of_its_own() {
+        let flight = WorldFlight::over("town", 1, 300.0, 0.5, 1);
+        for sweep in Sweep::ALL {
+            let steps = sweep.steps(&flight);
+            assert!(steps.len() >= 2, "{sweep:?}");
+            let mut names: Vec<&str> = steps.iter().map(|s| s.name.as_str()).collect();
+            names.sort_unstable();
+            names.dedup();
+            assert_eq!(names.len(), steps.len(), "{sweep:?}");
+        }
+    }
+}

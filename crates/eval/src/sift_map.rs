@@ -1,0 +1,242 @@
+//! The classical baseline: SIFT on the photo and on the map's tiles, with the localiser's geometry.
+//!
+//! Over all tiles it is the whole-map baseline; over the tiles that a search by descriptor found it is the paper's G + S.
+
+use grimnet_geo::{GeoError, Georeference, LevelFrame, LonLat, Raster};
+use grimnet_kernels::Isa;
+use grimnet_locate::correspondence::Correspondence;
+use grimnet_locate::matching::{Descriptors, Matcher, MatchingError};
+use grimnet_locate::solve::{Expected, solve};
+use grimnet_locate::transform::Transform;
+use grimnet_locate::{GeometryModel, Options, Prior};
+use grimnet_pack::Level;
+use grimnet_photo::{Photo, PhotoError, QueryOptions};
+use image::imageops::grayscale;
+use image::{GrayImage, Luma};
+use nalgebra::Point2;
+use rayon::prelude::*;
+
+use crate::sift::{DESCRIPTOR_DIM, SiftFeatures, SiftOptions, sift};
+
+/// Keypoints of a tile and of a photo at most.
+const MOST_KEYPOINTS: usize = 2048;
+
+/// Lowe's ratio (Lowe 2004, section 7.1; the paper's 3.5.2).
+const RATIO: f32 = 0.8;
+
+/// Pixels about the centre of an integer keypoint position: from pixel indices to continuous pixels.
+const PIXEL_CENTRE: f64 = 0.5;
+
+/// A photo's keypoints nearer than this many of their sigmas to where nothing is seen are left out: the border would describe them.
+const BORDER_SIGMAS: f32 = 8.0;
+
+/// Why the baseline cannot run.
+#[derive(Debug, thiserror::Error)]
+pub enum SiftMapError {
+    /// The map.
+    #[error(transparent)]
+    Map(#[from] GeoError),
+    /// The photo.
+    #[error(transparent)]
+    Photo(#[from] PhotoError),
+    /// Matching.
+    #[error(transparent)]
+    Matching(#[from] MatchingError),
+    /// How large the photo is on the ground is not known.
+    #[error(
+        "{0}: the ground resolution of the photo is not known, and SIFT's tiles have one scale"
+    )]
+    NoScale(String),
+}
+
+/// SIFT features of every tile of one level.
+pub struct SiftMap {
+    frame: LevelFrame,
+    georeference: Georeference,
+    tiles: Vec<Tile>,
+}
+
+struct Tile {
+    origin_px: [f64; 2],
+    features: SiftFeatures,
+}
+
+/// Where a photo was found.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SiftFix {
+    /// The photo's centre.
+    pub position: LonLat,
+    /// Matches that agree with it.
+    pub inliers: usize,
+    /// The tile.
+    pub tile: usize,
+}
+
+impl SiftMap {
+    /// Features of every tile of `level`, from the map that it was built from.
+    ///
+    /// # Errors
+    /// The map cannot be read.
+    pub fn new(map: &dyn Raster, level: &Level) -> Result<Self, SiftMapError> {
+        let side = level.tile_px();
+        let tiles = (0..level.tile_count())
+            .into_par_iter()
+            .map(|i| {
+                let origin_px = level.tile(i).origin_px.map(|v| v as f64);
+                let window = level.frame().map_window(
+                    origin_px[0],
+                    origin_px[1],
+                    f64::from(side),
+                    f64::from(side),
+                );
+                let patch = map.read(window, side, side)?;
+                let features = seen(sift(&grayscale(&patch.rgb), &options()), &patch.valid);
+                Ok(Tile {
+                    origin_px,
+                    features,
+                })
+            })
+            .collect::<Result<_, GeoError>>()?;
+        Ok(Self {
+            frame: *level.frame(),
+            georeference: level.georeference().clone(),
+            tiles,
+        })
+    }
+
+    /// Matches a photo with tiles (all of them, where `among` is none); the one with the most inliers of a similarity wins. None
+    /// where no tile has any.
+    ///
+    /// # Errors
+    /// The photo cannot be resampled, or its ground resolution is not known.
+    pub fn locate(
+        &self,
+        photo: &Photo,
+        prior: &Prior,
+        among: Option<&[usize]>,
+    ) -> Result<Option<SiftFix>, SiftMapError> {
+        let view = photo.view(&prior.overrides());
+        let Some(footprint) = view.footprint else {
+            return Err(SiftMapError::NoScale(photo.path.display().to_string()));
+        };
+        let maker = photo.query_maker(&QueryOptions {
+            tilt: view.tilt,
+            ..QueryOptions::new(self.frame.gsd_m, footprint.width_m)
+        })?;
+        let up_deg = self
+            .georeference
+            .up_bearing_deg(self.georeference.center_px())?;
+        let query = maker.make(
+            view.heading
+                .map_or(0.0, |heading| heading.heading_deg - up_deg),
+        );
+        let features = seen(sift(&grayscale(&query.image), &options()), &query.mask);
+        let centre = query.centre_px();
+        let all: Vec<usize> = (0..self.tiles.len()).collect();
+        let found: Vec<Option<(usize, [f64; 2], usize)>> = among
+            .unwrap_or(&all)
+            .par_iter()
+            .map(|&tile| {
+                let solved = self.match_tile(&features, tile, centre)?;
+                Ok(solved.map(|(inliers, centre_px)| (inliers, centre_px, tile)))
+            })
+            .collect::<Result<_, SiftMapError>>()?;
+        let best = found
+            .into_iter()
+            .flatten()
+            .reduce(|a, b| if b.0 > a.0 { b } else { a });
+        let Some((inliers, [x, y], tile)) = best else {
+            return Ok(None);
+        };
+        // A wild transform may lead to where there are no degrees: no answer, then.
+        let place = self
+            .georeference
+            .lonlat_from_map_px(self.frame.map_px_from_level_px(x, y));
+        Ok(place.ok().filter(LonLat::is_valid).map(|position| SiftFix {
+            position,
+            inliers,
+            tile,
+        }))
+    }
+
+    /// Inliers, and the photo's centre in level pixels.
+    fn match_tile(
+        &self,
+        query: &SiftFeatures,
+        tile: usize,
+        centre: [f64; 2],
+    ) -> Result<Option<(usize, [f64; 2])>, SiftMapError> {
+        let tile = &self.tiles[tile];
+        let mut matches = Vec::new();
+        Matcher::new(Isa::detect()).mutual(
+            Descriptors::F32(&query.descriptors),
+            Descriptors::F32(&tile.features.descriptors),
+            DESCRIPTOR_DIM,
+            Some(RATIO),
+            &mut matches,
+        )?;
+        matches.sort_by(|a, b| {
+            b.similarity
+                .total_cmp(&a.similarity)
+                .then(a.query.cmp(&b.query))
+        });
+        let point = |features: &SiftFeatures, i: u32| {
+            let keypoint = &features.keypoints[i as usize];
+            Point2::new(
+                f64::from(keypoint.x_px) + PIXEL_CENTRE,
+                f64::from(keypoint.y_px) + PIXEL_CENTRE,
+            )
+        };
+        let pairs: Vec<Correspondence> = matches
+            .iter()
+            .map(|m| Correspondence::new(point(query, m.query), point(&tile.features, m.tile)))
+            .collect();
+        // SIFT knows its orientations: any rotation may come out.
+        let expected = Expected {
+            max_rotation_rad: f64::INFINITY,
+        };
+        let options = Options {
+            geometry: GeometryModel::Similarity,
+            ..Options::default()
+        };
+        Ok(solve(&pairs, expected, &options).and_then(|solved| {
+            let at = solved.homography.map(Point2::from(centre))?;
+            Some((
+                solved.inliers.len(),
+                [at.x + tile.origin_px[0], at.y + tile.origin_px[1]],
+            ))
+        }))
+    }
+}
+
+fn options() -> SiftOptions {
+    SiftOptions {
+        most: MOST_KEYPOINTS,
+        ..SiftOptions::default()
+    }
+}
+
+/// Only keypoints whose surroundings are seen.
+fn seen(features: SiftFeatures, mask: &GrayImage) -> SiftFeatures {
+    let is_seen = |x: f32, y: f32| {
+        let (x, y) = (x.round() as i64, y.round() as i64);
+        let outside =
+            x < 0 || y < 0 || x >= i64::from(mask.width()) || y >= i64::from(mask.height());
+        // Beyond the picture's own border nothing is drawn that could mislead.
+        outside || *mask.get_pixel(x as u32, y as u32) != Luma([0])
+    };
+    let mut kept = SiftFeatures::default();
+    let rows = features.descriptors.chunks_exact(DESCRIPTOR_DIM);
+    for (keypoint, descriptor) in features.keypoints.iter().zip(rows) {
+        let reach = BORDER_SIGMAS * keypoint.sigma_px;
+        let around = (0..8).map(|i| (i as f32 * std::f32::consts::FRAC_PI_4).sin_cos());
+        if around
+            .into_iter()
+            .all(|(sin, cos)| is_seen(keypoint.x_px + reach * cos, keypoint.y_px + reach * sin))
+        {
+            kept.keypoints.push(*keypoint);
+            kept.descriptors.extend_from_slice(descriptor);
+        }
+    }
+    kept
+}

@@ -48,6 +48,8 @@ enum Command {
     Locate(commands::locate::LocateArgs),
     /// Measure accuracy on photos whose place is known
     Eval(commands::eval::EvalArgs),
+    /// Fit how far a model's answers may be off, and how often they are wrong
+    Calibrate(commands::calibrate::CalibrateArgs),
     /// Watch a flight over a made-up town being located
     Demo(commands::demo::DemoArgs),
     /// Look into a model file
@@ -64,6 +66,7 @@ fn main() -> std::process::ExitCode {
         Command::Map(command) => commands::map::run(command),
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Eval(arguments) => commands::eval::run(&arguments),
+        Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Model(command) => commands::model::run(command),
         Command::Train(arguments) => commands::train::run(&arguments),

@@ -4,6 +4,7 @@
 //! [`metrics::Frame::score`] compares one answer with it, and [`metrics::Summary::of`] condenses all
 //! frames into the figures that the field uses; [`report::Report`] shows them on one page.
 
+pub mod calibration;
 pub mod experiment;
 pub mod experiment_table;
 pub mod gallery;
@@ -11,6 +12,8 @@ pub mod metrics;
 pub mod plot;
 pub mod recall;
 pub mod report;
+pub mod risk_coverage;
+pub mod sample;
 pub mod sift;
 pub mod sift_map;
 pub mod truth;

@@ -1,8 +1,14 @@
 //! The figures that the field uses, over all frames.
 
-use grimnet_geo::{LonLat, offset_en_m};
-use rand::{Rng, SeedableRng};
+use std::collections::BTreeMap;
+
+use grimnet_geo::{LonLat, distance_m, offset_en_m};
+use grimnet_locate::covariance::radius;
+use nalgebra::Matrix2;
 use serde::Serialize;
+
+use crate::risk_coverage;
+use crate::sample::{bootstrap_interval, mean, percentile, share_within};
 
 /// How one frame was answered, compared with the truth.
 #[derive(Debug, Clone, Default, Serialize)]
@@ -21,10 +27,25 @@ pub struct Frame {
     pub radius95_m: Option<f64>,
     /// Squared Mahalanobis distance of the error under the stated covariance (chi-square, 2 degrees of freedom).
     pub mahalanobis2: Option<f64>,
+    /// The radius that was stated to hold the truth in 50 % of cases, metres.
+    pub radius50_m: Option<f64>,
+    /// The radius that was stated to hold the truth in 90 % of cases, metres.
+    pub radius90_m: Option<f64>,
+    /// The 95 % radius when the truth's own error is counted in, metres ([`Frame::with_truth_error`]).
+    pub radius95_with_truth_m: Option<f64>,
+    /// Distance from the satellite receiver's position, metres, where that is known beside the image centre's.
+    pub gps_error_m: Option<f64>,
+    /// Stated probability that the fix is right.
+    pub confidence: Option<f64>,
+    /// Matches that agree with the answer.
+    pub inliers: Option<usize>,
     /// Why there is no fix.
     pub reason: Option<String>,
     /// Time from decoded photo to answer, milliseconds.
     pub time_ms: Option<f64>,
+    /// The same by stage.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub stage_ms: BTreeMap<String, f64>,
 }
 
 /// A fix as it is scored: position, and what was said about its uncertainty.
@@ -44,6 +65,7 @@ impl Frame {
     pub fn score(photo: &str, fix: &ScoredFix, truth: LonLat) -> Self {
         let (east, north) = offset_en_m(truth, fix.position);
         let [ee, en, nn] = fix.covariance_en_m2;
+        let covariance = Matrix2::new(ee, en, en, nn);
         let determinant = ee * nn - en * en;
         let mahalanobis2 =
             (nn * east * east - 2.0 * en * east * north + ee * north * north) / determinant;
@@ -54,8 +76,31 @@ impl Frame {
             error_east_m: Some(east),
             error_north_m: Some(north),
             radius95_m: Some(fix.radius95_m),
+            radius50_m: Some(radius(&covariance, 0.5)),
+            radius90_m: Some(radius(&covariance, 0.9)),
             mahalanobis2: (determinant > 0.0).then_some(mahalanobis2),
             ..Self::default()
+        }
+    }
+
+    /// The same, with the truth known only to `sigma_m` metres per axis (1 sigma): an error larger than the fix's own is then
+    /// no fault of its radius.
+    #[must_use]
+    pub fn with_truth_error(self, fix: &ScoredFix, sigma_m: f64) -> Self {
+        let [ee, en, nn] = fix.covariance_en_m2;
+        let covariance = Matrix2::new(ee, en, en, nn) + Matrix2::identity() * sigma_m.powi(2);
+        Self {
+            radius95_with_truth_m: Some(radius(&covariance, 0.95)),
+            ..self
+        }
+    }
+
+    /// The same, with the distance to where the satellite receiver was.
+    #[must_use]
+    pub fn with_gps(self, fix: &ScoredFix, gps: LonLat) -> Self {
+        Self {
+            gps_error_m: Some(distance_m(gps, fix.position)),
+            ..self
         }
     }
 
@@ -105,8 +150,39 @@ pub struct Summary {
     pub bias_north_m: Option<f64>,
     /// Fixes that were off by more than 3 stated standard deviations and 20 m, or by more than 100 m.
     pub confidently_wrong: usize,
+    /// Fixes that were off by more than 3 stated standard deviations, however little that is; of honest ones 1.1 %.
+    pub beyond_3_sigma: usize,
+    /// Share of all frames with a fix.
+    pub availability: f64,
+    /// Share of fixes within 20 m.
+    pub precision: Option<f64>,
+    /// Share of fixes whose error lies within the stated 50 % radius.
+    pub coverage_50: Option<f64>,
+    /// Share of fixes whose error lies within the stated 90 % radius.
+    pub coverage_90: Option<f64>,
     /// Share of fixes whose error lies within the stated 95 % radius.
     pub coverage_95: Option<f64>,
+    /// 95 % bootstrap interval of `coverage_95`.
+    pub coverage_95_interval: Option<[f64; 2]>,
+    /// Share of fixes within the 95 % radius when the truth's own error is counted in; none where that is not known.
+    pub coverage_95_with_truth_error: Option<f64>,
+    /// Median of the stated 95 % radius.
+    pub radius95_median_m: Option<f64>,
+    /// Area under the curve of risk against coverage; 0 is best.
+    pub risk_coverage_area: Option<f64>,
+    /// 95 % bootstrap interval of `median_m`; none where it reaches into the misses.
+    pub median_interval_m: Option<[f64; 2]>,
+    /// 95 % bootstrap interval of `ale_m`.
+    pub ale_interval_m: Option<[f64; 2]>,
+    /// Median distance of the fixes from the satellite receiver's position, where the truth has that too.
+    pub gps_median_m: Option<f64>,
+    /// Average distance of the fixes from the satellite receiver's position.
+    pub gps_ale_m: Option<f64>,
+    /// Share of all frames within 20 m of the satellite receiver's position.
+    pub gps_within_20m: Option<f64>,
+    /// Median and 95th percentile of the time by stage, milliseconds.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub stage_p50_p95_ms: BTreeMap<String, [f64; 2]>,
     /// Median time per frame, milliseconds.
     pub time_p50_ms: Option<f64>,
     /// 95th percentile of the time per frame, milliseconds.
@@ -122,10 +198,20 @@ impl Summary {
             .map(|f| f.error_m.unwrap_or(f64::INFINITY))
             .collect();
         let fixes: Vec<&Frame> = frames.iter().filter(|f| f.error_m.is_some()).collect();
-        let mean = |value: &dyn Fn(&Frame) -> Option<f64>| {
-            let values: Vec<f64> = fixes.iter().filter_map(|f| value(f)).collect();
-            (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+        let values = |value: &dyn Fn(&Frame) -> Option<f64>| -> Vec<f64> {
+            fixes.iter().filter_map(|f| value(f)).collect()
         };
+        let mean_of = |value: &dyn Fn(&Frame) -> Option<f64>| mean(&values(value));
+        let inside = |radius: fn(&Frame) -> Option<f64>| -> Vec<f64> {
+            values(&|f| {
+                let (error, radius) = f.error_m.zip(radius(f))?;
+                Some(f64::from(u8::from(error <= radius)))
+            })
+        };
+        let covered = inside(|f| f.radius95_m);
+        let fix_errors = values(&|f| f.error_m);
+        let gps = values(&|f| f.gps_error_m);
+        let average = |sample: &[f64]| mean(sample).unwrap_or(0.0);
         let times: Vec<f64> = frames.iter().filter_map(|f| f.time_ms).collect();
         Self {
             frames: frames.len(),
@@ -137,73 +223,65 @@ impl Summary {
             within_5m_interval: bootstrap_interval(&errors, |sample| share_within(sample, 5.0)),
             median_m: percentile(&errors, 0.5),
             p90_m: percentile(&errors, 0.9),
-            ale_m: mean(&|f| f.error_m),
-            bias_east_m: mean(&|f| f.error_east_m),
-            bias_north_m: mean(&|f| f.error_north_m),
+            ale_m: mean(&fix_errors),
+            bias_east_m: mean_of(&|f| f.error_east_m),
+            bias_north_m: mean_of(&|f| f.error_north_m),
             confidently_wrong: fixes.iter().filter(|f| confidently_wrong(f)).count(),
-            coverage_95: mean(&|f| {
-                let (error, radius) = f.error_m.zip(f.radius95_m)?;
-                Some(f64::from(u8::from(error <= radius)))
-            }),
+            beyond_3_sigma: fixes.iter().filter(|f| is_beyond_3_sigma(f)).count(),
+            availability: fixes.len() as f64 / frames.len().max(1) as f64,
+            precision: (!fixes.is_empty()).then(|| share_within(&fix_errors, 20.0)),
+            coverage_50: mean(&inside(|f| f.radius50_m)),
+            coverage_90: mean(&inside(|f| f.radius90_m)),
+            coverage_95: mean(&covered),
+            coverage_95_interval: (!covered.is_empty())
+                .then(|| bootstrap_interval(&covered, average)),
+            coverage_95_with_truth_error: mean(&inside(|f| f.radius95_with_truth_m)),
+            radius95_median_m: percentile(&values(&|f| f.radius95_m), 0.5),
+            risk_coverage_area: risk_coverage::area(frames),
+            median_interval_m: Some(bootstrap_interval(&errors, |sample| {
+                percentile(sample, 0.5).unwrap_or(f64::INFINITY)
+            }))
+            .filter(|ends| !frames.is_empty() && ends.iter().all(|end| end.is_finite())),
+            ale_interval_m: (!fix_errors.is_empty())
+                .then(|| bootstrap_interval(&fix_errors, average)),
+            gps_median_m: percentile(&gps, 0.5),
+            gps_ale_m: mean(&gps),
+            gps_within_20m: (!gps.is_empty())
+                .then(|| gps.iter().filter(|e| **e <= 20.0).count() as f64 / frames.len() as f64),
+            stage_p50_p95_ms: stages(frames),
             time_p50_ms: percentile(&times, 0.5),
             time_p95_ms: percentile(&times, 0.95),
         }
     }
 }
 
+fn is_beyond_3_sigma(frame: &Frame) -> bool {
+    let sigma2 = CONFIDENTLY_WRONG_SIGMA * CONFIDENTLY_WRONG_SIGMA;
+    frame.mahalanobis2.is_some_and(|m| m > sigma2)
+}
+
 fn confidently_wrong(frame: &Frame) -> bool {
     let Some(error) = frame.error_m else {
         return false;
     };
-    let sigma2 = CONFIDENTLY_WRONG_SIGMA * CONFIDENTLY_WRONG_SIGMA;
     // Below the success radius a fix is useful even where its covariance was too proud.
-    let beyond_stated = error > 20.0 && frame.mahalanobis2.is_some_and(|m| m > sigma2);
-    error > CONFIDENTLY_WRONG_M || beyond_stated
+    error > CONFIDENTLY_WRONG_M || error > 20.0 && is_beyond_3_sigma(frame)
 }
 
-/// Share of values at most `limit`; zero of nothing.
-fn share_within(values: &[f64], limit: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
+/// Median and 95th percentile of each stage's time.
+fn stages(frames: &[Frame]) -> BTreeMap<String, [f64; 2]> {
+    let mut all: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    for (stage, ms) in frames.iter().flat_map(|f| &f.stage_ms) {
+        all.entry(stage).or_default().push(*ms);
     }
-    values.iter().filter(|v| **v <= limit).count() as f64 / values.len() as f64
-}
-
-/// The value below which a share `q` of the values lies (linear interpolation, as numpy's default);
-/// none where it is not finite.
-fn percentile(values: &[f64], q: f64) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    let position = q * last as f64;
-    let (low, high) = (
-        sorted[position.floor() as usize],
-        sorted[position.ceil() as usize],
-    );
-    let value = if low == high {
-        low
-    } else {
-        low + (high - low) * position.fract()
-    };
-    value.is_finite().then_some(value)
-}
-
-/// 95 % percentile bootstrap interval (Efron 1979) of a figure, 1,000 resamples, fixed seed.
-fn bootstrap_interval(values: &[f64], figure: impl Fn(&[f64]) -> f64) -> [f64; 2] {
-    if values.is_empty() {
-        return [0.0, 0.0];
-    }
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1979);
-    let mut sample = values.to_vec();
-    let figures: Vec<f64> = (0..1000)
-        .map(|_| {
-            for slot in &mut sample {
-                *slot = values[rng.random_range(0..values.len())];
-            }
-            figure(&sample)
+    all.into_iter()
+        .filter_map(|(stage, ms)| {
+            Some((
+                stage.to_owned(),
+                [percentile(&ms, 0.5)?, percentile(&ms, 0.95)?],
+            ))
         })
-        .collect();
-    [0.025, 0.975].map(|q| percentile(&figures, q).unwrap_or(0.0))
+        .collect()
 }
 
 #[cfg(test)]

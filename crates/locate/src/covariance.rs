@@ -57,13 +57,18 @@ pub fn propagate(covariance: &Matrix2<f64>, jacobian: &Matrix2<f64>) -> Matrix2<
     jacobian * covariance * jacobian.transpose()
 }
 
-/// Radius of the circle around the mean that holds 95 % of a two-dimensional normal distribution; same unit as the square
-/// root of the covariance.
-///
-/// From 1.96 sigma for a needle to 2.45 sigma for a circle. In polar coordinates of the whitened plane the probability of
-/// lying outside r is the mean over the angle of `exp(-r^2 / 2 s^2)`, s the standard deviation along that angle; the
-/// trapezoid rule converges at once on a periodic integrand.
+/// Radius of the circle around the mean that holds 95 % of a two-dimensional normal distribution; see [`radius`].
 pub fn radius95(covariance: &Matrix2<f64>) -> f64 {
+    radius(covariance, 0.95)
+}
+
+/// Radius of the circle around the mean that holds a share `probability` (above 0, below 1) of a two-dimensional normal
+/// distribution; same unit as the square root of the covariance.
+///
+/// For 95 % from 1.96 sigma for a needle to 2.45 sigma for a circle. In polar coordinates of the whitened plane the
+/// probability of lying outside r is the mean over the angle of `exp(-r^2 / 2 s^2)`, s the standard deviation along that
+/// angle; the trapezoid rule converges at once on a periodic integrand.
+pub fn radius(covariance: &Matrix2<f64>, probability: f64) -> f64 {
     let (mean, half_difference) = (
         covariance.trace() / 2.0,
         (covariance[(0, 0)] - covariance[(1, 1)]) / 2.0,
@@ -85,10 +90,11 @@ pub fn radius95(covariance: &Matrix2<f64>) -> f64 {
             .sum();
         sum / ANGLES as f64
     };
-    let (mut low, mut high) = (1.9, 2.5);
-    for _ in 0..48 {
+    // A circle's radius is the largest.
+    let (mut low, mut high) = (0.0, (-2.0 * (1.0 - probability).ln()).sqrt());
+    for _ in 0..52 {
         let middle = 0.5 * (low + high);
-        if outside(middle) > 0.05 {
+        if outside(middle) > 1.0 - probability {
             low = middle
         } else {
             high = middle

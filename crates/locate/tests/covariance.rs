@@ -4,7 +4,7 @@
 
 use grimnet_locate::{
     correspondence::Correspondence,
-    covariance::{mapped_point_covariance, propagate, radius95},
+    covariance::{mapped_point_covariance, propagate, radius, radius95},
     homography::Homography,
     refine::refine,
     similarity::Similarity,
@@ -98,6 +98,9 @@ fn radius95_holds_95_percent() {
     assert!(
         (radius95(&Matrix2::new(2.0, 2.0, 2.0, 2.0)) - 2.0 * 1.959_963_984_540_054).abs() < 1e-6
     );
+    // Half of a circle within sqrt(2 ln 2) sigma, of a needle within 0.6745 sigma.
+    assert!((radius(&Matrix2::identity(), 0.5) - 1.177_410_022_515_475).abs() < 1e-9);
+    assert!((radius(&Matrix2::new(1.0, 0.0, 0.0, 0.0), 0.5) - 0.674_489_750).abs() < 1e-4);
     assert_eq!(radius95(&Matrix2::zeros()), 0.0);
     assert!(radius95(&Matrix2::new(f64::NAN, 0.0, 0.0, 1.0)).is_nan());
     let mut rng = ChaCha8Rng::seed_from_u64(3);

@@ -1,0 +1,133 @@
+//! `grim calibrate`: fit how far a model's answers may be off, and how often they are wrong.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use grimnet_eval::calibration::{self, observation, scene, trial};
+use grimnet_net::Model;
+
+use super::ModelChoice;
+use crate::exit::Exit;
+use crate::progress;
+
+/// Arguments of `grim calibrate`.
+#[derive(Debug, Args)]
+pub struct CalibrateArgs {
+    #[command(flatten)]
+    model: ModelChoice,
+
+    /// The same model with its calibration is written here
+    #[arg(short, long, value_name = "FILE")]
+    out: PathBuf,
+
+    /// Procedural worlds to fly over
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    worlds: usize,
+
+    /// Photos of each world or folder
+    #[arg(long, value_name = "N", default_value_t = 24)]
+    photos: usize,
+
+    /// Seed of the first world
+    #[arg(long, default_value_t = 1000)]
+    seed: u64,
+
+    /// Folders of pictures taken straight down that photos are cut from, such as those the model was trained on
+    #[arg(long, value_name = "DIR", num_args = 1..)]
+    pictures: Vec<PathBuf>,
+
+    /// Ground resolution that the pictures are taken to have, metres per pixel
+    #[arg(long, value_name = "M", default_value_t = 0.15)]
+    pictures_gsd: f64,
+
+    /// Also write what was observed, a line a photo
+    #[arg(long, value_name = "FILE.csv")]
+    observations: Option<PathBuf>,
+
+    /// Fit to what an earlier run observed with the same model
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["observations", "pictures"])]
+    observed: Option<PathBuf>,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Unreadable model or pictures, too few right answers to fit anything, a file that cannot be written.
+pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
+    let model = arguments.model.open()?;
+    let (observations, data) = match &arguments.observed {
+        Some(path) => (
+            observation::read(path).with_context(|| format!("cannot read {}", path.display()))?,
+            format!("observations of an earlier run ({})", path.display()),
+        ),
+        None => observe(arguments, &model)?,
+    };
+    if let Some(path) = &arguments.observations {
+        observation::write(path, &observations)
+            .with_context(|| format!("cannot write {}", path.display()))?;
+    }
+    let calibration = calibration::fit(&observations, &data)?;
+    model
+        .with_calibration(calibration.clone())
+        .save(&arguments.out)?;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", serde_json::to_string_pretty(&calibration)?)?;
+    writeln!(
+        out,
+        "{}: written; the model's identity and its packs stay as they are",
+        arguments.out.display()
+    )?;
+    Ok(Exit::Done)
+}
+
+/// Makes the scenes and localises their photos.
+fn observe(
+    arguments: &CalibrateArgs,
+    model: &Model,
+) -> Result<(Vec<observation::Observation>, String)> {
+    if arguments.worlds + arguments.pictures.len() < 2 {
+        bail!(
+            "at least two worlds or folders of pictures are needed: each is the other's wrong area"
+        );
+    }
+    if !(arguments.pictures_gsd > 0.0 && arguments.pictures_gsd.is_finite()) {
+        bail!(
+            "--pictures-gsd {}: must be a positive number of metres per pixel",
+            arguments.pictures_gsd
+        );
+    }
+    let folder = tempfile::tempdir()?;
+    let bar = progress::bar(
+        (arguments.worlds + arguments.pictures.len()) as u64,
+        "drawing maps and photos",
+        "scenes",
+    );
+    let mut scenes = Vec::new();
+    for seed in (arguments.seed..).take(arguments.worlds) {
+        scenes.push(scene::world(seed, arguments.photos, folder.path())?);
+        bar.inc(1);
+    }
+    for (seed, pictures) in (0..).zip(&arguments.pictures) {
+        scenes.push(scene::pictures(
+            pictures,
+            arguments.pictures_gsd,
+            arguments.photos,
+            seed,
+            folder.path(),
+        )?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    let bar = progress::bar(trial::count(&scenes) as u64, "localising", "photos");
+    let observations = trial::observe(model, &scenes, folder.path(), &mut || bar.inc(1))?;
+    bar.finish_and_clear();
+    let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
+    let data = format!(
+        "{} photos each of: {}; every photo also looked for on another's map",
+        arguments.photos,
+        names.join(", ")
+    );
+    Ok((observations, data))
+}

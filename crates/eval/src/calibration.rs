@@ -1,0 +1,145 @@
+//! How far answers may be off and how often they are wrong, fitted on answers whose truth is known.
+//!
+//! [`scene`] makes maps and photos with exact truth; [`trial`] has each photo localised on its own map and on another, with
+//! the gates nearly open; [`position`] and [`confidence`] fit the two halves of a [`Calibration`] to what came out. Photos of
+//! one scene never stand on both sides of a check.
+
+pub mod confidence;
+mod cut;
+pub mod observation;
+pub mod position;
+pub mod scene;
+pub mod trial;
+
+use grimnet_locate::Gates;
+use grimnet_net::{Calibration, FittedOn};
+
+use observation::Observation;
+
+/// An answer nearer than this to the truth is of the right place: the paper's success radius, metres.
+pub const RIGHT_WITHIN_M: f64 = 20.0;
+
+/// Why a calibration cannot be fitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+pub enum FitError {
+    /// Too few right answers.
+    #[error(
+        "only {found} right answers, at least {needed} are needed: does the model localise at all?"
+    )]
+    TooFewFixes {
+        /// How many there are.
+        found: usize,
+        /// How many there must be.
+        needed: usize,
+    },
+    /// Too few photos taken elsewhere.
+    #[error("only {found} photos taken elsewhere, at least {needed} are needed")]
+    TooFewElsewhere {
+        /// How many there are.
+        found: usize,
+        /// How many there must be.
+        needed: usize,
+    },
+}
+
+/// Fits both halves to all observations, and says how they do on scenes held out: each half of the scenes is checked with
+/// what the other half gives.
+///
+/// # Errors
+/// Too few observations to fit anything.
+pub fn fit(observations: &[Observation], data: &str) -> Result<Calibration, FitError> {
+    let mut calibration = fit_once(observations)?;
+    let mut held_out = Check::default();
+    for side in [0, 1] {
+        let (checked, fitted): (Vec<&Observation>, Vec<&Observation>) =
+            observations.iter().partition(|o| o.scene % 2 == side);
+        let owned: Vec<Observation> = fitted.into_iter().cloned().collect();
+        let half = fit_once(&owned)?;
+        held_out.add(&half, &checked);
+    }
+    let count =
+        |wanted: &dyn Fn(&Observation) -> bool| observations.iter().filter(|o| wanted(o)).count();
+    calibration.fitted_on = Some(FittedOn {
+        data: data.to_owned(),
+        photos: count(&|o| !o.elsewhere),
+        fixes: count(&Observation::is_right),
+        elsewhere: count(&|o| o.elsewhere),
+        held_out_coverage_95: share(held_out.covered, held_out.right),
+        held_out_availability: share(held_out.answered, held_out.here),
+        held_out_elsewhere: held_out.elsewhere,
+        held_out_elsewhere_answered: held_out.elsewhere_answered,
+    });
+    Ok(calibration)
+}
+
+fn fit_once(observations: &[Observation]) -> Result<Calibration, FitError> {
+    Ok(Calibration {
+        position: position::fit(observations)?,
+        confidence: Some(confidence::fit(observations)?),
+        fitted_on: None,
+    })
+}
+
+/// Whether an observation would have been given as a fix under `calibration` and the usual gates.
+#[must_use]
+pub fn is_answered(observation: &Observation, calibration: &Calibration) -> bool {
+    let gates = Gates::default();
+    let Some(answer) = &observation.answer else {
+        return false;
+    };
+    let support = &answer.support;
+    let confident = calibration.confidence.is_none_or(|model| {
+        gates
+            .check_confidence(support.confidence(&model), model.needed)
+            .is_ok()
+    });
+    confident
+        && support.inliers >= gates.min_inliers
+        && gates
+            .check_margin(support.inliers, support.runner_up_inliers)
+            .is_ok()
+}
+
+/// What a calibration does on observations that it has not seen.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Check {
+    /// Photos that lie on their map.
+    pub here: usize,
+    /// Those that are answered.
+    pub answered: usize,
+    /// Those that are answered rightly.
+    pub right: usize,
+    /// Those whose error lies within the stated 95 % radius.
+    pub covered: usize,
+    /// Photos that lie elsewhere.
+    pub elsewhere: usize,
+    /// Those that are answered nevertheless.
+    pub elsewhere_answered: usize,
+}
+
+impl Check {
+    /// Counts more observations.
+    pub fn add(&mut self, calibration: &Calibration, observations: &[&Observation]) {
+        for observation in observations {
+            let answered = is_answered(observation, calibration);
+            if observation.elsewhere {
+                self.elsewhere += 1;
+                self.elsewhere_answered += usize::from(answered);
+                continue;
+            }
+            self.here += 1;
+            self.answered += usize::from(answered);
+            if answered && observation.is_right() {
+                self.right += 1;
+                let covered = observation.answer.as_ref().is_some_and(|answer| {
+                    answer.error_m() <= position::radius95_m(answer, &calibration.position)
+                });
+                self.covered += usize::from(covered);
+            }
+        }
+    }
+}
+
+fn share(part: usize, whole: usize) -> f64 {
+    part as f64 / whole.max(1) as f64
+}

@@ -1,0 +1,140 @@
+//! From the support of an answer to the probability that it is right: logistic regression (Cox 1958), and the limit above
+//! which one photo in a thousand taken elsewhere comes.
+
+use grimnet_net::Confidence;
+use nalgebra::{SMatrix, SVector};
+
+use super::FitError;
+use super::observation::Observation;
+
+/// Fewer photos taken elsewhere than this say nothing about a tail.
+const MIN_ELSEWHERE: usize = 40;
+const MIN_RIGHT: usize = 40;
+
+/// Share of photos taken elsewhere that may be answered.
+pub const ELSEWHERE_ANSWERED: f64 = 1e-3;
+
+/// The tail that is extrapolated begins here: share of the answers to photos taken elsewhere that lie above.
+const TAIL_SHARE: f64 = 0.25;
+
+/// Precision of the prior on each standardised weight (ridge): right and wrong answers may be separable, and the likelihood
+/// then has no maximum.
+const RIDGE: f64 = 1.0;
+
+/// Intercept and four weights.
+const TERMS: usize = 5;
+type Terms = SVector<f64, TERMS>;
+
+/// Fits the weights to right against wrong answers, then the limit to the photos taken elsewhere.
+///
+/// # Errors
+/// Too few of either.
+pub fn fit(observations: &[Observation]) -> Result<Confidence, FitError> {
+    let answers: Vec<([f64; 4], bool)> = observations
+        .iter()
+        .filter_map(|o| Some((o.answer?.support.evidence(), o.is_right())))
+        .collect();
+    let right = answers.iter().filter(|(_, right)| *right).count();
+    if right < MIN_RIGHT {
+        return Err(FitError::TooFewFixes {
+            found: right,
+            needed: MIN_RIGHT,
+        });
+    }
+    let elsewhere = observations.iter().filter(|o| o.elsewhere).count();
+    if elsewhere < MIN_ELSEWHERE {
+        return Err(FitError::TooFewElsewhere {
+            found: elsewhere,
+            needed: MIN_ELSEWHERE,
+        });
+    }
+    let weights = logistic(&answers);
+    let [intercept, log_inliers, log_lead, log_share, spread] = weights.into();
+    let mut model = Confidence {
+        intercept,
+        log_inliers,
+        log_lead,
+        log_share,
+        spread,
+        needed: 0.0,
+    };
+    let log_odds: Vec<f64> = observations
+        .iter()
+        .filter(|o| o.elsewhere)
+        .filter_map(|o| Some(log_odds(o.answer?.support.confidence(&model))))
+        .collect();
+    let limit = tail_limit(log_odds, elsewhere);
+    model.needed = 1.0 / (1.0 + (-limit).exp());
+    Ok(model)
+}
+
+fn log_odds(probability: f64) -> f64 {
+    (probability / (1.0 - probability)).ln()
+}
+
+/// The value that a share [`ELSEWHERE_ANSWERED`] of `photos` exceeds. The best of many chance matches has an exponential tail
+/// (Gumbel 1958), whose scale is the mean excess over its beginning.
+fn tail_limit(mut values: Vec<f64>, photos: usize) -> f64 {
+    values.retain(|v| v.is_finite());
+    values.sort_by(f64::total_cmp);
+    let count = ((values.len() as f64 * TAIL_SHARE).ceil() as usize).max(1);
+    let Some(first) = values.len().checked_sub(count) else {
+        // No photo taken elsewhere was answered at all: even odds will do.
+        return 0.0;
+    };
+    let start = values[first];
+    let excess = values[first..].iter().map(|v| v - start).sum::<f64>() / count as f64;
+    let reached = count as f64 / photos as f64;
+    start + excess * (reached / ELSEWHERE_ANSWERED).ln().max(0.0)
+}
+
+/// Newton's method on the standardised evidence; the weights of the evidence as it is.
+fn logistic(answers: &[([f64; 4], bool)]) -> Terms {
+    let count = answers.len() as f64;
+    let mut mean = [0.0; 4];
+    let mut deviation = [0.0; 4];
+    for i in 0..4 {
+        mean[i] = answers.iter().map(|a| a.0[i]).sum::<f64>() / count;
+        let square = answers
+            .iter()
+            .map(|a| (a.0[i] - mean[i]).powi(2))
+            .sum::<f64>();
+        deviation[i] = (square / count).sqrt().max(1e-9);
+    }
+    let rows: Vec<(Terms, f64)> = answers
+        .iter()
+        .map(|(evidence, right)| {
+            let at = |i: usize| (evidence[i] - mean[i]) / deviation[i];
+            (
+                Terms::from([1.0, at(0), at(1), at(2), at(3)]),
+                f64::from(u8::from(*right)),
+            )
+        })
+        .collect();
+    let mut ridge = SMatrix::<f64, TERMS, TERMS>::identity() * RIDGE;
+    ridge[(0, 0)] = 1e-9;
+    let mut weights = Terms::zeros();
+    for _ in 0..60 {
+        let mut gradient = ridge * -weights;
+        let mut hessian = ridge;
+        for (row, target) in &rows {
+            let p = 1.0 / (1.0 + (-row.dot(&weights)).exp());
+            gradient += row * (target - p);
+            hessian += row * row.transpose() * (p * (1.0 - p));
+        }
+        let Some(factor) = hessian.cholesky() else {
+            break;
+        };
+        let step = factor.solve(&gradient);
+        weights += step;
+        if step.norm() < 1e-10 {
+            break;
+        }
+    }
+    let mut plain = weights;
+    for i in 0..4 {
+        plain[i + 1] = weights[i + 1] / deviation[i];
+        plain[0] -= plain[i + 1] * mean[i];
+    }
+    plain
+}

@@ -1,0 +1,141 @@
+//! One photo that was localised with the gates nearly open, and its truth.
+
+use std::path::Path;
+
+use grimnet_locate::Support;
+use serde::{Deserialize, Serialize};
+
+use super::RIGHT_WITHIN_M;
+
+/// A photo, and what came of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Observation {
+    /// Which scene it was taken in; scenes are held out as a whole.
+    pub scene: usize,
+    /// Whether it was looked for on another scene's map.
+    pub elsewhere: bool,
+    /// Whether the localiser was told the heading.
+    pub heading_known: bool,
+    /// What was answered, if anything.
+    pub answer: Option<Answer>,
+}
+
+/// An answer, right or wrong.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Answer {
+    /// Error eastwards, metres; without meaning for a photo taken elsewhere.
+    pub error_east_m: f64,
+    /// Error northwards, metres; likewise.
+    pub error_north_m: f64,
+    /// Ground resolution of the level, metres a pixel.
+    pub level_gsd_m: f64,
+    /// What supports it.
+    pub support: Support,
+}
+
+impl Answer {
+    /// Distance from the truth, metres.
+    #[must_use]
+    pub fn error_m(&self) -> f64 {
+        self.error_east_m.hypot(self.error_north_m)
+    }
+}
+
+impl Observation {
+    /// Whether it was answered with the right place.
+    #[must_use]
+    pub fn is_right(&self) -> bool {
+        !self.elsewhere
+            && self
+                .answer
+                .is_some_and(|answer| answer.error_m() <= RIGHT_WITHIN_M)
+    }
+}
+
+/// One line of a file of observations.
+#[derive(Serialize, Deserialize)]
+struct Row {
+    scene: usize,
+    elsewhere: bool,
+    heading_known: bool,
+    error_east_m: Option<f64>,
+    error_north_m: Option<f64>,
+    level_gsd_m: Option<f64>,
+    inliers: Option<usize>,
+    matches: Option<usize>,
+    runner_up_inliers: Option<usize>,
+    spread: Option<f64>,
+    inlier_ee_m2: Option<f64>,
+    inlier_en_m2: Option<f64>,
+    inlier_nn_m2: Option<f64>,
+}
+
+/// Writes observations as CSV; [`read`] gives them back.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
+    let mut writer = csv::Writer::from_path(path)?;
+    for o in observations {
+        let answer = o.answer.as_ref();
+        let support = answer.map(|a| a.support);
+        let covariance = support.map(|s| s.inlier_covariance_en_m2);
+        writer.serialize(Row {
+            scene: o.scene,
+            elsewhere: o.elsewhere,
+            heading_known: o.heading_known,
+            error_east_m: answer.map(|a| a.error_east_m),
+            error_north_m: answer.map(|a| a.error_north_m),
+            level_gsd_m: answer.map(|a| a.level_gsd_m),
+            inliers: support.map(|s| s.inliers),
+            matches: support.map(|s| s.matches),
+            runner_up_inliers: support.map(|s| s.runner_up_inliers),
+            spread: support.map(|s| s.spread),
+            inlier_ee_m2: covariance.map(|c| c[0]),
+            inlier_en_m2: covariance.map(|c| c[1]),
+            inlier_nn_m2: covariance.map(|c| c[2]),
+        })?;
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+/// Reads observations that [`write`] wrote.
+///
+/// # Errors
+/// Unreadable file, or one of another form.
+pub fn read(path: &Path) -> csv::Result<Vec<Observation>> {
+    csv::Reader::from_path(path)?
+        .deserialize()
+        .map(|row| row.map(Row::observation))
+        .collect()
+}
+
+impl Row {
+    fn observation(self) -> Observation {
+        let answer = || {
+            Some(Answer {
+                error_east_m: self.error_east_m?,
+                error_north_m: self.error_north_m?,
+                level_gsd_m: self.level_gsd_m?,
+                support: Support {
+                    inliers: self.inliers?,
+                    matches: self.matches?,
+                    runner_up_inliers: self.runner_up_inliers?,
+                    spread: self.spread?,
+                    inlier_covariance_en_m2: [
+                        self.inlier_ee_m2?,
+                        self.inlier_en_m2?,
+                        self.inlier_nn_m2?,
+                    ],
+                },
+            })
+        };
+        Observation {
+            scene: self.scene,
+            elsewhere: self.elsewhere,
+            heading_known: self.heading_known,
+            answer: answer(),
+        }
+    }
+}

@@ -3,11 +3,14 @@
 pub mod calibrate;
 pub mod demo;
 pub mod eval;
+pub mod eval_layout;
+pub mod eval_pictures;
 pub mod experiment;
 pub mod gallery;
 pub mod locate;
 pub mod map;
 pub mod model;
+pub mod results;
 pub mod train;
 
 use std::path::PathBuf;

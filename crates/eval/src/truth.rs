@@ -69,6 +69,15 @@ pub enum TruthError {
 /// Unreadable file, missing columns, a value that is no number or out of range: each names file, line
 /// and column.
 pub fn read(path: &Path) -> Result<Vec<TruthFrame>, TruthError> {
+    let (frames, bad) = read_rows(path)?;
+    bad.into_iter().next().map_or(Ok(frames), Err)
+}
+
+/// As [`read`], but a line with a bad value is left out and returned beside the good ones.
+///
+/// # Errors
+/// Unreadable file, missing columns.
+pub fn read_rows(path: &Path) -> Result<(Vec<TruthFrame>, Vec<TruthError>), TruthError> {
     let text = fs_err::read(path)?;
     let csv_error = |source| TruthError::Csv {
         path: path.to_owned(),
@@ -92,7 +101,7 @@ pub fn read(path: &Path) -> Result<Vec<TruthFrame>, TruthError> {
     let heading = find(&["heading_deg", "flight_yaw_deg"]);
     let height = find(&["height_agl_m"]);
 
-    let mut frames = Vec::new();
+    let (mut frames, mut bad) = (Vec::new(), Vec::new());
     for record in reader.records() {
         let record = record.map_err(csv_error)?;
         let line = record.position().map_or(0, csv::Position::line);
@@ -119,15 +128,21 @@ pub fn read(path: &Path) -> Result<Vec<TruthFrame>, TruthError> {
             let lon = number(columns.map(|c| c.1), 180.0)?;
             Ok(lat.zip(lon))
         };
-        frames.push(TruthFrame {
-            photo: record.get(photo).unwrap_or("").to_owned(),
-            centre_lat_lon_deg: place(centre)?,
-            gps_lat_lon_deg: place(gps)?,
-            heading_deg: number(heading, 720.0)?,
-            height_agl_m: number(height, 20_000.0)?,
-        });
+        let frame = || {
+            Ok(TruthFrame {
+                photo: record.get(photo).unwrap_or("").to_owned(),
+                centre_lat_lon_deg: place(centre)?,
+                gps_lat_lon_deg: place(gps)?,
+                heading_deg: number(heading, 720.0)?,
+                height_agl_m: number(height, 20_000.0)?,
+            })
+        };
+        match frame() {
+            Ok(frame) => frames.push(frame),
+            Err(error) => bad.push(error),
+        }
     }
-    Ok(frames)
+    Ok((frames, bad))
 }
 
 #[cfg(test)]
@@ -171,6 +186,16 @@ mod tests {
             "{text}"
         );
         assert!(read_text("photo,lat_deg,lon_deg\na.jpg,95,2\n").is_err());
+    }
+
+    #[test]
+    fn good_lines_are_read_beside_bad_ones() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("truth.csv");
+        fs_err::write(&path, "photo,lat_deg,lon_deg\na.jpg,NaN,2\nb.jpg,1,2\n").unwrap();
+        let (frames, bad) = read_rows(&path).unwrap();
+        assert_eq!(frames.len(), 1);
+        assert!(bad[0].to_string().contains("line 2"), "{}", bad[0]);
     }
 
     #[test]

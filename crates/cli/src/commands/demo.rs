@@ -18,9 +18,10 @@ use grimnet_world::{
 use image::RgbImage;
 
 use super::ModelChoice;
-use super::eval::{HeadingMode, locate_all, print_summary, score, write_summary};
+use super::eval::{HeadingMode, locate_all, score};
 use super::locate::{draw, locate_one};
 use super::map::build_with_bar;
+use super::results::{print_summary, write_summary};
 use crate::answer::Answer;
 use crate::exit::Exit;
 use crate::output::Format;
@@ -78,7 +79,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     let started = Instant::now();
     let model = arguments.model.open()?;
     let out = &arguments.out;
-    make_flight(arguments)?;
+    make_flight(out, arguments.seed, arguments.photos)?;
     let truth: Vec<(TruthFrame, PathBuf)> = truth::read(&out.join("truth.csv"))?
         .into_iter()
         .map(|frame| {
@@ -147,8 +148,11 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
 }
 
 /// Renders the map and the photos, with what they claim and where they truly are.
-fn make_flight(arguments: &DemoArgs) -> Result<()> {
-    let photos = arguments.out.join("photos");
+///
+/// # Errors
+/// The folder cannot be written.
+pub fn make_flight(out: &Path, seed: u64, count: usize) -> Result<()> {
+    let photos = out.join("photos");
     fs_err::create_dir_all(&photos)?;
     // Photos of an earlier, longer flight would stand among these.
     for entry in fs_err::read_dir(&photos)? {
@@ -158,13 +162,13 @@ fn make_flight(arguments: &DemoArgs) -> Result<()> {
         }
     }
     let world = World::new(WorldConfig {
-        seed: arguments.seed,
+        seed,
         ..WorldConfig::default()
     });
     let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
     let placement = Placement::at(lon_deg, lat_deg)?;
     let size_m = world.size_m();
-    let flight = Flight::plan(&world, arguments.photos, arguments.seed);
+    let flight = Flight::plan(&world, count, seed);
 
     let bar = progress::bar(
         flight.frames.len() as u64 + 1,
@@ -180,7 +184,7 @@ fn make_flight(arguments: &DemoArgs) -> Result<()> {
     let map = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
     let north_west_m = placement.utm_from_world([0.0, size_m]);
     write_geotiff(
-        &arguments.out.join("map.tif"),
+        &out.join("map.tif"),
         &map,
         MAP_GSD_M,
         north_west_m,
@@ -198,7 +202,7 @@ fn make_flight(arguments: &DemoArgs) -> Result<()> {
         rows.push(TruthRow::new(&name, &frame.pose, &CAMERA, &placement)?);
         bar.inc(1);
     }
-    write_truth_csv(&arguments.out.join("truth.csv"), &rows)?;
+    write_truth_csv(&out.join("truth.csv"), &rows)?;
     bar.finish_and_clear();
     Ok(())
 }

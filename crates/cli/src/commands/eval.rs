@@ -1,21 +1,23 @@
 //! `grim eval`: measure accuracy on photos whose place is known.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use clap::{Args, ValueEnum};
 use grimnet_eval::metrics::{Frame, Summary};
-use grimnet_eval::report::{Report, Run};
-use grimnet_eval::truth::{self, TruthFrame};
-use grimnet_geo::{LonLat, open_map};
-use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Prior, Trace};
+use grimnet_eval::report::Run;
+use grimnet_eval::truth::TruthFrame;
+use grimnet_geo::{LonLat, MapPx, Raster, open_map};
+use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Options, Prior, Trace};
 use grimnet_pack::{BuildOptions, Pack};
 
+use super::eval_layout::{Layout, LayoutChoice};
+use super::eval_pictures::{self, Drawn};
 use super::experiment::{self, ExperimentOptions};
 use super::gallery::{GalleryOptions, RunRecall, print_recall};
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one_traced};
 use super::map::{MapPlace, build_with_bar};
+use super::results::{About, peak_memory_mib, print_summary, write_results};
 use super::{ModeChoice, ModelChoice};
 use crate::answer::Answer;
 use crate::exit::Exit;
@@ -62,11 +64,16 @@ impl HeadingMode {
 /// Arguments of `grim eval`.
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// A folder with map.tif, photos/ and truth.csv
+    /// A folder with map.tif, photos/ and truth.csv, or a scene of UAV-VisLoc, or photos whose EXIF tells where they were
+    /// taken (with --map)
     ///
     /// truth.csv has the columns photo, lat_deg, lon_deg (of the image centre; or centre_lat, centre_lon), and, where known,
-    /// heading_deg, gps_lat, gps_lon.
+    /// heading_deg, gps_lat, gps_lon. Of UAV-VisLoc give the folder of one scene, such as UAV-VisLoc/03.
     folder: Option<PathBuf>,
+
+    /// Draw the procedural world of this seed and a flight over it, and localise that
+    #[arg(long, value_name = "SEED", conflicts_with = "folder")]
+    world: Option<u64>,
 
     /// Where summary.json, report.html, frames.csv and failed.jsonl are written
     #[arg(short, long, value_name = "DIR")]
@@ -86,6 +93,10 @@ pub struct EvalArgs {
     #[arg(long = "heading", value_enum, default_value_t)]
     heading_mode: HeadingMode,
 
+    /// Commit that this program was built from, to be kept with the figures
+    #[arg(long, value_name = "HASH")]
+    commit: Option<String>,
+
     /// Width of ground that the photos show, metres, where it is known better than their metadata say
     #[arg(long, value_name = "M")]
     footprint_width: Option<f64>,
@@ -97,6 +108,10 @@ pub struct EvalArgs {
     /// How far the map itself may lie beside the truth, metres (1 sigma per axis); the stated radius includes it
     #[arg(long, value_name = "M", default_value_t = DEFAULT_MAP_ERROR_M)]
     map_error: f64,
+
+    /// How well the truth itself is known, metres (1 sigma per axis): the share of radii that hold is also given with it
+    #[arg(long, value_name = "M")]
+    truth_error: Option<f64>,
 
     /// Take the normalisation statistics anew
     #[arg(long, value_enum, default_value_t)]
@@ -124,18 +139,18 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
             &arguments.out,
         );
     }
-    let folder = experiment::needed(arguments.folder.as_ref())?;
-    let map_path = arguments
-        .map
-        .clone()
-        .unwrap_or_else(|| folder.join("map.tif"));
-    let truth = scorable(
-        truth::read(&folder.join("truth.csv"))?,
-        &folder.join("photos"),
-    )?;
+    let layout = Layout::find(&LayoutChoice {
+        folder: arguments.folder.as_deref(),
+        world: arguments.world,
+        out: &arguments.out,
+        map: arguments.map.as_deref(),
+        place: &arguments.place,
+    })?;
+    let (truth, data) = (layout.truth, layout.data);
     let map = arguments
         .gallery
-        .lay_out(open_map(&map_path, &arguments.place.options())?)?;
+        .lay_out(open_map(&layout.map, &layout.map_options)?)?;
+    let truth = Layout::on_map(truth, map.as_ref())?;
     let model = arguments.model.open()?;
     fs_err::create_dir_all(&arguments.out)?;
     let pack_path = arguments.out.join("area.grim");
@@ -153,16 +168,29 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         map_error: arguments.map_error,
         ..LocateOptions::plain(arguments.mode, arguments.adapt)
     };
-    let mut localizer =
-        Localizer::new(model, Pack::open(&pack_path)?)?.with_options(options.options());
+    let model_hash = model.hash().to_string();
+    let model_calibrated = model.calibration().fitted_on.is_some();
+    let mut localizer = Localizer::new(model, Pack::open(&pack_path)?)?.with_options(Options {
+        keep_matches: true,
+        ..options.options()
+    });
     let paths: Vec<PathBuf> = truth.iter().map(|t| t.1.clone()).collect();
     if arguments.adapt == AdaptChoice::Flight {
         localizer = adapt_to_flight(localizer, &paths, &Prior::none())?;
     }
     let (mut runs, mut recalls) = (Vec::new(), Vec::new());
+    let mut first_answers = Vec::new();
     for mode in arguments.heading_mode.runs() {
         let (answers, traces) = locate_all(&localizer, &truth, *mode, arguments.footprint_width)?;
-        runs.push(score(mode.name(), &answers, &truth));
+        if first_answers.is_empty() {
+            first_answers.clone_from(&answers);
+        }
+        runs.push(score_with(
+            mode.name(),
+            &answers,
+            &truth,
+            arguments.truth_error,
+        ));
         let tried = traces.iter().zip(truth.iter().map(|t| &t.0));
         let radius_px = arguments.gallery.recall_radius;
         recalls.push(RunRecall::of(
@@ -172,7 +200,41 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
             radius_px,
         ));
     }
-    write_results(&arguments.out, folder, &runs)?;
+    let pictures = eval_pictures::draw(&Drawn {
+        localizer: &localizer,
+        map: map.as_ref(),
+        truth: &truth,
+        answers: &first_answers,
+        run: &runs[0],
+        folder: &arguments.out.join("matches"),
+        prior_of: &|frame, path| {
+            prior(
+                arguments.heading_mode.runs()[0],
+                frame,
+                path,
+                arguments.footprint_width,
+            )
+        },
+    })?;
+    let about = About {
+        data: data.clone(),
+        mode: match arguments.mode {
+            ModeChoice::Default => "default",
+            ModeChoice::Paper => "paper",
+        }
+        .to_owned(),
+        model_hash,
+        model_calibrated,
+        commit: arguments.commit.clone(),
+        version: env!("CARGO_PKG_VERSION"),
+        map_error_m: arguments.map_error,
+        truth_error_m: arguments.truth_error,
+        footprint_width_m: arguments.footprint_width,
+        pack_bytes_per_km2: fs_err::metadata(&pack_path)?.len() as f64 / area_km2(map.as_ref())?,
+        peak_memory_mib: peak_memory_mib(),
+    };
+    let title = format!("Accuracy on {data}");
+    write_results(&arguments.out, title, &about, &runs, pictures)?;
     let recall_json = serde_json::to_string_pretty(&recalls)?;
     fs_err::write(arguments.out.join("recall.json"), recall_json + "\n")?;
     print_summary(&runs)?;
@@ -180,32 +242,38 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// The truths that can be scored: photo there, place known. The others are named on standard error.
-fn scorable(truth: Vec<TruthFrame>, photos: &Path) -> Result<Vec<(TruthFrame, PathBuf)>> {
-    let mut usable = Vec::new();
-    for frame in truth {
-        let path = photos.join(&frame.photo);
-        if !path.is_file() {
-            tracing::warn!(
-                "{}: named in truth.csv and not there; left out",
-                path.display()
-            );
-        } else if frame.centre_lat_lon_deg.is_none() && frame.gps_lat_lon_deg.is_none() {
-            tracing::warn!(
-                "{}: truth.csv does not say where it is; left out",
-                frame.photo
-            );
-        } else {
-            usable.push((frame, path));
+/// What the localiser is told of one photo.
+fn prior(
+    mode: HeadingMode,
+    frame: &TruthFrame,
+    path: &Path,
+    footprint_width_m: Option<f64>,
+) -> Prior {
+    let prior = match (mode, frame.heading_deg) {
+        (HeadingMode::Unknown, _) => Prior::none().with_unknown_heading(),
+        (HeadingMode::Known, Some(heading)) => {
+            Prior::none().with_heading(heading, TRUE_HEADING_SIGMA_DEG)
         }
+        _ => Prior::none(),
+    };
+    match footprint_width_m {
+        Some(width_m) => {
+            prior.with_gsd_m(width_m / f64::from(image::image_dimensions(path).map_or(1, |d| d.0)))
+        }
+        None => prior,
     }
-    if usable.is_empty() {
-        bail!(
-            "{}: no photo there whose place truth.csv tells",
-            photos.display()
-        );
-    }
-    Ok(usable)
+}
+
+/// Area of a map, square kilometres, by the ground resolution in its middle.
+fn area_km2(map: &dyn Raster) -> Result<f64> {
+    let (width, height) = map.size_px();
+    let georeference = map.georeference();
+    let middle = MapPx {
+        x: width as f64 / 2.0,
+        y: height as f64 / 2.0,
+    };
+    let (x_m, y_m) = georeference.ground_resolution_m(middle)?;
+    Ok(width as f64 * x_m * height as f64 * y_m / 1e6)
 }
 
 /// Localises every photo under a progress bar: the answers, and what was tried for each.
@@ -222,18 +290,7 @@ pub fn locate_all(
     let mut answers = Vec::with_capacity(truth.len());
     let mut traces = Vec::with_capacity(truth.len());
     for (frame, path) in truth {
-        let prior = match (mode, frame.heading_deg) {
-            (HeadingMode::Unknown, _) => Prior::none().with_unknown_heading(),
-            (HeadingMode::Known, Some(heading)) => {
-                Prior::none().with_heading(heading, TRUE_HEADING_SIGMA_DEG)
-            }
-            _ => Prior::none(),
-        };
-        let prior = match footprint_width_m {
-            Some(width_m) => prior
-                .with_gsd_m(width_m / f64::from(image::image_dimensions(path).map_or(1, |d| d.0))),
-            None => prior,
-        };
+        let prior = prior(mode, frame, path, footprint_width_m);
         let (answer, trace) = match locate_one_traced(localizer, path, &prior) {
             Ok((_, outcome, trace)) => (Answer::of(&frame.photo, &outcome), trace),
             Err(error) => {
@@ -249,8 +306,19 @@ pub fn locate_all(
     Ok((answers, traces))
 }
 
-/// Scores answers against the image centre's true place (the receiver's, where no other is known).
+/// Scores answers against the image centre's true place (the receiver's, where no other is known), and beside it against the
+/// receiver's.
 pub fn score(name: &str, answers: &[Answer], truth: &[(TruthFrame, PathBuf)]) -> Run {
+    score_with(name, answers, truth, None)
+}
+
+/// As [`score`], with the truth known to `truth_error_m` metres per axis (1 sigma) only.
+fn score_with(
+    name: &str,
+    answers: &[Answer],
+    truth: &[(TruthFrame, PathBuf)],
+    truth_error_m: Option<f64>,
+) -> Run {
     let frames: Vec<Frame> = answers
         .iter()
         .zip(truth)
@@ -258,12 +326,22 @@ pub fn score(name: &str, answers: &[Answer], truth: &[(TruthFrame, PathBuf)]) ->
             let place = frame.centre_lat_lon_deg.or(frame.gps_lat_lon_deg);
             let scored = match (answer.scored_fix(), place) {
                 (Some(fix), Some((lat_deg, lon_deg))) => {
-                    Frame::score(&frame.photo, &fix, LonLat { lon_deg, lat_deg })
+                    let mut scored = Frame::score(&frame.photo, &fix, LonLat { lon_deg, lat_deg });
+                    if let Some(sigma_m) = truth_error_m {
+                        scored = scored.with_truth_error(&fix, sigma_m);
+                    }
+                    if let Some((lat_deg, lon_deg)) = frame.gps_lat_lon_deg {
+                        scored = scored.with_gps(&fix, LonLat { lon_deg, lat_deg });
+                    }
+                    scored
                 }
                 _ => Frame::missed(&frame.photo, answer.reason.as_deref().unwrap_or("no fix")),
             };
             Frame {
+                confidence: answer.confidence,
+                inliers: answer.inliers,
                 time_ms: answer.time_ms.get("total").copied(),
+                stage_ms: answer.time_ms.clone(),
                 ..scored
             }
         })
@@ -274,111 +352,4 @@ pub fn score(name: &str, answers: &[Answer], truth: &[(TruthFrame, PathBuf)]) ->
         frames,
         summary,
     }
-}
-
-fn write_results(out: &Path, folder: &Path, runs: &[Run]) -> Result<()> {
-    write_summary(&out.join("summary.json"), runs)?;
-    let mut frames = csv::Writer::from_path(out.join("frames.csv"))?;
-    frames.write_record([
-        "run",
-        "photo",
-        "state",
-        "error_m",
-        "error_east_m",
-        "error_north_m",
-        "radius95_m",
-        "reason",
-        "time_ms",
-    ])?;
-    let mut failed = String::new();
-    for run in runs {
-        for frame in &run.frames {
-            let number = |v: Option<f64>| v.map(|v| format!("{v:.3}")).unwrap_or_default();
-            frames.write_record([
-                run.name.clone(),
-                frame.photo.clone(),
-                if frame.fixed { "fix" } else { "no_fix" }.to_owned(),
-                number(frame.error_m),
-                number(frame.error_east_m),
-                number(frame.error_north_m),
-                number(frame.radius95_m),
-                frame.reason.clone().unwrap_or_default(),
-                number(frame.time_ms),
-            ])?;
-            if !frame.fixed {
-                let line = serde_json::json!({ "run": run.name, "photo": frame.photo, "reason": frame.reason });
-                failed.push_str(&format!("{line}\n"));
-            }
-        }
-    }
-    frames.flush()?;
-    fs_err::write(out.join("failed.jsonl"), failed)?;
-    let report = Report {
-        title: format!("Accuracy on {}", folder.display()),
-        description: vec![],
-        runs: runs.to_vec(),
-        pictures: vec![],
-    };
-    fs_err::write(out.join("report.html"), report.to_html()?)?;
-    Ok(())
-}
-
-/// Writes the figures of each run under its name with underscores, such as `heading_known`.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write_summary(path: &Path, runs: &[Run]) -> Result<()> {
-    let mut summary = serde_json::Map::new();
-    for run in runs {
-        summary.insert(
-            run.name.replace(' ', "_"),
-            serde_json::to_value(&run.summary)?,
-        );
-    }
-    let text = serde_json::to_string_pretty(&summary)?;
-    fs_err::write(path, text + "\n").context("cannot write the summary")?;
-    Ok(())
-}
-
-/// Prints the figures, a column a run.
-///
-/// # Errors
-/// Standard output is gone.
-pub fn print_summary(runs: &[Run]) -> Result<()> {
-    type Cell = fn(&Run) -> String;
-    fn percent(share: f64) -> String {
-        format!("{:.0} %", share * 100.0)
-    }
-    fn metres(value: Option<f64>) -> String {
-        value.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} m"))
-    }
-    let rows: [(&str, Cell); 10] = [
-        ("", |r| r.name.clone()),
-        ("frames", |r| r.summary.frames.to_string()),
-        ("with a fix", |r| r.summary.fixes.to_string()),
-        ("within 5 m", |r| percent(r.summary.within_5m)),
-        ("within 10 m", |r| percent(r.summary.within_10m)),
-        ("within 20 m", |r| percent(r.summary.within_20m)),
-        ("median (a miss is infinite)", |r| {
-            metres(r.summary.median_m)
-        }),
-        ("average of the fixes (ALE)", |r| metres(r.summary.ale_m)),
-        ("confidently wrong", |r| {
-            r.summary.confidently_wrong.to_string()
-        }),
-        ("median time a photo", |r| {
-            r.summary
-                .time_p50_ms
-                .map_or_else(|| "-".to_owned(), |t| format!("{t:.0} ms"))
-        }),
-    ];
-    let mut out = std::io::stdout().lock();
-    for (name, cell) in rows {
-        write!(out, "{name:<28}")?;
-        for run in runs {
-            write!(out, "{:>20}", cell(run))?;
-        }
-        writeln!(out)?;
-    }
-    Ok(())
 }

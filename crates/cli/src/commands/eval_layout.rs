@@ -59,7 +59,9 @@ impl Layout {
             });
         }
         let Some(folder) = choice.folder else {
-            bail!("give a folder, or --world SEED");
+            bail!(
+                "no FOLDER given: `grim eval FOLDER --out DIR`; only --world, --experiment and --sweep can do without"
+            );
         };
         if !folder.is_dir() {
             bail!("{}: no such folder", folder.display());

@@ -1,7 +1,7 @@
 //! `grim eval --experiment` and `--sweep`: the paper's tables, and robustness, on any data set or the procedural world.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
@@ -310,12 +310,4 @@ fn conditions(
     ] {
         table.conditions.insert(name.to_owned(), value);
     }
-}
-
-/// The folder that is measured on, which only experiments can do without.
-///
-/// # Errors
-/// None is given.
-pub fn needed(folder: Option<&PathBuf>) -> Result<&PathBuf> {
-    folder.context("no FOLDER given: `grim eval FOLDER --out DIR`; only --experiment and --sweep can do without")
 }

@@ -4,6 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::bucket_grid::CELL_M;
 use crate::look::{Look, Season};
+use crate::noise::split_floor;
 use crate::solid::{Face, Finish, SolidHit};
 use crate::tree::TreeHit;
 use crate::world::World;
@@ -42,7 +43,7 @@ impl Walk {
     #[inline]
     fn new(origin_m: f32, side: usize, o: V3, d: V3, t_min: f32, t_max: f32) -> Self {
         let p = V2::new(o.x + d.x * t_min - origin_m, o.y + d.y * t_min - origin_m);
-        let (cx, cy) = ((p.x / CELL_M).floor(), (p.y / CELL_M).floor());
+        let ((_, cx), (_, cy)) = (split_floor(p.x / CELL_M), split_floor(p.y / CELL_M));
         let axis = |p: f32, c: f32, d: f32| {
             if d > 1e-9 {
                 (1, t_min + ((c + 1.0) * CELL_M - p) / d, CELL_M / d)

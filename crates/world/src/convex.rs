@@ -118,7 +118,6 @@ impl Convex {
     }
 
     /// Least distance to an edge, negative outside.
-    #[inline]
     pub(crate) fn depth(&self, p: V2) -> f32 {
         let n = self.points.len();
         let mut least = f32::INFINITY;
@@ -131,6 +130,17 @@ impl Convex {
             least = least.min(cross(e, p - a) / e.norm());
         }
         least
+    }
+
+    /// The edges as half planes, for fast depth.
+    pub(crate) fn half_planes(&self) -> HalfPlanes {
+        let n = self.points.len();
+        let planes = (0..n).filter_map(|i| {
+            let a = self.points[i];
+            let inward = left_of((self.points[(i + 1) % n] - a).try_normalize(1e-5)?);
+            Some([inward.x, inward.y, -inward.dot(&a)])
+        });
+        HalfPlanes(planes.collect())
     }
 
     pub(crate) fn bounds(&self) -> (V2, V2) {
@@ -193,6 +203,20 @@ impl Convex {
             .filter(|&i| self.edge_half_width_m[i] > 0.0)
             .filter(|&i| (self.points[(i + 1) % n] - self.points[i]).norm() > 3.0)
             .max_by(|&i, &j| self.edge_half_width_m[i].total_cmp(&self.edge_half_width_m[j]))
+    }
+}
+
+/// A convex polygon as half planes `x a + y b + c >= 0` with unit normals.
+#[derive(Clone, Debug)]
+pub(crate) struct HalfPlanes(Vec<[f32; 3]>);
+
+impl HalfPlanes {
+    /// Least distance to an edge, negative outside.
+    #[inline]
+    pub(crate) fn depth(&self, p: V2) -> f32 {
+        self.0.iter().fold(f32::INFINITY, |least, [a, b, c]| {
+            least.min(a * p.x + b * p.y + c)
+        })
     }
 }
 

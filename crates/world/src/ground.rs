@@ -4,9 +4,10 @@ use nalgebra::Vector2;
 
 use crate::bucket_grid::BucketGrid;
 use crate::colour::Rgb;
-use crate::cover::{Cover, GroundNoise, Inside, Patch, patch_albedo};
+use crate::cover::{Cover, Inside, Patch};
 use crate::look::Season;
 use crate::road::{Road, road_surface};
+use crate::texture::{GroundNoise, patch_albedo, specks};
 use crate::warp::Warp;
 
 type V2 = Vector2<f32>;
@@ -87,8 +88,18 @@ impl Ground {
         let patch = Self::topmost(&self.patches, self.patch_grid.at(p), p);
         let colour_of = |patch: &Patch, at: &Inside, q: V2| {
             let (albedo, kind) = patch_albedo(patch, at, q, &noise, season, pixel_m);
+            let strength = match patch.cover {
+                Cover::Water | Cover::Pool | Cover::Court | Cover::Track | Cover::Pitch => 0.0,
+                Cover::Crop | Cover::Orchard => 0.12,
+                _ => 0.24,
+            };
+            let litter = if strength > 0.0 {
+                specks(p, strength)
+            } else {
+                1.0
+            };
             GroundSurface {
-                albedo,
+                albedo: albedo * litter,
                 id: kind ^ (patch.seed << 8),
             }
         };
@@ -100,7 +111,7 @@ impl Ground {
         let q = self.warp.layout_from_world(p);
         if let Some(road) = road_surface(&self.roads, self.road_grid.at(q), q, &noise, season) {
             return GroundSurface {
-                albedo: road.albedo,
+                albedo: road.albedo * specks(p, 0.2),
                 id: road.id,
             };
         }

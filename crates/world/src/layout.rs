@@ -42,10 +42,10 @@ impl Zone {
     /// Longest and widest block, metres.
     fn block_m(self) -> (f32, f32) {
         match self {
-            Self::Centre => (115.0, 78.0),
-            Self::OldTown => (80.0, 46.0),
-            Self::Terraces => (170.0, 58.0),
-            Self::Suburb => (150.0, 66.0),
+            Self::Centre => (105.0, 80.0),
+            Self::OldTown => (80.0, 48.0),
+            Self::Terraces => (150.0, 58.0),
+            Self::Suburb => (140.0, 68.0),
             Self::Apartments => (150.0, 105.0),
             Self::Industry => (190.0, 130.0),
             Self::Village => (130.0, 75.0),
@@ -171,7 +171,7 @@ impl Layout {
         );
         let too_long = frame.length_m / longest;
         let too_wide = frame.width_m / widest;
-        if (too_long <= 1.0 && too_wide <= 1.0) || depth > 9 {
+        if (too_long <= 1.3 && too_wide <= 1.3) || depth > 9 {
             if let Some(outline) = piece.inset(0.3)
                 && outline.area_m2() > 60.0
             {

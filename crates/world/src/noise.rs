@@ -110,6 +110,14 @@ fn bake_clumps() -> Vec<[i8; 3]> {
     table
 }
 
+/// `floor` as an integer and a float; the library's is a call on baseline x86-64.
+#[inline]
+pub(crate) fn split_floor(x: f32) -> (i32, f32) {
+    let cut = x as i32;
+    let whole = cut - i32::from((cut as f32) > x);
+    (whole, whole as f32)
+}
+
 struct Corners {
     at: [usize; 4],
     u: f32,
@@ -118,8 +126,7 @@ struct Corners {
 
 #[inline]
 fn corners(x: f32, y: f32) -> Corners {
-    let (fx, fy) = (x.floor(), y.floor());
-    let (ix, iy) = (fx as i32, fy as i32);
+    let ((ix, fx), (iy, fy)) = (split_floor(x), split_floor(y));
     let (x0, x1) = ((ix & MASK) as usize, ((ix + 1) & MASK) as usize);
     let (y0, y1) = (
         (iy & MASK) as usize * SIDE,

@@ -1,6 +1,7 @@
 //! Fills the plan with things: buildings, trees, cars, water, courts.
 
 mod blocks;
+mod clutter;
 mod farmland;
 mod green;
 mod houses;
@@ -372,8 +373,8 @@ impl Builder {
                 (top * 0.22, top)
             }
             Species::Conifer => {
-                let top = radius_m * r.range(4.0, 5.5);
-                (0.5 - top * 0.55, top)
+                let top = radius_m * r.range(2.4, 3.6);
+                (-top * 0.8, top)
             }
             Species::Fruit => (0.8, radius_m * 1.6 + 1.0),
             Species::Shrub => (-radius_m * 0.3, radius_m * r.range(0.8, 1.3)),
@@ -384,7 +385,7 @@ impl Builder {
             Life::Fixed
         };
         let seed = r.next_u32();
-        self.trees.push(Tree {
+        let crown = Tree {
             centre,
             radius_m,
             base_m,
@@ -392,7 +393,27 @@ impl Builder {
             species,
             seed,
             life,
-        });
+        };
+        if radius_m < 2.4 || species == Species::Conifer {
+            self.trees.push(crown);
+            return;
+        }
+        // A large crown is a few smaller ones grown together.
+        let turn = r.range(0.0, std::f32::consts::TAU);
+        let lobes = 2 + r.below(3);
+        for k in 0..lobes {
+            let angle = turn + k as f32 * std::f32::consts::TAU / lobes as f32 + r.range(-0.4, 0.4);
+            let out = radius_m * r.range(0.3, 0.5);
+            let radius = radius_m * r.range(0.55, 0.75);
+            let top_m = top_m * r.range(0.8, 1.04);
+            self.trees.push(Tree {
+                centre: centre + V2::new(angle.cos(), angle.sin()) * out,
+                radius_m: radius,
+                base_m: (top_m - radius * 2.2).max(base_m),
+                top_m,
+                ..crown.clone()
+            });
+        }
     }
 
     fn any_species(&mut self) -> Species {

@@ -78,16 +78,28 @@ impl MapFrame {
 }
 
 /// Gives the ray (origin, downward direction) of a continuous picture position.
-trait Rays: Sync {
+pub(crate) trait Rays: Sync {
     fn ray(&self, x: f32, y: f32) -> (V3, V3);
 }
 
-struct MapRays {
+pub(crate) struct MapRays {
     x_min_m: f64,
     y_max_m: f64,
     gsd_m: f64,
     lean: [f32; 2],
     top_m: f32,
+}
+
+impl MapRays {
+    pub(crate) fn new(frame: &MapFrame, lean: [f32; 2], top_m: f32) -> Self {
+        Self {
+            x_min_m: frame.x_min_m,
+            y_max_m: frame.y_max_m,
+            gsd_m: frame.gsd_m,
+            lean,
+            top_m,
+        }
+    }
 }
 
 impl Rays for MapRays {
@@ -103,7 +115,7 @@ impl Rays for MapRays {
     }
 }
 
-struct PhotoRays {
+pub(crate) struct PhotoRays {
     origin: V3,
     corner: V3,
     right: V3,
@@ -111,7 +123,7 @@ struct PhotoRays {
 }
 
 impl PhotoRays {
-    fn new(view: &View) -> Self {
+    pub(crate) fn new(view: &View) -> Self {
         let ray = |px| Vector3::from(view.ray(px));
         let corner = ray([0.0, 0.0]);
         let f = |v: Vector3<f64>| v.map(|c| c as f32);
@@ -297,13 +309,7 @@ impl World {
         let pixel_m = gsd_m as f32;
         let picture = Picture {
             world: self,
-            rays: MapRays {
-                x_min_m: frame.x_min_m,
-                y_max_m: frame.y_max_m,
-                gsd_m,
-                lean: look.lean_en,
-                top_m: self.top_m + 1.0,
-            },
+            rays: MapRays::new(&frame, look.lean_en, self.top_m + 1.0),
             look,
             light: Light::new(look),
             width: frame.width_px as usize,

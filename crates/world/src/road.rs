@@ -5,10 +5,10 @@ use nalgebra::Vector2;
 use crate::bucket_grid::Extent;
 use crate::colour::{Rgb, rgb8};
 use crate::convex::left_of;
-use crate::cover::GroundNoise;
 use crate::look::Season;
 use crate::noise::fbm;
 use crate::random::{hash_cell, hash2, unit};
+use crate::texture::{GroundNoise, grass};
 
 type V2 = Vector2<f32>;
 
@@ -81,6 +81,12 @@ struct Place {
     distance: f32,
 }
 
+impl Place {
+    fn on_line(&self, road: &Road) -> bool {
+        self.along >= 0.0 && self.along <= road.length_m
+    }
+}
+
 impl Road {
     pub(crate) fn between(a: V2, b: V2, class: RoadClass, seed: u32, crossing_m: [f32; 2]) -> Self {
         let d = b - a;
@@ -151,7 +157,12 @@ pub(crate) fn road_surface(
         let beyond = place.distance - road.class.half_m();
         if beyond < 0.0 {
             crossing |= on.is_some();
-            if on.as_ref().is_none_or(|(r, _)| road.class > r.class) {
+            // A road's rounded end never covers another road.
+            let rank = |r: &Road, p: &Place| (p.on_line(r), r.class);
+            if on
+                .as_ref()
+                .is_none_or(|(r, p)| rank(road, &place) > rank(r, p))
+            {
                 on = Some((road, place));
             }
         } else if beyond < road.class.pavement_m()
@@ -182,11 +193,11 @@ fn carriageway(
     let half = road.class.half_m();
     if road.class == RoadClass::Track {
         let soil = rgb8(150, 132, 104).mix(rgb8(118, 100, 76), 0.5 + 0.5 * noise.mid);
-        let grass = crate::cover::grass(season, 0.35 + 0.2 * noise.mid);
+        let green = grass(season, 0.35 + 0.2 * noise.mid);
         let rut = ((side.abs() - 0.85).abs() * 1.6 + 0.35 * noise.fine + 0.25 * noise.mid)
             .clamp(0.0, 1.0);
         return RoadSurface {
-            albedo: soil.mix(grass, rut * 0.8),
+            albedo: soil.mix(green, rut * 0.8),
             id: 3,
         };
     }
@@ -220,8 +231,10 @@ fn carriageway(
     let section = hash_cell(road.seed ^ 77, (along / 55.0).floor() as i32, 0);
     tone *= 0.88 + 0.26 * unit(section);
     // Sealed cracks.
-    let crack = fbm(along * 5.0 + unit(road.seed) * 500.0, 40.0) * 2.2;
-    if (side - crack).abs() < 0.07 && section.is_multiple_of(3) {
+    let crack =
+        (unit(section) - 0.5) * half + fbm(along * 1.6 + unit(road.seed) * 500.0, 40.0) * 1.6;
+    let gap = fbm(along * 0.9, 77.0 + unit(road.seed) * 300.0);
+    if (side - crack).abs() < 0.06 && section.is_multiple_of(3) && gap > 0.1 {
         tone *= 0.6;
     }
     let mut albedo = asphalt_tone(road.seed) * (tone * tone).max(0.1);
@@ -313,12 +326,12 @@ fn pavement(
     noise: &GroundNoise,
     season: Season,
 ) -> RoadSurface {
-    let grass = || crate::cover::grass(season, 0.5 + 0.4 * noise.mid) * (1.0 + 0.25 * noise.fine);
+    let green = || grass(season, 0.5 + 0.4 * noise.mid) * (1.0 + 0.25 * noise.fine);
     if road.class <= RoadClass::Track || road.class == RoadClass::Rural {
         let dust = rgb8(150, 140, 118) * (1.0 + 0.2 * noise.fine);
         let edge = (1.0 - beyond / 0.7 + 0.8 * noise.fine).clamp(0.0, 1.0);
         return RoadSurface {
-            albedo: grass().mix(dust, edge * 0.8),
+            albedo: green().mix(dust, edge * 0.8),
             id: 4,
         };
     }
@@ -332,7 +345,7 @@ fn pavement(
     // Some pavements have a strip of grass next to the kerb.
     if road.seed & 0x60 == 0 && beyond < 1.2 {
         return RoadSurface {
-            albedo: grass(),
+            albedo: green(),
             id: 6,
         };
     }

@@ -89,7 +89,10 @@ impl World {
                 let tree = &self.trees[index as usize];
                 let p = o + d * hit.t;
                 let visible = self.sunlight(p, light.to_sun, Skip::Tree(index), look);
-                let open = 0.30 + 0.70 * hit.clump.height;
+                let leaves =
+                    fbm(p.x * 27.0 + p.z * 5.0, p.y * 27.0 - p.z * 5.0) * (0.12 / pixel_m).min(1.0);
+                let h = hit.clump.height;
+                let open = (0.18 + 0.9 * h * h) * (1.0 + 0.45 * leaves);
                 let lit = light.on(hit.normal, visible * (0.45 + 0.55 * hit.clump.height));
                 Sample {
                     rgb: tree_albedo(tree, &hit, look.season).times(lit) * open,

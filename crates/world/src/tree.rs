@@ -79,18 +79,20 @@ impl Tree {
         }
         let p = oc + dc * t;
         let rho = (p.x * p.x + p.y * p.y).sqrt();
-        // Clumps about 0.25 of the radius, but never far from a metre.
-        let scale = 26.0 / (0.7 + self.radius_m * 0.22);
+        // Clumps of a third of a metre to a metre and a half; the outline follows larger ones.
+        let scale = 30.0 / (0.8 + self.radius_m * 0.16);
         let offset = unit(self.seed) * 512.0;
-        let c = clump(
-            (o.x + d.x * t) * scale + offset,
-            (o.y + d.y * t) * scale - offset + p.z * 9.0,
-        );
+        let at = V2::new(o.x + d.x * t, o.y + d.y * t);
+        let lift = p.z * 9.0;
+        let c = clump(at.x * scale + offset, at.y * scale - offset + lift);
         let solid = if self.bare(season) {
             // Crowns of twigs: dense in the middle, open outside.
             c.height > 0.45 + 0.4 * rho
+        } else if rho > 0.5 {
+            let big = clump(at.x * scale * 0.37 - offset, at.y * scale * 0.37 + offset).height;
+            rho < 0.44 + 0.52 * big + 0.2 * c.height
         } else {
-            rho < 0.72 + 0.42 * c.height
+            true
         };
         if !solid {
             return None;
@@ -99,7 +101,7 @@ impl Tree {
         if self.species == Species::Conifer {
             n = V3::new(n.x * 1.6, n.y * 1.6, n.z * 0.7 + 0.15).normalize();
         }
-        let bump = 0.75;
+        let bump = 0.95;
         let normal = V3::new(
             n.x - c.slope[0] * bump,
             n.y - c.slope[1] * bump,

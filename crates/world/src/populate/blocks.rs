@@ -120,6 +120,7 @@ impl Builder {
                 }
             }
         }
+        self.strew(&yard, (yard.area_m2() / 40.0) as usize, 1.4);
         self.garden_trees(&yard, (yard.area_m2() / 110.0) as usize);
     }
 
@@ -241,6 +242,7 @@ impl Builder {
             }
         }
         self.garden_trees(&inner, (inner.area_m2() / 160.0) as usize);
+        self.strew(&inner, (inner.area_m2() / 250.0) as usize, 1.2);
         if self.random.chance(0.6) {
             let shift = self.random.range(-30.0, 30.0);
             let spot = self.site(f.centre + f.along * shift, f.along, V2::new(7.0, 5.0));

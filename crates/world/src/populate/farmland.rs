@@ -203,6 +203,7 @@ impl Builder {
             }
         }
         self.garden_trees(&block.outline, 22);
+        self.strew(&block.outline, 60, 1.6);
     }
 
     fn greenhouses(&mut self, block: &Block) {

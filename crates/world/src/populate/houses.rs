@@ -20,7 +20,7 @@ pub(super) fn parcels_in_rows(
 ) -> Vec<Convex> {
     let frame = outline.frame();
     let mut rows = Vec::new();
-    if frame.width_m > frontage_m * 2.0 {
+    if frame.width_m > (frontage_m * 1.4).max(27.0) {
         for side in [frame.along, -frame.along] {
             rows.extend(outline.clip_left(frame.centre, side, 0.0));
         }
@@ -226,9 +226,12 @@ impl Builder {
                 );
             }
         }
-        if self.random.chance(0.45) {
+        if self.random.chance(0.35) {
             self.hedge_round(&inner);
+        } else {
+            self.fences(&inner, 0.5);
         }
+        self.strew(&inner, 7, 1.2);
         let n = 2 + self.random.below(5);
         self.garden_trees(&inner, n);
     }
@@ -382,6 +385,8 @@ impl Builder {
                 let part = self.site(front_mid + inward * 1.9, along, V2::new(1.2, 1.9));
                 self.pave(Cover::Slabs, &part, 20);
             }
+            self.fences(&parcel, 0.6);
+            self.strew(&parcel, 2, 0.9);
             self.garden_trees(&parcel, 1);
         }
     }

@@ -48,7 +48,7 @@ impl Builder {
     fn shifted(&mut self, base: [u8; 3], by: f32) -> [u8; 3] {
         let all = self.random.normal() * by;
         base.map(|c| {
-            (f32::from(c) + all + self.random.normal() * by * 0.3).clamp(20.0, 245.0) as u8
+            (f32::from(c) + all + self.random.normal() * by * 0.16).clamp(20.0, 245.0) as u8
         })
     }
 

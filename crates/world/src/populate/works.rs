@@ -116,6 +116,7 @@ impl Builder {
                 }
             }
         }
+        self.stock(&inner, f.along);
         let n = block.outline.points.len();
         for i in 0..n {
             // Trees along some edges.

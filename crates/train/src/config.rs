@@ -1,6 +1,6 @@
 //! The training configuration, as written in a TOML file.
 
-use crate::data::{Folder, PairOptions};
+use crate::data::{Folder, PairOptions, WorldOptions};
 use crate::loss::{HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions};
 use crate::{TeacherOptions, TrainError};
 use grimnet_net::NetSpec;
@@ -19,8 +19,14 @@ pub struct TrainConfig {
     pub data: Vec<Folder>,
     /// Share of the groups of pairs that come from the procedural world.
     pub world_share: f64,
-    /// Length of the run; the schedule ends here.
+    /// Those worlds.
+    pub world: WorldOptions,
+    /// A model file, or a checkpoint of another run, whose numbers the network starts with.
+    pub start_from: Option<PathBuf>,
+    /// Length of the run; the schedule ends here. Time in which the process was stopped does not count.
     pub minutes: f64,
+    /// Length of the run in steps; where given, the schedule follows it and not the time.
+    pub steps: Option<u64>,
     /// Seed of everything random.
     pub seed: u64,
     /// Pairs in a step.
@@ -134,7 +140,10 @@ impl Default for TrainConfig {
             out: "training".into(),
             data: Vec::new(),
             world_share: 0.0,
+            world: WorldOptions::default(),
+            start_from: None,
             minutes: 60.0,
+            steps: None,
             seed: 1,
             pairs_per_step: 12,
             data_threads: 1,
@@ -236,8 +245,14 @@ impl TrainConfig {
         if !(self.minutes > 0.0 && self.learning_rate > 0.0 && self.clip > 0.0) {
             return wrong("`minutes`, `learning_rate` and `clip` must be positive");
         }
-        if self.data.is_empty() {
-            return wrong("no `[[data]]` folder is given");
+        if !(0.0..=1.0).contains(&self.world_share) {
+            return wrong("`world_share` must be between 0 and 1");
+        }
+        if self.world_share > 0.0 && (self.world.worlds == 0 || self.world.places == 0) {
+            return wrong("`world.worlds` and `world.places` must be at least 1");
+        }
+        if self.data.is_empty() && self.world_share < 1.0 {
+            return wrong("no `[[data]]` folder is given, and `world_share` is below 1");
         }
         Ok(())
     }

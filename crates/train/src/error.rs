@@ -30,6 +30,14 @@ pub enum TrainError {
         /// How many are needed.
         needed: usize,
     },
+    /// The pictures or worlds gave no pairs.
+    #[error(
+        "step {step}: no pairs could be made; the pictures are too small for `pairs.side_px`, cannot be decoded, or `pairs.points` is too high for what both views see"
+    )]
+    NoPairs {
+        /// The step.
+        step: u64,
+    },
     /// A checkpoint is damaged, or belongs to another network.
     #[error("checkpoint {path}: {reason}")]
     Checkpoint {

@@ -4,7 +4,7 @@ use crate::TrainError;
 use crate::batch::input_of;
 use crate::checkpoint::Checkpoint;
 use crate::config::TrainConfig;
-use crate::data::{Fold, Pair, Pictures, Sources, batch_of};
+use crate::data::{Data, Pair, PairOptions, Sources, batch_of};
 use crate::network::{Network, Statistics};
 use crate::parameters::Parameters;
 use crate::validation::{
@@ -48,12 +48,12 @@ impl Default for ExportOptions {
 pub struct Exported {
     /// The model.
     pub model: Model,
-    /// Figures of the exported model.
-    pub validation: Validation,
+    /// Figures of the exported model, by what was kept aside.
+    pub validation: Vec<(String, Validation)>,
     /// The whitening that was kept, if one helped.
     pub whitening: Option<WhiteningKind>,
     /// Figures by whitening, the one without first.
-    pub tried: Vec<(Option<WhiteningKind>, Validation)>,
+    pub tried: Vec<(Option<WhiteningKind>, Vec<(String, Validation)>)>,
 }
 
 /// The averaged parameters with normalisation statistics of their own, from training pairs.
@@ -110,12 +110,11 @@ fn vectors_of(model: &Model, pairs: &[Pair]) -> Result<Vec<f32>, TrainError> {
 pub fn export(
     checkpoint: &Checkpoint,
     config: &TrainConfig,
-    sources: &Sources,
-    pictures: &Pictures,
+    data: &Data,
     options: &ExportOptions,
     device: &Device,
 ) -> Result<Exported, TrainError> {
-    let parameters = with_fresh_statistics(&checkpoint.average, sources, config, device)?;
+    let parameters = with_fresh_statistics(&checkpoint.average, &data.training, config, device)?;
     let card = Card {
         name: format!("grimnet {}", config.network),
         training_data: config
@@ -144,35 +143,32 @@ pub fn export(
     };
     let plain = parameters.to_model(card.clone())?;
     let views = validation_options(&config.pairs);
-    let held = pairs_of(
-        pictures,
-        Fold::Validation,
-        options.validation_pairs,
-        &views,
-        11,
-    );
-    let others = pairs_of(
-        pictures,
-        Fold::Training,
+    let share = |count: usize| count.div_ceil(data.aside.len().max(1));
+    let held: Vec<(&str, Vec<Pair>)> = data
+        .aside
+        .iter()
+        .map(|(name, source)| {
+            let count = share(options.validation_pairs);
+            (*name, pairs_of(source.as_ref(), count, &views, 11))
+        })
+        .collect();
+    let others = training_pairs(
+        data,
         options.distractors.div_ceil(2),
         &views,
-        12,
+        config.seed ^ 12,
     );
     let mut tried = Vec::new();
     let distractors = |model: &Model| vectors_of(model, &others);
-    tried.push((
-        None,
-        plain.clone(),
-        validate(&plain, &held, &distractors(&plain)?)?,
-    ));
+    let measure = |model: &Model| -> Result<Vec<(String, Validation)>, TrainError> {
+        let distractors = distractors(model)?;
+        held.iter()
+            .map(|(name, pairs)| Ok(((*name).to_owned(), validate(model, pairs, &distractors)?)))
+            .collect()
+    };
+    tried.push((None, plain.clone(), measure(&plain)?));
     if options.whitening_pairs > 0 && parameters.spec().vlad_len() > WHITENED {
-        let fitting = pairs_of(
-            pictures,
-            Fold::Training,
-            options.whitening_pairs,
-            &views,
-            13,
-        );
+        let fitting = training_pairs(data, options.whitening_pairs, &views, config.seed ^ 13);
         let vectors = vectors_of(&plain, &fitting)?;
         for kind in [WhiteningKind::Pca, WhiteningKind::Pairs] {
             let projection = fit_whitening(&vectors, parameters.spec().vlad_len(), WHITENED, kind)?;
@@ -184,11 +180,13 @@ pub fn export(
             values.push(("whitening.mean".into(), projection.mean));
             values.push(("whitening.projection".into(), projection.rows));
             let model = Model::from_values(spec, card.clone(), values)?;
-            let validation = validate(&model, &held, &distractors(&model)?)?;
+            let validation = measure(&model)?;
             tried.push((Some(kind), model, validation));
         }
     }
-    let score = |v: &Validation| v.recall[0] + v.recall[1];
+    let score = |all: &[(String, Validation)]| -> f64 {
+        all.iter().map(|(_, v)| v.recall[0] + v.recall[1]).sum()
+    };
     let mut best = 0;
     for (i, (_, _, validation)) in tried.iter().enumerate() {
         if score(validation) > score(&tried[best].2) {
@@ -211,37 +209,56 @@ pub fn export(
     })
 }
 
+/// Training pairs as validation's are made.
+fn training_pairs(data: &Data, count: usize, views: &PairOptions, seed: u64) -> Vec<Pair> {
+    (0..count.div_ceil(views.group) as u64)
+        .flat_map(|i| batch_of(&data.training, views, views.group, seed, i))
+        .take(count)
+        .collect()
+}
+
 fn notes(
     checkpoint: &Checkpoint,
     config: &TrainConfig,
-    v: &Validation,
+    measured: &[(String, Validation)],
     whitening: Option<WhiteningKind>,
 ) -> String {
     let percent = |share: f64| (share * 100.0).round();
-    format!(
-        "{} steps of {} pairs, {:.0} minutes. On {} pairs of held-aside pictures (made like the training pairs): \
-         repeatability {} %, matching score {} %, right matches {} %, homography within 1/3/5 px {}/{}/{} %, place found \
-         first / among five of {} views {}/{} %. Whitening: {}. Trained on pictures from above; it does not know oblique \
-         views, night, snow or thermal cameras.",
+    let mut out = format!(
+        "{} steps of {} pairs, {:.0} minutes.",
         checkpoint.position.step,
         config.pairs_per_step,
         checkpoint.position.elapsed_s / 60.0,
-        v.pairs,
-        percent(v.repeatability),
-        percent(v.matching_score),
-        percent(v.match_precision),
-        percent(v.homography_accuracy[0]),
-        percent(v.homography_accuracy[1]),
-        percent(v.homography_accuracy[2]),
-        v.gallery,
-        percent(v.recall[0]),
-        percent(v.recall[1]),
-        match whitening {
-            None => "none",
-            Some(WhiteningKind::Pca) => "PCA",
-            Some(WhiteningKind::Pairs) => "learned from pairs",
-        }
-    )
+    );
+    if let Some(path) = &config.start_from {
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        out.push_str(&format!(" Started from {name}."));
+    }
+    for (name, v) in measured {
+        out.push_str(&format!(
+            " On {} pairs of held-aside {name} (made like the training pairs): repeatability {} %, matching score {} %, \
+             right matches {} %, homography within 1/3/5 px {}/{}/{} %, place found first / among five of {} views {}/{} %.",
+            v.pairs,
+            percent(v.repeatability),
+            percent(v.matching_score),
+            percent(v.match_precision),
+            percent(v.homography_accuracy[0]),
+            percent(v.homography_accuracy[1]),
+            percent(v.homography_accuracy[2]),
+            v.gallery,
+            percent(v.recall[0]),
+            percent(v.recall[1]),
+        ));
+    }
+    out.push_str(match whitening {
+        None => " Whitening: none.",
+        Some(WhiteningKind::Pca) => " Whitening: PCA.",
+        Some(WhiteningKind::Pairs) => " Whitening: learned from pairs.",
+    });
+    out.push_str(
+        " Trained on pictures from above; it does not know oblique views, night, snow or thermal cameras.",
+    );
+    out
 }
 
 /// Writes a model beside `path` and renames it, so that a reader never sees half of it.

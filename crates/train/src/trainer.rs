@@ -3,19 +3,25 @@
 use crate::TrainError;
 use crate::batch::input_of;
 use crate::centres::start_centres;
-use crate::checkpoint::{Checkpoint, Position};
+use crate::checkpoint::Checkpoint;
 use crate::config::TrainConfig;
-use crate::data::{Batch, Pictures, Sources, Stream, batch_of};
+use crate::data::{Batch, Sources, Stream, batch_of};
+use crate::first::first_state;
 use crate::network::{Network, Statistics, unit_rows};
 use crate::objective::{Losses, Objective, Turn};
-use crate::optimiser::Adam;
 use crate::parameters::Parameters;
+use crate::schedule::{learning_rate, remaining_s, share_done};
 use burn::tensor::{Device, Tensor};
 use grimnet_net::Model;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
+/// A step that took longer than this was interrupted: the rest is no training time.
+const LONGEST_STEP_S: f64 = 60.0;
+/// Reports come at least this often.
+const LONGEST_SILENCE_S: f64 = 30.0;
 /// Batches whose descriptors NetVLAD's clusters are taken from.
 const CENTRE_BATCHES: u64 = 4;
 
@@ -45,6 +51,7 @@ pub struct Trainer {
     state: Checkpoint,
     objective: Objective,
     sources: Sources,
+    stop: Arc<AtomicBool>,
 }
 
 impl Trainer {
@@ -74,14 +81,7 @@ impl Trainer {
             }
             state
         } else {
-            let parameters =
-                Parameters::of_model(&Model::random(&config.spec()?, config.seed)?, device);
-            Checkpoint {
-                average: parameters.clone(),
-                parameters,
-                adam: Adam::default(),
-                position: Position::default(),
-            }
+            first_state(&config, device)?
         };
         Ok(Self {
             objective: Objective::new(&config, state.parameters.spec(), device)?,
@@ -89,6 +89,7 @@ impl Trainer {
             device: device.clone().autodiff(),
             state,
             sources,
+            stop: Arc::default(),
         })
     }
 
@@ -97,7 +98,12 @@ impl Trainer {
         &self.state
     }
 
-    /// Trains until the configured minutes are over, or `go_on` says no; saves checkpoints on the way and at the end.
+    /// A switch that ends [`Trainer::run`] after the step in hand, as if its time were over.
+    pub fn stop_switch(&self) -> Arc<AtomicBool> {
+        self.stop.clone()
+    }
+
+    /// Trains until the configured steps or minutes are over, or `go_on` says no; saves checkpoints on the way and at the end.
     ///
     /// # Errors
     /// [`TrainError::NotFinite`] where a loss is not a number; errors of files and of the device.
@@ -106,7 +112,6 @@ impl Trainer {
         go_on: &mut dyn FnMut(&Progress, &Checkpoint) -> bool,
     ) -> Result<(), TrainError> {
         let config = self.config.clone();
-        let total_s = config.minutes * 60.0;
         let path = checkpoint_path(&config);
         let mut stream = Stream::start(
             self.sources.clone(),
@@ -116,36 +121,43 @@ impl Trainer {
             self.state.position.step,
             config.data_threads,
         );
-        let before_s = self.state.position.elapsed_s;
-        let started = Instant::now();
+        let mut last = Instant::now();
         let (mut saved, mut reported) = (Instant::now(), Instant::now());
         let (mut sum, mut count) = (Losses::default(), 0u64);
-        while self.state.position.elapsed_s < total_s {
-            let done = self.state.position.elapsed_s / total_s;
+        loop {
+            let done = share_done(&config, &self.state.position);
+            if done >= 1.0 || self.stop.load(Ordering::Relaxed) {
+                break;
+            }
             if !self.state.position.centres_started && done >= config.global_from {
                 self.start_centres()?;
             }
-            let Some(batch) = stream.next_batch() else {
-                return Err(TrainError::Config {
-                    reason: "the threads that make pairs have stopped".into(),
-                });
+            let batch = match stream.next_batch() {
+                Some(batch) if batch.len() >= 2 => batch,
+                _ => {
+                    return Err(TrainError::NoPairs {
+                        step: self.state.position.step,
+                    });
+                }
             };
             let rate = learning_rate(&config, self.state.adam.updates, done);
             let (losses, gradient) = self.step(&batch, rate)?;
             self.state.position.step += 1;
-            self.state.position.elapsed_s = before_s + started.elapsed().as_secs_f64();
+            self.state.position.elapsed_s += last.elapsed().as_secs_f64().min(LONGEST_STEP_S);
+            last = Instant::now();
             sum.add(&losses);
             count += 1;
             if saved.elapsed().as_secs_f64() > config.checkpoint_minutes * 60.0 {
                 self.state.save(&path)?;
                 saved = Instant::now();
             }
-            if count == config.report_steps {
+            if count == config.report_steps || reported.elapsed().as_secs_f64() > LONGEST_SILENCE_S
+            {
                 let n = count as f32;
                 let progress = Progress {
                     step: self.state.position.step,
                     elapsed_s: self.state.position.elapsed_s,
-                    remaining_s: (total_s - self.state.position.elapsed_s).max(0.0),
+                    remaining_s: remaining_s(&config, &self.state.position),
                     losses: sum.scaled(1.0 / n),
                     pairs_per_s: (count * config.pairs_per_step as u64) as f64
                         / reported.elapsed().as_secs_f64(),
@@ -273,30 +285,4 @@ impl Trainer {
 /// Where the checkpoint of a run is.
 pub fn checkpoint_path(config: &TrainConfig) -> PathBuf {
     config.out.join("checkpoint.safetensors")
-}
-
-/// Rises over the warm-up, stays, falls along a cosine.
-fn learning_rate(config: &TrainConfig, updates: u64, done: f64) -> f64 {
-    let rise = ((updates + 1) as f64 / config.warmup_steps.max(1) as f64).min(1.0);
-    let fall = if done > config.decay_from && config.decay_from < 1.0 {
-        let t = ((done - config.decay_from) / (1.0 - config.decay_from)).min(1.0);
-        0.5 + 0.5 * (std::f64::consts::PI * t).cos()
-    } else {
-        1.0
-    };
-    config.learning_rate * (rise * fall).max(1e-3)
-}
-
-/// Sources of a configuration: its pictures.
-///
-/// # Errors
-/// Folders that cannot be read, too few pictures.
-pub fn sources_of(config: &TrainConfig) -> Result<(Sources, Arc<Pictures>), TrainError> {
-    let pictures = Arc::new(Pictures::scan(&config.data, config.pairs.side_px * 3 / 4)?);
-    tracing::info!(
-        pictures = pictures.training_count(),
-        unreadable = pictures.unreadable(),
-        "pictures to train on"
-    );
-    Ok((vec![(1.0, pictures.clone())], pictures))
 }

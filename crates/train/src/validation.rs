@@ -1,7 +1,7 @@
 //! How good a model is on pictures that it never saw: what localisation asks of it, by the CPU engine that will run it.
 
 use crate::TrainError;
-use crate::data::{Fold, Pair, PairOptions, Pictures, apply, group_of};
+use crate::data::{Pair, PairOptions, Source, apply};
 use grimnet_net::{Domain, ExtractOptions, Extractor, Features, Model};
 use image::GrayImage;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -42,25 +42,13 @@ pub fn validation_options(training: &PairOptions) -> PairOptions {
     }
 }
 
-/// Pairs of a fold, seeded.
-pub fn pairs_of(
-    pictures: &Pictures,
-    fold: Fold,
-    count: usize,
-    options: &PairOptions,
-    seed: u64,
-) -> Vec<Pair> {
+/// Pairs of a source, seeded.
+pub fn pairs_of(source: &dyn Source, count: usize, options: &PairOptions, seed: u64) -> Vec<Pair> {
     let mut random = ChaCha8Rng::seed_from_u64(seed);
     let mut out = Vec::with_capacity(count);
     let mut empty = 0;
     while out.len() < count && empty < 20 {
-        let group = group_of(
-            pictures,
-            fold,
-            options.group.min(count - out.len()),
-            options,
-            &mut random,
-        );
+        let group = source.group(options.group.min(count - out.len()), options, &mut random);
         empty = if group.is_empty() { empty + 1 } else { 0 };
         out.extend(group);
     }
@@ -187,7 +175,12 @@ fn measure(pair: &Pair, sat: &Features, uav: &Features, random: &mut ChaCha8Rng)
         let inside = (0.0..side - 1.0).contains(&x) && (0.0..side - 1.0).contains(&y);
         inside && pair.uav_seen[(y as usize / 8) * cells + x as usize / 8]
     };
-    let mapped: Vec<[f64; 2]> = a.iter().map(|p| apply(h, *p)).collect();
+    // A point that the other view does not show is near nothing there.
+    let mapped: Vec<[f64; 2]> = a
+        .iter()
+        .map(|p| pair.mapping.uav_from_sat(*p, side, 0.0).at())
+        .map(|at| at.unwrap_or([f64::INFINITY; 2]))
+        .collect();
     let shared: Vec<usize> = (0..a.len()).filter(|i| seen(mapped[*i])).collect();
     let near = |p: [f64; 2], q: [f64; 2]| (p[0] - q[0]).hypot(p[1] - q[1]) < SAME_PX;
     let repeated = shared

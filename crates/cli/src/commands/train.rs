@@ -2,27 +2,34 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
 use clap::Args;
 
-use crate::exit::Exit;
+#[cfg(feature = "train")]
+mod session;
+#[cfg(feature = "train")]
+pub use session::run;
 
 /// Arguments of `grim train`.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// What to train, on which pictures, for how long
+    /// What to train, on which pictures, for how long (TOML)
     config: Option<PathBuf>,
 
     /// Go on from the last checkpoint
     #[arg(long)]
     resume: bool,
+
+    /// Train no more: make the model file of the last checkpoint
+    #[arg(long, conflicts_with = "resume")]
+    export: bool,
 }
 
 /// Says how to get the trainer.
 ///
 /// # Errors
 /// Always: this build has none.
-pub fn run(_: &TrainArgs) -> Result<Exit> {
+#[cfg(not(feature = "train"))]
+pub fn run(_: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
     anyhow::bail!(
         "this grim was built without the trainer, to keep the build short; build it with: cargo build --release -p grim --features train"
     )

@@ -1,9 +1,10 @@
 //! One training pair and the group of pairs that it comes in.
 
 use super::corners::corners;
-use super::homography::{HomographyRange, apply, random_homography};
-use super::photometric::{Look, change_look, inside};
-use super::pictures::{Fold, Picture, Pictures};
+use super::homography::{HomographyRange, random_homography};
+use super::mapping::{Mapping, Seen};
+use super::photometric::{Look, change_look};
+use super::pictures::{Aside, Fold, Picture, Pictures};
 use super::resample::warp;
 use grimnet_net::Domain;
 use image::RgbImage;
@@ -86,8 +87,10 @@ pub struct Pair {
     pub sat_points: Vec<[f32; 2]>,
     /// The same points in the drone's view.
     pub uav_points: Vec<[f32; 2]>,
-    /// From the map's view's pixels to the drone's view's.
+    /// From the map's view's pixels to the drone's view's, of points on the ground.
     pub uav_from_sat_px: Matrix3<f64>,
+    /// The exact relation of the views.
+    pub mapping: Mapping,
     /// Where the map's view lies.
     pub place: Place,
 }
@@ -115,8 +118,19 @@ impl Source for Pictures {
     }
 }
 
+impl Source for Aside {
+    fn group(
+        &self,
+        count: usize,
+        options: &PairOptions,
+        random: &mut rand_chacha::ChaCha8Rng,
+    ) -> Vec<Pair> {
+        group_of(&self.0, Fold::Validation, count, options, random)
+    }
+}
+
 /// Windows of one picture that lie apart; of a small picture only two, then the next picture.
-pub(crate) fn group_of(
+pub(super) fn group_of(
     pictures: &Pictures,
     fold: Fold,
     count: usize,
@@ -201,7 +215,7 @@ fn choose_window(
 }
 
 /// One of the eight turns and mirrorings of a square of that side, as view pixels from view pixels.
-fn random_turn(side: f64, random: &mut impl Rng) -> Matrix3<f64> {
+pub(super) fn random_turn(side: f64, random: &mut impl Rng) -> Matrix3<f64> {
     let last = side - 1.0;
     let flip = if random.random() {
         Matrix3::new(-1.0, 0.0, last, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -213,7 +227,7 @@ fn random_turn(side: f64, random: &mut impl Rng) -> Matrix3<f64> {
 }
 
 /// A pair at a window; `None` where too few points are seen in both views.
-pub(crate) fn pair_at(
+pub(super) fn pair_at(
     picture: &Picture,
     place: Place,
     options: &PairOptions,
@@ -246,7 +260,7 @@ pub(crate) fn pair_at(
         [sat_plain, uav_plain],
         seen,
         uav_from_sat,
-        sat_from_uav,
+        Mapping::plane(uav_from_sat)?,
         place,
         options,
         random,
@@ -254,7 +268,7 @@ pub(crate) fn pair_at(
 }
 
 /// What a rotated frame leaves unseen.
-fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng) {
+pub(super) fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng) {
     let (sin, cos) = random
         .random_range(0.0..std::f32::consts::FRAC_PI_2)
         .sin_cos();
@@ -274,11 +288,11 @@ fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng) {
 }
 
 /// Looks, labels and points of two plain views.
-pub(crate) fn finish(
+pub(super) fn finish(
     [sat_plain, uav_plain]: [RgbImage; 2],
     seen: Vec<bool>,
     uav_from_sat: Matrix3<f64>,
-    sat_from_uav: Matrix3<f64>,
+    mapping: Mapping,
     place: Place,
     options: &PairOptions,
     random: &mut rand_chacha::ChaCha8Rng,
@@ -301,7 +315,7 @@ pub(crate) fn finish(
             (cell % cells * 8) as f64 + random.random_range(-0.5..7.5),
             (cell / cells * 8) as f64 + random.random_range(-0.5..7.5),
         ];
-        if let Some(there) = inside(&uav_from_sat, at, side as f64, 3.0)
+        if let Seen::At(there) = mapping.uav_from_sat(at, side as f64, 3.0)
             && sees(there)
         {
             sat_points.push(at.map(|v| v as f32));
@@ -316,13 +330,8 @@ pub(crate) fn finish(
     }
     let sat = change_look(&sat_plain, Domain::Sat, &options.look, random);
     let mut uav = change_look(&uav_plain, Domain::Uav, &options.look, random);
-    let (sat_labels, uav_labels) = surviving_corners(
-        [&sat_plain, &uav_plain],
-        [&sat, &uav],
-        &uav_seen,
-        &uav_from_sat,
-        &sat_from_uav,
-    );
+    let (sat_labels, uav_labels) =
+        surviving_corners([&sat_plain, &uav_plain], [&sat, &uav], &uav_seen, &mapping);
     for (pixel, seen) in uav.pixels_mut().zip(&seen) {
         if !seen {
             pixel.0 = [0; 3];
@@ -337,6 +346,7 @@ pub(crate) fn finish(
         sat_points,
         uav_points,
         uav_from_sat_px: uav_from_sat,
+        mapping,
         place,
     })
 }
@@ -364,8 +374,7 @@ fn surviving_corners(
     [sat_plain, uav_plain]: [&RgbImage; 2],
     [sat, uav]: [&RgbImage; 2],
     uav_seen: &[bool],
-    uav_from_sat: &Matrix3<f64>,
-    sat_from_uav: &Matrix3<f64>,
+    mapping: &Mapping,
 ) -> (Vec<u8>, Vec<u8>) {
     const MOST: usize = 600;
     let side = sat.width() as usize;
@@ -388,8 +397,8 @@ fn surviving_corners(
         if !in_sat[y * side + x] {
             continue;
         }
-        match inside(uav_from_sat, [x as f64, y as f64], side as f64, 1.0) {
-            Some([u, v]) => {
+        match mapping.uav_from_sat([x as f64, y as f64], side as f64, 1.0) {
+            Seen::At([u, v]) => {
                 let (u, v) = (u.round() as usize, v.round() as usize);
                 if uav_seen[(v / 8) * cells + u / 8] {
                     if in_uav[v * side + u] {
@@ -400,14 +409,14 @@ fn surviving_corners(
                     set(&mut sat_labels, x, y);
                 }
             }
-            None => set(&mut sat_labels, x, y),
+            Seen::Outside => set(&mut sat_labels, x, y),
+            Seen::Hidden => {}
         }
     }
     let in_plain = near_corners(&corners(uav_plain, 2, MOST), side);
     for [x, y] in uav_corners {
-        let [u, v] = apply(sat_from_uav, [x as f64, y as f64]);
-        let range = 1.0..side as f64 - 2.0;
-        let unseen_by_sat = !(range.contains(&u) && range.contains(&v));
+        let unseen_by_sat =
+            mapping.sat_from_uav([x as f64, y as f64], side as f64, 1.0) == Seen::Outside;
         if unseen_by_sat && in_plain[y * side + x] && uav_seen[(y / 8) * cells + x / 8] {
             set(&mut uav_labels, x, y);
         }
@@ -417,6 +426,7 @@ fn surviving_corners(
 
 #[cfg(test)]
 mod tests {
+    use super::super::homography::apply;
     use super::*;
     use rand::SeedableRng;
 
@@ -489,7 +499,10 @@ mod tests {
         let mut compared = 0;
         for y in 0..128 {
             for x in 0..128 {
-                if let Some([u, v]) = inside(&h, [f64::from(x), f64::from(y)], 128.0, 1.0) {
+                let plane = Mapping::plane(h).unwrap();
+                if let Seen::At([u, v]) =
+                    plane.uav_from_sat([f64::from(x), f64::from(y)], 128.0, 1.0)
+                {
                     let (u, v) = (u.round() as u32, v.round() as u32);
                     if seen[(v * 128 + u) as usize] {
                         let (a, b) = (sat.get_pixel(x, y), uav.get_pixel(u, v));

@@ -1,9 +1,7 @@
 //! How the same place looks to another sensor, at another time: changes that differ between map and photo.
 
-use super::homography::apply;
 use grimnet_net::Domain;
 use image::RgbImage;
-use nalgebra::Matrix3;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
@@ -11,10 +9,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Look {
-    /// Strength on the map's side; 1 is the photo's.
+    /// Strength on the map's side.
     pub sat_strength: f32,
+    /// Strength on the photo's side.
+    pub uav_strength: f32,
     /// Share of maps with equalised contrast.
     pub equalised: f64,
+    /// Share of maps whose every neighbourhood was brought to one mean and spread, as map services do.
+    pub locally_equalised: f64,
     /// Share of photos with cast shadows.
     pub shadows: f64,
     /// Share of views with haze.
@@ -29,7 +31,9 @@ impl Default for Look {
     fn default() -> Self {
         Self {
             sat_strength: 0.7,
+            uav_strength: 1.0,
             equalised: 0.3,
+            locally_equalised: 0.0,
             shadows: 0.45,
             haze: 0.25,
             season: 0.35,
@@ -51,7 +55,7 @@ pub fn change_look(
     random: &mut impl Rng,
 ) -> RgbImage {
     let k = if domain == Domain::Uav {
-        1.0
+        look.uav_strength
     } else {
         look.sat_strength
     };
@@ -79,6 +83,13 @@ pub fn change_look(
     );
     if domain == Domain::Sat && random.random_bool(look.equalised) {
         equalise(&mut pixels, between(random, 0.5, 1.0));
+    }
+    if domain == Domain::Sat
+        && look.locally_equalised > 0.0
+        && random.random_bool(look.locally_equalised)
+    {
+        let reach = random.random_range(width / 12..width / 4);
+        equalise_locally(&mut pixels, width, height, reach, between(random, 0.4, 1.0));
     }
     if random.random_bool(if domain == Domain::Uav {
         look.shadows
@@ -181,6 +192,46 @@ fn equalise(pixels: &mut [f32], share: f32) {
         let shift = (table[bin(p)] - grey) * share;
         for v in p {
             *v += shift;
+        }
+    }
+}
+
+/// Brings the brightness around each pixel, within `reach` pixels each way, towards one mean and deviation.
+fn equalise_locally(pixels: &mut [f32], width: usize, height: usize, reach: usize, share: f32) {
+    let (mean_wanted, deviation_wanted, most_gain) = (0.46, 0.19, 2.6);
+    let grey: Vec<f32> = pixels
+        .chunks_exact(3)
+        .map(|p| 0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2])
+        .collect();
+    // Summed-area tables of the brightness and its square (Crow 1984).
+    let stride = width + 1;
+    let mut sums = vec![[0.0f64; 2]; stride * (height + 1)];
+    for y in 0..height {
+        let mut row = [0.0f64; 2];
+        for x in 0..width {
+            let v = f64::from(grey[y * width + x]);
+            row = [row[0] + v, row[1] + v * v];
+            let above = sums[y * stride + x + 1];
+            sums[(y + 1) * stride + x + 1] = [above[0] + row[0], above[1] + row[1]];
+        }
+    }
+    for y in 0..height {
+        let (top, bottom) = (y.saturating_sub(reach), (y + reach + 1).min(height));
+        for x in 0..width {
+            let (left, right) = (x.saturating_sub(reach), (x + reach + 1).min(width));
+            let count = ((bottom - top) * (right - left)) as f64;
+            let at = |row: usize, column: usize, k: usize| sums[row * stride + column][k];
+            let [mean, square] = [0, 1].map(|k| {
+                (at(bottom, right, k) - at(top, right, k) - at(bottom, left, k) + at(top, left, k))
+                    / count
+            });
+            let deviation = (square - mean * mean).max(0.0).sqrt() as f32;
+            let value = grey[y * width + x];
+            let gain = (deviation_wanted / deviation.max(0.02)).min(most_gain);
+            let shift = (mean_wanted + (value - mean as f32) * gain - value) * share;
+            for v in &mut pixels[(y * width + x) * 3..(y * width + x) * 3 + 3] {
+                *v += shift;
+            }
         }
     }
 }
@@ -306,18 +357,6 @@ fn compressed(image: RgbImage, quality: u8) -> RgbImage {
     }
 }
 
-/// Whether a point of one view lies inside the other, `margin_px` from its edge.
-pub(super) fn inside(
-    h: &Matrix3<f64>,
-    at: [f64; 2],
-    side_px: f64,
-    margin_px: f64,
-) -> Option<[f64; 2]> {
-    let [x, y] = apply(h, at);
-    let range = margin_px..=side_px - 1.0 - margin_px;
-    (range.contains(&x) && range.contains(&y)).then_some([x, y])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -330,6 +369,7 @@ mod tests {
         });
         let look = Look {
             equalised: 1.0,
+            locally_equalised: 1.0,
             shadows: 1.0,
             haze: 1.0,
             season: 1.0,

@@ -100,6 +100,7 @@ struct Entry {
 }
 
 /// A set of pictures to draw from.
+#[derive(Default)]
 pub struct Pictures {
     entries: Vec<Entry>,
     /// Indices into the entries, as often as each counts.
@@ -108,6 +109,9 @@ pub struct Pictures {
     unreadable: usize,
     cache: Mutex<(HashMap<usize, Arc<Picture>>, usize)>,
 }
+
+/// The pictures of a set that are kept aside.
+pub struct Aside(pub Arc<Pictures>);
 
 /// FNV-1a, which says the same on every machine.
 fn hash_of(path: &str) -> u64 {
@@ -140,13 +144,7 @@ impl Pictures {
     /// # Errors
     /// [`TrainError::Io`] for a folder that cannot be read, [`TrainError::TooFewPictures`] where fewer than eight are left.
     pub fn scan(folders: &[Folder], least_side_px: u32) -> Result<Self, TrainError> {
-        let mut out = Self {
-            entries: Vec::new(),
-            training: Vec::new(),
-            validation: Vec::new(),
-            unreadable: 0,
-            cache: Mutex::new((HashMap::new(), 0)),
-        };
+        let mut out = Self::default();
         for folder in folders {
             let mut files = Vec::new();
             files_under(&folder.path, &mut files)?;

@@ -1,0 +1,129 @@
+//! One training run: bar, curves, Ctrl-C, and the model file at its end.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context as _, Result};
+use grimnet_train::data::Data;
+use grimnet_train::{
+    Checkpoint, Curves, Device, ExportOptions, Progress, TrainConfig, Trainer, checkpoint_path,
+    export, save_model,
+};
+use indicatif::{ProgressBar, ProgressStyle};
+use signal_hook::consts::SIGINT;
+
+use super::TrainArgs;
+use crate::exit::Exit;
+
+/// Runs the command.
+///
+/// # Errors
+/// A configuration, data or a checkpoint that cannot be used; a loss that is not a number.
+pub fn run(arguments: &TrainArgs) -> Result<Exit> {
+    let path = arguments.config.as_deref().context(
+        "name a configuration, as in: grim train training.toml (TRAINING.md shows what to write in it)",
+    )?;
+    let config = TrainConfig::open(path)?;
+    let data = Data::open(&config)?;
+    if data.unreadable > 0 {
+        tracing::warn!(
+            "{} files are no usable pictures and were left out",
+            data.unreadable
+        );
+    }
+    let device = Device::flex();
+    if arguments.export {
+        let state = Checkpoint::open(&checkpoint_path(&config), &device)?;
+        return finish(&state, &config, &data, &device);
+    }
+    let mut trainer = Trainer::new(
+        config.clone(),
+        data.training.clone(),
+        &device,
+        arguments.resume,
+    )?;
+    let stopped = stop_on_interrupt(&trainer)?;
+    train(&mut trainer, &config)?;
+    if stopped.load(Ordering::Relaxed) {
+        let mut out = std::io::stderr().lock();
+        writeln!(
+            out,
+            "stopped at step {}; go on with: grim train {} --resume",
+            trainer.state().position.step,
+            path.display()
+        )?;
+        return Ok(Exit::Done);
+    }
+    finish(trainer.state(), &config, &data, &device)
+}
+
+/// The first Ctrl-C ends training after the step in hand, which saves a checkpoint; the second one kills.
+fn stop_on_interrupt(trainer: &Trainer) -> Result<Arc<AtomicBool>> {
+    let stop = trainer.stop_switch();
+    signal_hook::flag::register_conditional_shutdown(SIGINT, 130, stop.clone())?;
+    signal_hook::flag::register(SIGINT, stop.clone())?;
+    Ok(stop)
+}
+
+fn train(trainer: &mut Trainer, config: &TrainConfig) -> Result<()> {
+    let mut curves = Curves::open(&config.out, trainer.state().position.step)?;
+    let bar = time_bar(config.minutes)?;
+    let mut failed = None;
+    trainer.run(&mut |progress, _| {
+        bar.set_position(progress.elapsed_s as u64);
+        bar.set_message(line(progress));
+        if bar.is_hidden() {
+            tracing::info!("{}", line(progress));
+        }
+        failed = curves.add(progress).err();
+        failed.is_none()
+    })?;
+    bar.finish_and_clear();
+    failed.map_or(Ok(()), |error| Err(error.into()))
+}
+
+/// A bar over the run's time.
+fn time_bar(minutes: f64) -> Result<ProgressBar> {
+    let bar = ProgressBar::new((minutes * 60.0) as u64);
+    bar.set_style(
+        ProgressStyle::with_template("{wide_bar} {percent:>3} % {msg}")?.progress_chars("━╸ "),
+    );
+    Ok(bar)
+}
+
+/// One report in words.
+fn line(p: &Progress) -> String {
+    let losses: Vec<String> = p
+        .losses
+        .terms()
+        .iter()
+        .filter(|(_, value)| *value != 0.0)
+        .map(|(name, value)| format!("{name} {value:.3}"))
+        .collect();
+    format!(
+        "step {}, {}, {:.1} pairs/s, {:.0} min left",
+        p.step,
+        losses.join(", "),
+        p.pairs_per_s,
+        p.remaining_s / 60.0
+    )
+}
+
+/// Makes the model file and says what it is worth.
+fn finish(state: &Checkpoint, config: &TrainConfig, data: &Data, device: &Device) -> Result<Exit> {
+    let exported = export(state, config, data, &ExportOptions::default(), device)?;
+    let path = config.out.join("model.safetensors");
+    save_model(&exported.model, &path)?;
+    report(&exported.model, &path)?;
+    Ok(Exit::Done)
+}
+
+fn report(model: &grimnet_net::Model, path: &Path) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{}", path.display())?;
+    writeln!(out, "  hash {}", model.hash())?;
+    writeln!(out, "  {}", model.card().notes)?;
+    Ok(())
+}

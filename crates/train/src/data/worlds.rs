@@ -1,0 +1,273 @@
+//! Pairs from procedural worlds: two renderings of one place, each under its own season, sun, camera and moment, with real
+//! parallax and shadows, and exact correspondences.
+
+use super::homography::random_homography;
+use super::mapping::Mapping;
+use super::pair::{Pair, PairOptions, Place, Source, cut_corners, finish, random_turn};
+use super::photometric::Look;
+use super::pictures::Fold;
+use super::piece::{PIECE_PX, Piece};
+use super::resample::warp;
+use grimnet_world::{Camera, Look as WorldLook, Pose, World, WorldConfig};
+use nalgebra::Matrix3;
+use rand::seq::SliceRandom;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use std::sync::{Arc, OnceLock};
+
+/// How many worlds, and where in them pairs are taken.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct WorldOptions {
+    /// Worlds; each has its own plan, ground resolution, map and flight.
+    pub worlds: usize,
+    /// Places rendered in each. All are rendered once, when first drawn, and kept: about 1.8 MB each.
+    pub places: usize,
+}
+
+impl Default for WorldOptions {
+    fn default() -> Self {
+        Self {
+            worlds: 48,
+            places: 12,
+        }
+    }
+}
+
+/// Side of a world, metres.
+const WORLD_M: f64 = 560.0;
+/// Ground resolution of the maps, metres per pixel.
+const GSD_M: [f64; 2] = [0.2, 0.55];
+/// Indices of pictures on disk stay below this.
+const FIRST_WORLD: usize = 1 << 40;
+/// Cuts that are tried at a place before it is left.
+const TRIES: usize = 4;
+
+/// One world's flight over one map.
+struct Scene {
+    config: WorldConfig,
+    gsd_m: f64,
+    looks: [WorldLook; 2],
+    poses: Vec<(Pose, Camera)>,
+    world: OnceLock<World>,
+    pieces: Vec<OnceLock<Arc<Piece>>>,
+}
+
+impl Scene {
+    fn new(seed: u64, places: usize) -> Self {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let gsd_m = random.random_range(GSD_M[0].ln()..GSD_M[1].ln()).exp();
+        let config = WorldConfig {
+            seed,
+            size_m: WORLD_M,
+            urban: random.random_range(0.2..1.0),
+            bend: random.random_range(0.0..1.0),
+        };
+        let poses = (0..places)
+            .map(|_| random_pose(gsd_m, &mut random))
+            .collect();
+        Self {
+            config,
+            gsd_m,
+            looks: [
+                WorldLook::varied_satellite(seed),
+                WorldLook::varied_drone(seed),
+            ],
+            poses,
+            world: OnceLock::new(),
+            pieces: (0..places).map(|_| OnceLock::new()).collect(),
+        }
+    }
+
+    fn piece(&self, index: usize) -> Arc<Piece> {
+        self.pieces[index]
+            .get_or_init(|| {
+                let world = self.world.get_or_init(|| World::new(self.config));
+                let (pose, camera) = &self.poses[index];
+                let looks = [&self.looks[0], &self.looks[1]];
+                Arc::new(Piece::render(world, self.gsd_m, looks, pose, camera))
+            })
+            .clone()
+    }
+}
+
+/// A nearly level camera over a place of the world, at the height from which it sees what the map piece shows.
+fn random_pose(gsd_m: f64, random: &mut impl Rng) -> (Pose, Camera) {
+    let side_m = gsd_m * f64::from(PIECE_PX);
+    let margin_m = side_m / 2.0;
+    let hfov_deg: f64 = random.random_range(45.0..80.0);
+    let footprint_m = side_m * random.random_range(0.9..1.15);
+    let mut at = || random.random_range(margin_m..WORLD_M - margin_m);
+    let pose = Pose {
+        x_m: at(),
+        y_m: at(),
+        height_agl_m: footprint_m / 2.0 / (hfov_deg.to_radians() / 2.0).tan(),
+        // Views are turned when they are cut.
+        heading_deg: 0.0,
+        pitch_off_nadir_deg: random.random_range(-7.0..7.0),
+        roll_deg: random.random_range(-4.0..4.0),
+    };
+    let camera = Camera {
+        hfov_deg,
+        width_px: PIECE_PX,
+        height_px: PIECE_PX,
+    };
+    (pose, camera)
+}
+
+/// A set of worlds to draw pairs from; the same for the same seed.
+pub struct Worlds {
+    scenes: Vec<Scene>,
+}
+
+impl Worlds {
+    /// Plans the worlds; nothing is rendered yet. The folds share no world.
+    pub fn new(options: &WorldOptions, fold: Fold, seed: u64) -> Self {
+        let first = seed.wrapping_mul(1_000_003)
+            ^ match fold {
+                Fold::Training => 0,
+                Fold::Validation => 0x5eed_0000_0000,
+            };
+        Self {
+            scenes: (0..options.worlds as u64)
+                .map(|i| Scene::new(first.wrapping_add(i), options.places))
+                .collect(),
+        }
+    }
+
+    fn pair(
+        &self,
+        world: usize,
+        place: usize,
+        options: &PairOptions,
+        random: &mut ChaCha8Rng,
+    ) -> Option<Pair> {
+        let piece = self.scenes[world].piece(place);
+        let side = f64::from(options.side_px);
+        let most = (f64::from(PIECE_PX) * 0.95 / side).min(1.7);
+        let scale = random.random_range(most.min(0.8)..=most);
+        let free = (f64::from(PIECE_PX) - side * scale).max(0.0);
+        let corner = [
+            random.random_range(0.0..=free),
+            random.random_range(0.0..=free),
+        ];
+        let piece_from_window = Matrix3::new(
+            scale,
+            0.0,
+            corner[0] + 0.5 * scale - 0.5,
+            0.0,
+            scale,
+            corner[1] + 0.5 * scale - 0.5,
+            0.0,
+            0.0,
+            1.0,
+        );
+        let piece_from_sat = piece_from_window * random_turn(side, random);
+        let uav_from_sat = random_homography(&options.homography, side, random);
+        let piece_from_uav =
+            piece.ground_homography()? * piece_from_sat * uav_from_sat.try_inverse()?;
+        let (sat, sat_seen) = warp(&piece.sat, &piece_from_sat, options.side_px);
+        if sat_seen.iter().any(|seen| !seen) {
+            return None;
+        }
+        let (uav, mut seen) = warp(&piece.uav, &piece_from_uav, options.side_px);
+        if random.random_bool(options.black_corners) {
+            cut_corners(&mut seen, options.side_px as usize, random);
+        }
+        let gsd_m = self.scenes[world].gsd_m;
+        let [west, _, _, north] = piece.bounds_m();
+        let [left, top] = [west + corner[0] * gsd_m, -north + corner[1] * gsd_m];
+        let side_m = side * scale * gsd_m;
+        let mapping = Mapping::Relief {
+            piece_from_sat_px: [piece_from_sat, piece_from_sat.try_inverse()?],
+            piece_from_uav_px: [piece_from_uav, piece_from_uav.try_inverse()?],
+            piece,
+        };
+        let place = Place {
+            picture: FIRST_WORLD + world,
+            window_px: [left, top, left + side_m, top + side_m],
+        };
+        // The renderings already differ in season, sun and shadows.
+        let options = PairOptions {
+            look: Look {
+                sat_strength: options.look.sat_strength * 0.6,
+                uav_strength: options.look.uav_strength * 0.5,
+                shadows: 0.0,
+                season: 0.0,
+                ..options.look
+            },
+            ..options.clone()
+        };
+        finish(
+            [sat, uav],
+            seen,
+            uav_from_sat,
+            mapping,
+            place,
+            &options,
+            random,
+        )
+    }
+}
+
+impl Source for Worlds {
+    /// Places of one world under one map and one flight: what differs between them is the place alone.
+    fn group(&self, count: usize, options: &PairOptions, random: &mut ChaCha8Rng) -> Vec<Pair> {
+        let mut out = Vec::with_capacity(count);
+        if self.scenes.is_empty() {
+            return out;
+        }
+        let world = random.random_range(0..self.scenes.len());
+        let mut order: Vec<usize> = (0..self.scenes[world].poses.len()).collect();
+        order.shuffle(random);
+        for place in order {
+            if out.len() == count {
+                break;
+            }
+            out.extend((0..TRIES).find_map(|_| self.pair(world, place, options, random)));
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn groups_are_places_of_one_world_and_a_seed_decides_them() {
+        let worlds = |fold| {
+            Worlds::new(
+                &WorldOptions {
+                    worlds: 2,
+                    places: 3,
+                },
+                fold,
+                1,
+            )
+        };
+        let options = PairOptions {
+            side_px: 128,
+            points: 60,
+            ..PairOptions::default()
+        };
+        let group = |w: &Worlds| w.group(2, &options, &mut ChaCha8Rng::seed_from_u64(4));
+        let (a, b) = (
+            group(&worlds(Fold::Training)),
+            group(&worlds(Fold::Training)),
+        );
+        assert_eq!(a.len(), 2);
+        assert_eq!(a[0].sat, b[0].sat);
+        assert_eq!(a[1].uav, b[1].uav);
+        assert_eq!(a[0].place.picture, a[1].place.picture);
+        for pair in &a {
+            for (p, q) in pair.sat_points.iter().zip(&pair.uav_points) {
+                let found = pair.mapping.uav_from_sat(p.map(f64::from), 128.0, 0.0);
+                let [x, y] = found.at().unwrap();
+                assert!((x - f64::from(q[0])).hypot(y - f64::from(q[1])) < 0.01);
+            }
+        }
+        assert_ne!(group(&worlds(Fold::Validation))[0].sat, a[0].sat);
+    }
+}

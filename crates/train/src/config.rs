@@ -21,7 +21,8 @@ pub struct TrainConfig {
     pub world_share: f64,
     /// Those worlds.
     pub world: WorldOptions,
-    /// A model file, or a checkpoint of another run, whose numbers the network starts with.
+    /// A model file, or a checkpoint of another run, whose numbers the network starts with; or torchvision's `vgg16` or
+    /// `vgg16_bn` weights (`.pth` or safetensors), whose convolutions `vgg16` starts with.
     pub start_from: Option<PathBuf>,
     /// Length of the run; the schedule ends here. Time in which the process was stopped does not count.
     pub minutes: f64,

@@ -46,6 +46,14 @@ pub enum TrainError {
         /// What is wrong, and what to do.
         reason: String,
     },
+    /// A file of weights from another program cannot be used.
+    #[error("weights {path}: {reason}")]
+    Weights {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// A loss or gradient is not a number.
     #[error(
         "step {step}: {what} is not finite; the last good checkpoint is {checkpoint}; resume from it with a lower learning rate"

@@ -7,6 +7,7 @@ use crate::config::TrainConfig;
 use crate::data::{Data, Pair, PairOptions, Sources, batch_of};
 use crate::network::{Network, Statistics};
 use crate::parameters::Parameters;
+use crate::trainer::enough;
 use crate::validation::{
     Validation, extractors_of, features_of, pairs_of, validate, validation_options,
 };
@@ -76,6 +77,7 @@ pub fn with_fresh_statistics(
             config.seed ^ 0x57a7,
             i,
         );
+        let batch = enough(batch, i)?;
         let input = input_of(&batch, parameters.spec(), &device);
         let mut network = Network::new(&parameters, Statistics::Batch);
         network.forward(&input, false)?;

@@ -1,11 +1,12 @@
-//! What a new run starts with: random numbers, or those of a model or of another run.
+//! What a new run starts with: random numbers, those of a model or of another run, or another program's encoder.
 
 use crate::TrainError;
 use crate::checkpoint::{Checkpoint, Position};
 use crate::config::TrainConfig;
+use crate::import::{encoder_from_torchvision, read_tensors};
 use crate::optimiser::Adam;
 use crate::parameters::Parameters;
-use burn::tensor::Device;
+use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::Model;
 use std::path::Path;
 
@@ -15,37 +16,72 @@ use std::path::Path;
 /// `start_from` that cannot be read, or holds another network.
 pub(crate) fn first_state(config: &TrainConfig, device: &Device) -> Result<Checkpoint, TrainError> {
     let random = Parameters::of_model(&Model::random(&config.spec()?, config.seed)?, device);
-    let mut position = Position::default();
-    let parameters = match &config.start_from {
-        None => random,
-        Some(path) => {
-            let found = numbers_of(path, device)?;
-            if found.spec() != random.spec() {
-                return Err(TrainError::Checkpoint {
-                    path: path.clone(),
-                    reason: format!(
-                        "it holds another network than `{}`; leave `start_from` out, or name a file of this network",
-                        config.network
-                    ),
-                });
-            }
-            position.centres_started = true;
-            found
-        }
+    let (parameters, centres_started) = match &config.start_from {
+        None => (random, false),
+        Some(path) => started_from(path, random, config, device)?,
     };
     Ok(Checkpoint {
         average: parameters.clone(),
         parameters,
         adam: Adam::default(),
-        position,
+        position: Position {
+            centres_started,
+            ..Position::default()
+        },
     })
 }
 
-/// The averaged numbers of a checkpoint, or the numbers of a model file.
-fn numbers_of(path: &Path, device: &Device) -> Result<Parameters, TrainError> {
-    match Checkpoint::open(path, device) {
-        Ok(checkpoint) => Ok(checkpoint.average),
-        Err(error @ TrainError::Io(_)) => Err(error),
-        Err(_) => Ok(Parameters::of_model(&Model::open(path)?, device)),
+/// The averaged numbers of a checkpoint, those of a model file, or random ones with another program's encoder; and whether
+/// NetVLAD's centres are among them.
+fn started_from(
+    path: &Path,
+    random: Parameters,
+    config: &TrainConfig,
+    device: &Device,
+) -> Result<(Parameters, bool), TrainError> {
+    let found = match Checkpoint::open(path, device) {
+        Ok(checkpoint) => checkpoint.average,
+        Err(error @ TrainError::Io(_)) => return Err(error),
+        Err(_) => match Model::open(path) {
+            Ok(model) => Parameters::of_model(&model, device),
+            Err(_) => return Ok((with_encoder(path, random, device)?, false)),
+        },
+    };
+    if found.spec() != random.spec() {
+        return Err(TrainError::Checkpoint {
+            path: path.to_owned(),
+            reason: format!(
+                "it holds another network than `{}`; leave `start_from` out, or name a file of this network",
+                config.network
+            ),
+        });
     }
+    Ok((found, true))
+}
+
+/// The parameters with torchvision's encoder.
+fn with_encoder(
+    path: &Path,
+    mut parameters: Parameters,
+    device: &Device,
+) -> Result<Parameters, TrainError> {
+    let wrong = |reason: String| TrainError::Weights {
+        path: path.to_owned(),
+        reason,
+    };
+    let encoder = encoder_from_torchvision(&read_tensors(path)?).map_err(wrong)?;
+    if parameters.spec().preset != "vgg16" {
+        return Err(wrong(
+            "it fits `network = \"vgg16\"` only, as it comes from torchvision".into(),
+        ));
+    }
+    for (name, values) in encoder {
+        let length = values.len();
+        let data = TensorData::new(values, [length]);
+        parameters.set(
+            &name,
+            Tensor::from_data(data, &device.clone().without_autodiff()),
+        )?;
+    }
+    Ok(parameters)
 }

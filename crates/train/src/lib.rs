@@ -9,6 +9,7 @@ pub mod data;
 mod error;
 mod export;
 mod first;
+pub mod import;
 pub mod loss;
 mod memory;
 mod network;

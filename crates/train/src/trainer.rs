@@ -132,14 +132,10 @@ impl Trainer {
             if !self.state.position.centres_started && done >= config.global_from {
                 self.start_centres()?;
             }
-            let batch = match stream.next_batch() {
-                Some(batch) if batch.len() >= 2 => batch,
-                _ => {
-                    return Err(TrainError::NoPairs {
-                        step: self.state.position.step,
-                    });
-                }
-            };
+            let batch = enough(
+                stream.next_batch().unwrap_or_default(),
+                self.state.position.step,
+            )?;
             let rate = learning_rate(&config, self.state.adam.updates, done);
             let (losses, gradient) = self.step(&batch, rate)?;
             self.state.position.step += 1;
@@ -247,6 +243,7 @@ impl Trainer {
                 self.config.seed ^ 0xc1u64,
                 i,
             );
+            let batch = enough(batch, self.state.position.step)?;
             let input = input_of(
                 &batch,
                 self.state.parameters.spec(),
@@ -280,6 +277,14 @@ impl Trainer {
         tracing::info!("NetVLAD starts from clusters of what it aggregates");
         Ok(())
     }
+}
+
+/// A batch that a step can be made of.
+pub(crate) fn enough(batch: Batch, step: u64) -> Result<Batch, TrainError> {
+    if batch.len() < 2 {
+        return Err(TrainError::NoPairs { step });
+    }
+    Ok(batch)
 }
 
 /// Where the checkpoint of a run is.

@@ -69,10 +69,11 @@ fn stop_on_interrupt(trainer: &Trainer) -> Result<Arc<AtomicBool>> {
 
 fn train(trainer: &mut Trainer, config: &TrainConfig) -> Result<()> {
     let mut curves = Curves::open(&config.out, trainer.state().position.step)?;
-    let bar = time_bar(config.minutes)?;
+    let bar = share_bar()?;
     let mut failed = None;
     trainer.run(&mut |progress, _| {
-        bar.set_position(progress.elapsed_s as u64);
+        let whole_s = progress.elapsed_s + progress.remaining_s;
+        bar.set_position((1000.0 * progress.elapsed_s / whole_s) as u64);
         bar.set_message(line(progress));
         if bar.is_hidden() {
             tracing::info!("{}", line(progress));
@@ -84,9 +85,9 @@ fn train(trainer: &mut Trainer, config: &TrainConfig) -> Result<()> {
     failed.map_or(Ok(()), |error| Err(error.into()))
 }
 
-/// A bar over the run's time.
-fn time_bar(minutes: f64) -> Result<ProgressBar> {
-    let bar = ProgressBar::new((minutes * 60.0) as u64);
+/// A bar over the run, in thousandths.
+fn share_bar() -> Result<ProgressBar> {
+    let bar = ProgressBar::new(1000);
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent:>3} % {msg}")?.progress_chars("━╸ "),
     );

@@ -1,5 +1,6 @@
 //! What can go wrong while training.
 
+use crate::data::Layout;
 use grimnet_net::NetError;
 use std::path::PathBuf;
 
@@ -29,6 +30,16 @@ pub enum TrainError {
         folders: String,
         /// How many are needed.
         needed: usize,
+    },
+    /// A data set is not laid out as its configuration says.
+    #[error("{path} is not laid out as {layout:?} data: {missing} is missing")]
+    Layout {
+        /// The data set's folder.
+        path: PathBuf,
+        /// What was expected.
+        layout: Layout,
+        /// What is missing.
+        missing: String,
     },
     /// The pictures or worlds gave no pairs.
     #[error(

@@ -9,7 +9,7 @@ use crate::network::{Network, Statistics};
 use crate::parameters::Parameters;
 use crate::trainer::enough;
 use crate::validation::{
-    Validation, extractors_of, features_of, pairs_of, validate, validation_options,
+    Validation, Validations, extractors_of, features_of, pairs_of, validate, validation_options,
 };
 use crate::whitening::{WhiteningKind, fit_whitening};
 use burn::tensor::Device;
@@ -50,11 +50,11 @@ pub struct Exported {
     /// The model.
     pub model: Model,
     /// Figures of the exported model, by what was kept aside.
-    pub validation: Vec<(String, Validation)>,
+    pub validation: Validations,
     /// The whitening that was kept, if one helped.
     pub whitening: Option<WhiteningKind>,
     /// Figures by whitening, the one without first.
-    pub tried: Vec<(Option<WhiteningKind>, Vec<(String, Validation)>)>,
+    pub tried: Vec<(Option<WhiteningKind>, Validations)>,
 }
 
 /// The averaged parameters with normalisation statistics of their own, from training pairs.
@@ -162,7 +162,7 @@ pub fn export(
     );
     let mut tried = Vec::new();
     let distractors = |model: &Model| vectors_of(model, &others);
-    let measure = |model: &Model| -> Result<Vec<(String, Validation)>, TrainError> {
+    let measure = |model: &Model| -> Result<Validations, TrainError> {
         let distractors = distractors(model)?;
         held.iter()
             .map(|(name, pairs)| Ok(((*name).to_owned(), validate(model, pairs, &distractors)?)))

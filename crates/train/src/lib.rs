@@ -21,6 +21,7 @@ mod schedule;
 mod teacher;
 mod trainer;
 mod validation;
+mod validator;
 mod whitening;
 
 pub use burn::tensor::Device;
@@ -38,5 +39,6 @@ pub use optimiser::Adam;
 pub use parameters::Parameters;
 pub use teacher::TeacherOptions;
 pub use trainer::{Progress, Trainer, checkpoint_path};
-pub use validation::{Validation, pairs_of, validate, validation_options};
+pub use validation::{Validation, Validations, pairs_of, validate, validation_options};
+pub use validator::Validator;
 pub use whitening::{Projection, WhiteningKind, fit_whitening};

@@ -33,6 +33,9 @@ pub struct Validation {
     pub gallery: usize,
 }
 
+/// Figures by the name of what was kept aside.
+pub type Validations = Vec<(String, Validation)>;
+
 /// Views for validation and for fitting the whitening: like training's, a little larger.
 pub fn validation_options(training: &PairOptions) -> PairOptions {
     PairOptions {

@@ -1,6 +1,8 @@
 //! What a user gets wrong, and what an interruption leaves behind: clear errors, nothing lost.
 
-use grimnet_train::data::{Data, Folder, PairOptions};
+#![allow(clippy::unwrap_used)]
+
+use grimnet_train::data::{Data, Folder, Layout, PairOptions};
 use grimnet_train::{Checkpoint, Device, TrainConfig, TrainError, Trainer, checkpoint_path};
 use image::{Rgb, RgbImage};
 use std::path::Path;
@@ -18,7 +20,11 @@ fn pictures(folder: &Path) -> Folder {
         .save(path.join(format!("{i}.png")))
         .unwrap();
     }
-    Folder { path, repeat: 1 }
+    Folder {
+        path,
+        repeat: 1,
+        layout: Layout::Pictures,
+    }
 }
 
 /// A run of some seconds.
@@ -88,6 +94,15 @@ fn too_few_pictures_and_missing_folders_are_named() {
     config.data[0].path = folder.path().join("nowhere");
     let error = trainer(&config, false).err().unwrap().to_string();
     assert!(error.contains("nowhere"), "{error}");
+}
+
+#[test]
+fn a_data_set_of_another_layout_says_what_is_missing() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(folder.path());
+    config.data[0].layout = Layout::Vtrn;
+    let error = trainer(&config, false).err().unwrap().to_string();
+    assert!(error.contains("Train/query_images"), "{error}");
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! PyTorch's files (written by `golden/torch/make_golden.py`) and torchvision's VGG-16.
 
+#![allow(clippy::unwrap_used)]
+
 use grimnet_net::{BATCH_NORM_EPSILON, NetSpec};
 use grimnet_train::import::{NamedTensor, encoder_from_torchvision, read_tensors};
 use std::collections::BTreeMap;

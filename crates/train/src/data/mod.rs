@@ -3,6 +3,7 @@
 
 mod corners;
 mod homography;
+mod layout;
 mod mapping;
 mod pair;
 mod photometric;
@@ -15,6 +16,7 @@ mod worlds;
 
 pub use corners::corners;
 pub use homography::{HomographyRange, apply, random_homography};
+pub use layout::Layout;
 pub use mapping::{Mapping, Seen};
 pub use pair::{LABEL_NONE, Pair, PairOptions, Place, Source};
 pub use photometric::{Look, change_look};

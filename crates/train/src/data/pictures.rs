@@ -1,5 +1,6 @@
 //! Folders of pictures, read recursively, and their resolution pyramids.
 
+use super::layout::{Layout, Listed, files_of};
 use crate::TrainError;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
@@ -11,8 +12,11 @@ use std::sync::{Arc, Mutex, PoisonError};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Folder {
-    /// Where it is; read recursively.
+    /// Where it is.
     pub path: PathBuf,
+    /// How its files are laid out.
+    #[serde(default)]
+    pub layout: Layout,
     /// How often each of its pictures counts: few large maps against thousands of small pictures.
     #[serde(default = "one")]
     pub repeat: usize,
@@ -22,7 +26,8 @@ fn one() -> usize {
     1
 }
 
-/// Which pictures of a set: one in twenty, chosen by its path, is kept aside for validation.
+/// Which pictures of a set: one in twenty, chosen by its path, is kept aside for validation where the
+/// publisher made no choice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Fold {
     /// To train on.
@@ -120,23 +125,6 @@ fn hash_of(path: &str) -> u64 {
     })
 }
 
-fn files_under(folder: &Path, out: &mut Vec<PathBuf>) -> Result<(), TrainError> {
-    let mut entries: Vec<PathBuf> = fs_err::read_dir(folder)?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<Result<_, std::io::Error>>()?;
-    entries.sort();
-    for path in entries {
-        if path.is_dir() {
-            files_under(&path, out)?;
-        } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| {
-            ["jpg", "jpeg", "png", "tif", "tiff", "webp"].contains(&e.to_ascii_lowercase().as_str())
-        }) {
-            out.push(path);
-        }
-    }
-    Ok(())
-}
-
 impl Pictures {
     /// Lists the pictures of the folders; those whose header cannot be read, or whose short side is below `least_side_px`,
     /// are counted and left out.
@@ -146,9 +134,7 @@ impl Pictures {
     pub fn scan(folders: &[Folder], least_side_px: u32) -> Result<Self, TrainError> {
         let mut out = Self::default();
         for folder in folders {
-            let mut files = Vec::new();
-            files_under(&folder.path, &mut files)?;
-            for path in files {
+            for Listed { path, fold } in files_of(folder)? {
                 let Ok((width, height)) = image::image_dimensions(&path) else {
                     tracing::warn!(path = %path.display(), "unreadable picture left out");
                     out.unreadable += 1;
@@ -164,13 +150,14 @@ impl Pictures {
                     .unwrap_or(&path)
                     .to_string_lossy()
                     .into_owned();
-                let aside = hash_of(&inside).is_multiple_of(VALIDATION_ONE_IN);
-                let index = out.entries.len();
-                let fold = if aside {
+                let drawn = if hash_of(&inside).is_multiple_of(VALIDATION_ONE_IN) {
                     Fold::Validation
                 } else {
                     Fold::Training
                 };
+                let fold = fold.unwrap_or(drawn);
+                let aside = fold == Fold::Validation;
+                let index = out.entries.len();
                 let list = if aside {
                     &mut out.validation
                 } else {

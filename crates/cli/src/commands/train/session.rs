@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Context as _, Result};
 use grimnet_train::data::Data;
 use grimnet_train::{
-    Checkpoint, Curves, Device, ExportOptions, Progress, TrainConfig, Trainer, checkpoint_path,
-    export, save_model,
+    Checkpoint, Curves, Device, ExportOptions, Progress, TrainConfig, Trainer, Validation,
+    Validator, checkpoint_path, export, save_model,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 use signal_hook::consts::SIGINT;
@@ -45,7 +45,7 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
         arguments.resume,
     )?;
     let stopped = stop_on_interrupt(&trainer)?;
-    train(&mut trainer, &config)?;
+    train(&mut trainer, &config, &data)?;
     if stopped.load(Ordering::Relaxed) {
         let mut out = std::io::stderr().lock();
         writeln!(
@@ -67,18 +67,29 @@ fn stop_on_interrupt(trainer: &Trainer) -> Result<Arc<AtomicBool>> {
     Ok(stop)
 }
 
-fn train(trainer: &mut Trainer, config: &TrainConfig) -> Result<()> {
+fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()> {
     let mut curves = Curves::open(&config.out, trainer.state().position.step)?;
+    let mut validator = Validator::new(config, data);
     let bar = share_bar()?;
     let mut failed = None;
-    trainer.run(&mut |progress, _| {
+    trainer.run(&mut |progress, state| {
         let whole_s = progress.elapsed_s + progress.remaining_s;
         bar.set_position((1000.0 * progress.elapsed_s / whole_s) as u64);
         bar.set_message(line(progress));
         if bar.is_hidden() {
             tracing::info!("{}", line(progress));
         }
-        failed = curves.add(progress).err();
+        let noted = curves
+            .add(progress)
+            .and_then(|()| validator.measure_if_due(state));
+        match noted {
+            Ok(measured) => {
+                for (name, v) in measured.unwrap_or_default() {
+                    bar.suspend(|| tracing::info!("{name}: {}", figures(&v)));
+                }
+            }
+            Err(error) => failed = Some(error),
+        }
         failed.is_none()
     })?;
     bar.finish_and_clear();
@@ -109,6 +120,18 @@ fn line(p: &Progress) -> String {
         losses.join(", "),
         p.pairs_per_s,
         p.remaining_s / 60.0
+    )
+}
+
+/// A validation in words.
+fn figures(v: &Validation) -> String {
+    let percent = |share: f64| (share * 100.0).round();
+    format!(
+        "repeatability {} %, matching score {} %, homography within 3 px {} %, place first {} %",
+        percent(v.repeatability),
+        percent(v.matching_score),
+        percent(v.homography_accuracy[1]),
+        percent(v.recall[0])
     )
 }
 

@@ -16,3 +16,10 @@ pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
     bar.enable_steady_tick(Duration::from_millis(250));
     bar
 }
+
+/// What is being done, for work whose steps are not counted.
+pub fn spinner(what: &str) -> ProgressBar {
+    let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
+    spinner.enable_steady_tick(Duration::from_millis(250));
+    spinner
+}

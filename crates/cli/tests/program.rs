@@ -1,5 +1,7 @@
 //! The program as a user runs it, on a small flight of `grim demo`.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 

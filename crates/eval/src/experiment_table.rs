@@ -115,6 +115,10 @@ pub struct ExperimentTable {
     /// What a reader must know to read it.
     #[serde(default)]
     pub notes: Vec<String>,
+    /// What the figures say beside the paper's, in a maintainer's words. Writing a new measurement over an old one keeps it: read it
+    /// again then.
+    #[serde(default)]
+    pub discussion: String,
 }
 
 /// A table could not be written or read.
@@ -137,18 +141,27 @@ pub enum TableError {
 }
 
 impl ExperimentTable {
-    /// Writes `<id>.json`, `<id>.csv` and `<id>.md` into a folder, which is made.
+    /// Writes `<id>.json`, `<id>.csv` and `<id>.md` into a folder, which is made. A table without a discussion keeps that of the one it
+    /// replaces.
     ///
     /// # Errors
     /// A file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<(), TableError> {
         fs_err::create_dir_all(folder)?;
         let path = folder.join(format!("{}.json", self.id));
+        let mut table = self.clone();
+        if table.discussion.is_empty() && path.is_file() {
+            table.discussion = Self::read(&path)?.discussion;
+        }
+        table.write_all(folder, &path)
+    }
+
+    fn write_all(&self, folder: &Path, path: &Path) -> Result<(), TableError> {
         let json = serde_json::to_string_pretty(self).map_err(|source| TableError::Json {
-            path: path.clone(),
+            path: path.to_owned(),
             source,
         })?;
-        fs_err::write(&path, json + "\n")?;
+        fs_err::write(path, json + "\n")?;
         fs_err::write(folder.join(format!("{}.csv", self.id)), self.to_csv()?)?;
         fs_err::write(folder.join(format!("{}.md", self.id)), self.to_markdown())?;
         Ok(())
@@ -204,6 +217,9 @@ impl ExperimentTable {
         for note in &self.notes {
             let _ = write!(text, "\n{note}\n");
         }
+        if !self.discussion.is_empty() {
+            let _ = write!(text, "\n{}\n", self.discussion);
+        }
         if !self.conditions.is_empty() {
             let all: Vec<String> = self
                 .conditions
@@ -252,7 +268,22 @@ mod tests {
             paper: vec![Row::new("K = 1", vec![Some(19.86)])],
             conditions: [("data".to_owned(), "1 world".to_owned())].into(),
             notes: vec!["A dash: no fix.".into()],
+            discussion: String::new(),
         }
+    }
+
+    #[test]
+    fn a_new_measurement_keeps_the_discussion() {
+        let folder = tempfile::tempdir().unwrap();
+        let discussed = ExperimentTable {
+            discussion: "As in the paper.".into(),
+            ..table()
+        };
+        discussed.write(folder.path()).unwrap();
+        table().write(folder.path()).unwrap();
+        let kept = ExperimentTable::read(&folder.path().join("top-k.json")).unwrap();
+        assert_eq!(kept.discussion, "As in the paper.");
+        assert!(kept.to_markdown().contains("\nAs in the paper.\n"));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use grimnet_eval::experiment::flight::WorldFlight;
 use grimnet_eval::experiment::photometry::Photometry;
 use grimnet_eval::experiment::scene::{Scene, Shot};
 use grimnet_eval::experiment::tables::{self, Experiment, Recipe};
+use grimnet_eval::truth::TruthFrame;
 use grimnet_geo::{WindowPx, distance_m};
 use grimnet_net::Model;
 use grimnet_photo::{Metadata, Photo};
@@ -102,8 +103,29 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
 }
 
 #[test]
-fn a_folder_without_data_is_named() {
+fn photos_are_read_with_their_truth_and_scale() {
     let folder = tempfile::tempdir().unwrap();
-    let error = Scene::read_all(folder.path(), None).err().unwrap();
-    assert!(error.to_string().contains("neither a data set"), "{error}");
+    let scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
+        .make(folder.path())
+        .unwrap();
+    let path = folder.path().join("a.jpg");
+    scene.shots[0].photo.image.save(&path).unwrap();
+    let frame = |place| TruthFrame {
+        photo: "a.jpg".into(),
+        centre_lat_lon_deg: place,
+        gps_lat_lon_deg: None,
+        heading_deg: Some(30.0),
+        height_agl_m: None,
+    };
+    let frames = vec![
+        (frame(Some((1.0, 1.5))), path.clone()),
+        (frame(None), path.clone()),
+    ];
+    let read = Scene::of("data", scene.map, frames, Some(160.0)).unwrap();
+    assert_eq!(read.shots.len(), 1, "the other's place is not known");
+    assert_eq!(read.shots[0].gsd_m, Some(0.2), "160 m over 800 px");
+    assert!((read.ground_width_m().unwrap() - 160.0).abs() < 1e-6);
+    let gone = (frame(Some((1.0, 1.5))), folder.path().join("gone.jpg"));
+    let error = Scene::of("data", read.map, vec![gone], None).err().unwrap();
+    assert!(error.to_string().contains("gone.jpg"), "{error}");
 }

@@ -13,7 +13,7 @@ use grimnet_pack::{BuildOptions, Pack};
 
 use super::eval_layout::{Layout, LayoutChoice};
 use super::eval_pictures::{self, Drawn};
-use super::experiment::{self, ExperimentOptions};
+use super::experiment::{self, ExperimentOptions, Subject};
 use super::gallery::{GalleryOptions, RunRecall, print_recall};
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one_traced};
 use super::map::{MapPlace, build_with_bar};
@@ -130,14 +130,14 @@ pub struct EvalArgs {
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     if arguments.experiment.is_asked() {
-        return experiment::run(
-            &arguments.experiment,
-            arguments.folder.as_deref(),
-            arguments.footprint_width,
-            arguments.mode,
-            &arguments.model.open()?,
-            &arguments.out,
-        );
+        let subject = Subject {
+            folder: arguments.folder.as_deref(),
+            place: &arguments.place,
+            footprint_width_m: arguments.footprint_width,
+            mode: arguments.mode,
+            model: &arguments.model.open()?,
+        };
+        return experiment::run(&arguments.experiment, &subject, &arguments.out);
     }
     let layout = Layout::find(&LayoutChoice {
         folder: arguments.folder.as_deref(),

@@ -75,6 +75,11 @@ impl Layout {
         Self::by_exif(folder, choice)
     }
 
+    /// Whether a folder says by its files that it is a data set.
+    pub fn is_told(folder: &Path) -> bool {
+        folder.join("truth.csv").is_file() || visloc::is_scene(folder)
+    }
+
     /// `map.tif`, `photos/`, `truth.csv`.
     fn plain(folder: &Path, choice: &LayoutChoice<'_>) -> Result<Self> {
         let (frames, bad) = truth::read_rows(&folder.join("truth.csv"))?;

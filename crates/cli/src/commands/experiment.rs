@@ -1,7 +1,7 @@
 //! `grim eval --experiment` and `--sweep`: the paper's tables, and robustness, on any data set or the procedural world.
 
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
@@ -12,9 +12,12 @@ use grimnet_eval::experiment::scene::Scene;
 use grimnet_eval::experiment::sweep::{self, Sweep};
 use grimnet_eval::experiment::tables::{self, Experiment, Recipe};
 use grimnet_eval::experiment_table::ExperimentTable;
+use grimnet_geo::open_map;
 use grimnet_net::Model;
 
 use super::ModeChoice;
+use super::eval_layout::{Layout, LayoutChoice};
+use super::map::MapPlace;
 use crate::exit::Exit;
 use crate::progress;
 
@@ -49,6 +52,7 @@ pub enum ExperimentChoice {
 }
 
 impl ExperimentChoice {
+    /// The tables that need no training.
     fn tables(self) -> Vec<Experiment> {
         match self {
             Self::Resolution => vec![Experiment::Resolution],
@@ -182,104 +186,153 @@ impl ExperimentOptions {
     }
 }
 
-/// Runs what was asked for and writes a table each, as JSON, CSV and Markdown, into `out`.
+/// What the experiments run on, and with.
+pub struct Subject<'a> {
+    /// A data set, a folder of data sets, or none for procedural worlds.
+    pub folder: Option<&'a Path>,
+    /// How the maps are placed where they do not tell it.
+    pub place: &'a MapPlace,
+    /// Width of ground that the photos show, metres, where it is known better than their metadata say.
+    pub footprint_width_m: Option<f64>,
+    /// The recipe.
+    pub mode: ModeChoice,
+    /// The network.
+    pub model: &'a Model,
+}
+
+impl Subject<'_> {
+    fn recipe(&self) -> Recipe {
+        match self.mode {
+            ModeChoice::Default => Recipe::Default,
+            ModeChoice::Paper => Recipe::Paper,
+        }
+    }
+}
+
+/// Runs what was asked for and writes a table each, as JSON, CSV and Markdown, into `out`; sweeps also as `sweeps.html`.
 ///
 /// # Errors
 /// Unreadable data, a pack that cannot be built, results that cannot be written.
-pub fn run(
-    options: &ExperimentOptions,
-    folder: Option<&Path>,
-    footprint_width_m: Option<f64>,
-    mode: ModeChoice,
-    model: &Model,
-    out: &Path,
-) -> Result<Exit> {
+pub fn run(options: &ExperimentOptions, subject: &Subject<'_>, out: &Path) -> Result<Exit> {
     let work = out.join("work");
     fs_err::create_dir_all(&work)?;
-    let mut bench = Bench::new(model, &work)?;
-    let recipe = match mode {
-        ModeChoice::Default => Recipe::Default,
-        ModeChoice::Paper => Recipe::Paper,
-    };
-    let mut made = Vec::new();
-    let experiments: Vec<Experiment> = options
-        .experiments
-        .iter()
-        .flat_map(|e| e.tables())
-        .collect();
-    if !experiments.is_empty() {
-        let scenes = scenes(options, folder, footprint_width_m, &work)?;
-        let bar = progress::bar(experiments.len() as u64, "experiments", "tables");
-        let frames: usize = scenes.iter().map(|s| s.shots.len()).sum();
-        let data = match folder {
-            Some(folder) => folder
-                .file_name()
-                .map_or_else(String::new, |n| n.to_string_lossy().into_owned()),
-            None => worlds_in_words(options, scenes.len()),
-        };
-        for experiment in experiments {
-            let mut table = tables::run(experiment, &mut bench, &scenes, recipe)
-                .with_context(|| format!("{experiment:?}"))?;
-            conditions(&mut table, model, &data, frames, recipe);
-            table.write(out)?;
-            made.push(table);
-            bar.inc(1);
-        }
-        bar.finish_and_clear();
-    }
-    let sweeps: Vec<Sweep> = options.sweeps.iter().flat_map(|s| s.sweeps()).collect();
-    let bar = progress::bar(sweeps.len() as u64, "sweeps", "tables");
-    let flights = options.flights();
-    let mut swept = Vec::new();
-    for sweep in sweeps {
-        let mut table =
-            sweep::run(sweep, &mut bench, &flights, &work).with_context(|| format!("{sweep:?}"))?;
-        let data = worlds_in_words(options, flights.len());
-        conditions(
-            &mut table,
-            model,
-            &data,
-            flights.len() * options.world_photos,
-            Recipe::Default,
-        );
-        table.write(out)?;
-        swept.push(table);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+    let mut tables = experiments(options, subject, out, &work)?;
+    let swept = sweeps(options, subject, out, &work)?;
     if !swept.is_empty() {
         let title = "Accuracy as conditions get worse";
         fs_err::write(out.join("sweeps.html"), page::page(title, &swept)?)?;
     }
-    made.extend(swept);
+    tables.extend(swept);
     let mut stdout = std::io::stdout().lock();
-    for table in &made {
+    for table in &tables {
         writeln!(stdout, "{}", table.to_markdown())?;
     }
     Ok(Exit::Done)
 }
 
-fn scenes(
+fn experiments(
     options: &ExperimentOptions,
-    folder: Option<&Path>,
-    footprint_width_m: Option<f64>,
+    subject: &Subject<'_>,
+    out: &Path,
     work: &Path,
-) -> Result<Vec<Scene>> {
-    if let Some(folder) = folder {
-        return Ok(Scene::read_all(folder, footprint_width_m)?);
+) -> Result<Vec<ExperimentTable>> {
+    if options.experiments.is_empty() {
+        return Ok(Vec::new());
     }
+    let recipe = subject.recipe();
+    let scenes = scenes(options, subject, work)?;
+    let measured_on = Conditions {
+        data: match subject.folder {
+            Some(folder) => name_of(folder),
+            None => worlds_in_words(options, scenes.len()),
+        },
+        frames: scenes.iter().map(|s| s.shots.len()).sum(),
+        recipe,
+    };
+    let mut bench = Bench::new(subject.model, work)?;
+    let mut made = Vec::new();
+    for choice in &options.experiments {
+        for experiment in choice.tables() {
+            let bar = progress::spinner(&format!("{experiment:?}"));
+            let table = tables::run(experiment, &mut bench, &scenes, recipe)
+                .with_context(|| format!("{experiment:?}"))?;
+            bar.finish_and_clear();
+            made.push(measured_on.told_by(table, subject.model));
+        }
+        // Each table as soon as it is there: the next may take long.
+        made.iter().try_for_each(|table| table.write(out))?;
+    }
+    Ok(made)
+}
+
+fn sweeps(
+    options: &ExperimentOptions,
+    subject: &Subject<'_>,
+    out: &Path,
+    work: &Path,
+) -> Result<Vec<ExperimentTable>> {
     let flights = options.flights();
-    let bar = progress::bar(flights.len() as u64, "drawing the worlds", "worlds");
-    let scenes: Result<Vec<Scene>> = flights
-        .iter()
-        .map(|flight| {
-            let scene = flight.make(work)?;
-            bar.inc(1);
-            Ok(scene)
-        })
+    let measured_on = Conditions {
+        data: worlds_in_words(options, flights.len()),
+        frames: flights.len() * options.world_photos,
+        recipe: Recipe::Default,
+    };
+    let mut bench = Bench::new(subject.model, work)?;
+    let mut made = Vec::new();
+    for sweep in options.sweeps.iter().flat_map(|s| s.sweeps()) {
+        let bar = progress::spinner(&format!("sweep {}", sweep.id()));
+        let table =
+            sweep::run(sweep, &mut bench, &flights, work).with_context(|| format!("{sweep:?}"))?;
+        bar.finish_and_clear();
+        let table = measured_on.told_by(table, subject.model);
+        table.write(out)?;
+        made.push(table);
+    }
+    Ok(made)
+}
+
+/// The data set, each data set of a folder of such, or procedural worlds.
+fn scenes(options: &ExperimentOptions, subject: &Subject<'_>, work: &Path) -> Result<Vec<Scene>> {
+    let Some(folder) = subject.folder else {
+        return options
+            .flights()
+            .iter()
+            .map(|flight| Ok(flight.make(work)?))
+            .collect();
+    };
+    let mut folders: Vec<PathBuf> = fs_err::read_dir(folder)?
+        .filter_map(|entry| entry.ok().map(|e| e.path()))
+        .filter(|path| Layout::is_told(path))
         .collect();
-    bar.finish_and_clear();
-    scenes
+    folders.sort();
+    if Layout::is_told(folder) || folders.is_empty() {
+        folders = vec![folder.to_owned()];
+    }
+    let read = |folder: &PathBuf| {
+        let layout = Layout::find(&LayoutChoice {
+            folder: Some(folder),
+            world: None,
+            out: work,
+            map: None,
+            place: subject.place,
+        })?;
+        let map = open_map(&layout.map, &layout.map_options)?;
+        let truth = Layout::on_map(layout.truth, map.as_ref())?;
+        Ok(Scene::of(
+            &name_of(folder),
+            map,
+            truth,
+            subject.footprint_width_m,
+        )?)
+    };
+    folders.iter().map(read).collect()
+}
+
+fn name_of(path: &Path) -> String {
+    path.file_name().map_or_else(
+        || "data".to_owned(),
+        |name| name.to_string_lossy().into_owned(),
+    )
 }
 
 fn worlds_in_words(options: &ExperimentOptions, count: usize) -> String {
@@ -289,25 +342,31 @@ fn worlds_in_words(options: &ExperimentOptions, count: usize) -> String {
     )
 }
 
-fn conditions(
-    table: &mut ExperimentTable,
-    model: &Model,
-    data: &str,
+/// What every table of a run has in common.
+struct Conditions {
+    data: String,
     frames: usize,
     recipe: Recipe,
-) {
-    let mode = match recipe {
-        Recipe::Default => "default",
-        Recipe::Paper => "paper",
-    };
-    for (name, value) in [
-        ("data", data.to_owned()),
-        ("frames", frames.to_string()),
-        ("mode", mode.to_owned()),
-        ("model", model.hash().to_string().chars().take(12).collect()),
-        ("program", format!("grim {}", env!("CARGO_PKG_VERSION"))),
-        ("threads", rayon::current_num_threads().to_string()),
-    ] {
-        table.conditions.insert(name.to_owned(), value);
+}
+
+impl Conditions {
+    /// The table with its conditions.
+    fn told_by(&self, mut table: ExperimentTable, model: &Model) -> ExperimentTable {
+        let mode = match self.recipe {
+            Recipe::Default => "default",
+            Recipe::Paper => "paper",
+        };
+        let hash = model.hash().to_string().chars().take(12).collect();
+        for (name, value) in [
+            ("data", self.data.clone()),
+            ("frames", self.frames.to_string()),
+            ("mode", mode.to_owned()),
+            ("model", hash),
+            ("program", format!("grim {}", env!("CARGO_PKG_VERSION"))),
+            ("threads", rayon::current_num_threads().to_string()),
+        ] {
+            table.conditions.insert(name.to_owned(), value);
+        }
+        table
     }
 }

@@ -133,6 +133,62 @@ impl<'a> Bench<'a> {
         Ok(measured)
     }
 
+    /// Answers all photos of a scene by two networks that know nothing of each other (the paper's G + M): `retrieval`'s finds tiles,
+    /// `k` of them, and this bench's matches in each; the fix with the most inliers wins.
+    ///
+    /// # Errors
+    /// As [`Bench::measure`].
+    pub fn measure_apart(
+        &self,
+        retrieval: &Bench<'_>,
+        scene: &Scene,
+        setup: &Setup,
+        k: usize,
+    ) -> Result<Measured, BenchError> {
+        let options = Options {
+            top_k: k,
+            ..setup.options.clone()
+        };
+        let finder = Localizer::new(
+            retrieval.model.clone(),
+            Pack::open(retrieval.pack(scene, &setup.build)?)?,
+        )?
+        .with_options(options);
+        let matcher = Localizer::new(
+            self.model.clone(),
+            Pack::open(self.pack(scene, &setup.build)?)?,
+        )?
+        .with_options(setup.options.clone());
+        let level = match (scene.ground_width_m(), finder.pack()) {
+            (Some(width_m), pack) => {
+                &pack.levels()[pack.nearest_level(width_m / setup.options.query_width_px)]
+            }
+            (None, pack) => &pack.levels()[0],
+        };
+        let reach_m = level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
+        let mut measured = Measured::default();
+        for shot in &scene.shots {
+            let prior = shot.prior(setup.heading_known);
+            let since = Instant::now();
+            let mut best: Option<(usize, Outcome)> = None;
+            for tile in finder.retrieve(&shot.photo, &prior)? {
+                let centre = level.lonlat_from_level_px(level.tile(tile).center_px)?;
+                let outcome = matcher.locate(&shot.photo, &prior.near(centre, reach_m))?;
+                let inliers = outcome.fix().map_or(0, |fix| fix.inliers);
+                if best.as_ref().is_none_or(|(most, _)| inliers > *most) {
+                    best = Some((inliers, outcome));
+                }
+            }
+            let mut frame = best.map_or_else(
+                || Frame::missed(&shot.name, "no tile was retrieved"),
+                |(_, outcome)| frame_of(shot, &outcome),
+            );
+            frame.time_ms = Some(since.elapsed().as_secs_f64() * 1e3);
+            measured.frames.push(frame);
+        }
+        Ok(measured)
+    }
+
     fn pack(&self, scene: &Scene, options: &BuildOptions) -> Result<PathBuf, BenchError> {
         let mut hasher = blake3::Hasher::new();
         let map = scene.map.content_hash().map_err(SiftMapError::from)?;

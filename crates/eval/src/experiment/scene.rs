@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use grimnet_geo::{GeoError, LonLat, MapOptions, Raster, open_map};
+use grimnet_geo::{GeoError, LonLat, Raster};
 use grimnet_locate::Prior;
 use grimnet_photo::{Photo, PhotoError};
 
-use crate::truth::{self, TruthError, TruthFrame};
+use crate::truth::TruthFrame;
 
 /// The true heading is given to the localiser with this uncertainty, degrees (1 sigma).
 pub const HEADING_SIGMA_DEG: f64 = 5.0;
@@ -60,9 +60,6 @@ pub enum SceneError {
     /// The map.
     #[error(transparent)]
     Map(#[from] GeoError),
-    /// The truth file.
-    #[error(transparent)]
-    Truth(#[from] TruthError),
     /// A photo.
     #[error(transparent)]
     Photo(#[from] PhotoError),
@@ -72,36 +69,28 @@ pub enum SceneError {
     /// The procedural world.
     #[error(transparent)]
     World(#[from] grimnet_world::WorldError),
-    /// Nothing there.
-    #[error("{0}: neither a data set (map.tif, photos/, truth.csv) nor a folder of such")]
-    NoData(PathBuf),
 }
 
 impl Scene {
-    /// Reads a folder with `map.tif`, `photos/` and `truth.csv`, or, as a scene each, all such folders in it, by name. Photos that are
-    /// not there or whose place is not known are left out.
+    /// A scene of a map and photos whose place is known; a photo whose place is not is left out.
     ///
     /// # Errors
-    /// No such folder; an unreadable map, truth file or photo.
-    pub fn read_all(
-        folder: &Path,
+    /// A photo cannot be read.
+    pub fn of(
+        name: &str,
+        map: Box<dyn Raster>,
+        frames: Vec<(TruthFrame, PathBuf)>,
         footprint_width_m: Option<f64>,
-    ) -> Result<Vec<Self>, SceneError> {
-        if is_data_set(folder) {
-            return Ok(vec![Self::read(folder, footprint_width_m)?]);
-        }
-        let mut folders: Vec<PathBuf> = fs_err::read_dir(folder)?
-            .filter_map(|entry| entry.ok().map(|e| e.path()))
-            .filter(|path| is_data_set(path))
-            .collect();
-        folders.sort();
-        if folders.is_empty() {
-            return Err(SceneError::NoData(folder.to_owned()));
-        }
-        folders
-            .iter()
-            .map(|f| Self::read(f, footprint_width_m))
-            .collect()
+    ) -> Result<Self, SceneError> {
+        let shots = frames
+            .into_iter()
+            .filter_map(|(frame, path)| shot(&path, frame, footprint_width_m).transpose())
+            .collect::<Result<_, _>>()?;
+        Ok(Self {
+            name: name.to_owned(),
+            map,
+            shots,
+        })
     }
 
     /// Ground width of the photos, metres: that of the middle one of those whose width is known.
@@ -117,32 +106,6 @@ impl Scene {
         widths.sort_by(f64::total_cmp);
         widths.get(widths.len() / 2).copied()
     }
-
-    fn read(folder: &Path, footprint_width_m: Option<f64>) -> Result<Self, SceneError> {
-        let map = open_map(&folder.join("map.tif"), &MapOptions::default())?;
-        let mut shots = Vec::new();
-        for frame in truth::read(&folder.join("truth.csv"))? {
-            let path = folder.join("photos").join(&frame.photo);
-            if path.is_file() {
-                shots.extend(shot(&path, frame, footprint_width_m)?);
-            } else {
-                tracing::warn!(
-                    "{}: named in truth.csv and not there; left out",
-                    path.display()
-                );
-            }
-        }
-        let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
-        Ok(Self {
-            name: name.unwrap_or_else(|| "data".to_owned()),
-            map,
-            shots,
-        })
-    }
-}
-
-fn is_data_set(folder: &Path) -> bool {
-    folder.join("map.tif").is_file() && folder.join("truth.csv").is_file()
 }
 
 fn shot(

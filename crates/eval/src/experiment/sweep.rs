@@ -79,7 +79,9 @@ impl Sweep {
             Self::Blur => "Blur of the photos, pixels (1 sigma)",
             Self::Noise => "Noise of the photos, tones of 255 (1 sigma)",
             Self::Season => "Season of the photos; the map is of summer",
-            Self::MapAge => "Share of buildings and trees that came or went since the map",
+            Self::MapAge => {
+                "Share of buildings and trees that may have come or gone since the map; half of these have"
+            }
             Self::WrongArea => "Photos of another place than the map's: none may get a fix",
         }
     }
@@ -153,7 +155,7 @@ impl Sweep {
                     seen(format!("{season:?}").to_lowercase(), flight, true)
                 })
                 .into(),
-            Self::MapAge => [0.03, 0.1, 0.2, 0.4, 0.6, 0.8]
+            Self::MapAge => [0.03, 0.1, 0.2, 0.4, 0.7, 1.0]
                 .map(|share: f32| {
                     let mut flight = flight.clone();
                     flight.photo_look.change = share;

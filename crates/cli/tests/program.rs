@@ -337,3 +337,59 @@ fn evaluation_agrees_with_the_demo() {
     let within = summary["heading_unknown"]["within_10m"].as_f64().unwrap();
     assert!(within >= 0.85, "{summary}");
 }
+
+#[test]
+fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("photos");
+    std::fs::create_dir(&photos).unwrap();
+    let truth = std::fs::read_to_string(demo().join("truth.csv")).unwrap();
+    let mut rows = truth.lines();
+    let header = rows.next().unwrap();
+    let first = rows.next().unwrap();
+    for (number, name) in [(1, "flight_001.jpg"), (2, "far.jpg"), (3, "alone.jpg")] {
+        std::fs::copy(photo(number), photos.join(name)).unwrap();
+    }
+    let bad = "gone.jpg,1.0,1.5,0,100\nnan.jpg,NaN,1.5,0,100\nfar.jpg,48.0,11.0,0,100";
+    let table = format!("{header}\n{first}\n{bad}\n");
+    std::fs::write(folder.path().join("truth.csv"), table).unwrap();
+    let out = folder.path().join("out");
+    let eval = |folder: &Path, map: &Path| {
+        let mut command = grim();
+        command.arg("eval").arg(folder).arg("--map").arg(map);
+        command.args(["--heading", "exif", "--out"]).arg(&out);
+        command
+    };
+    let map = demo().join("map.tif");
+    eval(folder.path(), &map)
+        .assert()
+        .success()
+        .stderr(contains("gone.jpg: named in the truth and not there"))
+        .stderr(contains("line 4: `lat_deg` is `NaN`"))
+        .stderr(contains("far.jpg: its true position lies beside the map"))
+        .stderr(contains("alone.jpg: has no truth"));
+    let summary = json(&out.join("summary.json"));
+    assert_eq!(summary["heading_from_the_photo"]["frames"], 1);
+    assert_eq!(summary["about"]["mode"], "default");
+    for name in ["report.html", "frames.csv", "failed.jsonl"] {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+
+    // Another place than the map's, as a wrong coordinate system gives.
+    let elsewhere = format!("{header}\nflight_001.jpg,48.0,11.0,0,100\n");
+    std::fs::write(folder.path().join("truth.csv"), elsewhere).unwrap();
+    eval(folder.path(), &map)
+        .assert()
+        .code(2)
+        .stderr(contains("none of the 1 true positions lies on the map"));
+
+    let empty = tempfile::tempdir().unwrap();
+    eval(empty.path(), &map)
+        .assert()
+        .code(2)
+        .stderr(contains("no photo").or(contains("no photos")));
+    eval(&empty.path().join("absent"), &map)
+        .assert()
+        .code(2)
+        .stderr(contains("no such folder"));
+}

@@ -42,19 +42,23 @@ pub enum FitError {
     },
 }
 
-/// Fits both halves to all observations, and says how they do on scenes held out: each half of the scenes is checked with
+/// Fits both halves to all observations, so that a share `elsewhere_answered` of photos taken elsewhere is answered, and says how they do on scenes held out: each half of the scenes is checked with
 /// what the other half gives.
 ///
 /// # Errors
 /// Too few observations to fit anything.
-pub fn fit(observations: &[Observation], data: &str) -> Result<Calibration, FitError> {
-    let mut calibration = fit_once(observations)?;
+pub fn fit(
+    observations: &[Observation],
+    data: &str,
+    elsewhere_answered: f64,
+) -> Result<Calibration, FitError> {
+    let mut calibration = fit_once(observations, elsewhere_answered)?;
     let mut held_out = Check::default();
     for side in [0, 1] {
         let (checked, fitted): (Vec<&Observation>, Vec<&Observation>) =
             observations.iter().partition(|o| o.scene % 2 == side);
         let owned: Vec<Observation> = fitted.into_iter().cloned().collect();
-        let half = fit_once(&owned)?;
+        let half = fit_once(&owned, elsewhere_answered)?;
         held_out.add(&half, &checked);
     }
     let count =
@@ -72,10 +76,13 @@ pub fn fit(observations: &[Observation], data: &str) -> Result<Calibration, FitE
     Ok(calibration)
 }
 
-fn fit_once(observations: &[Observation]) -> Result<Calibration, FitError> {
+fn fit_once(
+    observations: &[Observation],
+    elsewhere_answered: f64,
+) -> Result<Calibration, FitError> {
     Ok(Calibration {
         position: position::fit(observations)?,
-        confidence: Some(confidence::fit(observations)?),
+        confidence: Some(confidence::fit(observations, elsewhere_answered)?),
         fitted_on: None,
     })
 }

@@ -5,6 +5,7 @@
 //! frames into the figures that the field uses; [`report::Report`] shows them on one page.
 
 pub mod calibration;
+pub mod claims;
 pub mod experiment;
 pub mod experiment_table;
 pub mod gallery;

@@ -3,6 +3,7 @@
 use plotters::prelude::*;
 
 use crate::metrics::Frame;
+use crate::risk_coverage;
 
 /// A curve could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -97,6 +98,95 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
             let colour = if error > AXIS_M { RED } else { BLUE };
             chart.draw_series([Circle::new((x, error.min(AXIS_M)), 3, colour.filled())])?;
         }
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+/// The share of failures among the surest answers, against the share of all frames that these are (risk-coverage curve).
+///
+/// # Errors
+/// Drawing fails.
+pub fn risk_coverage(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
+        let mut chart = ChartBuilder::on(&root)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..100.0, 0.0..20.0)?;
+        chart
+            .configure_mesh()
+            .x_desc("% of frames answered, surest first")
+            .y_desc("% of these off by more than 20 m")
+            .draw()?;
+        for (i, (name, frames)) in runs.iter().enumerate() {
+            let colour = Palette99::pick(i).to_rgba();
+            let points = risk_coverage::curve(frames)
+                .into_iter()
+                .map(|point| (100.0 * point.coverage, (100.0 * point.risk).min(20.0)));
+            chart
+                .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
+                .label(*name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperLeft)
+            .background_style(WHITE.mix(0.8))
+            .draw()?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+/// The error of each frame, a line a run: methods compared (figure 7b of the paper). A miss interrupts its line.
+///
+/// # Errors
+/// Drawing fails.
+pub fn runs_compared(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
+        let longest = runs
+            .iter()
+            .map(|(_, frames)| frames.len())
+            .max()
+            .unwrap_or(0);
+        let mut chart = ChartBuilder::on(&root)
+            .margin(10)
+            .x_label_area_size(36)
+            .y_label_area_size(48)
+            .build_cartesian_2d(0.0..longest.max(1) as f64, 0.0..AXIS_M)?;
+        chart
+            .configure_mesh()
+            .x_desc("frame")
+            .y_desc("error, m")
+            .draw()?;
+        for (i, (name, frames)) in runs.iter().enumerate() {
+            let colour = Palette99::pick(i).to_rgba();
+            let errors: Vec<Option<f64>> = frames.iter().map(|f| f.error_m).collect();
+            let mut start = 0;
+            for part in errors.split(Option::is_none) {
+                let points = part
+                    .iter()
+                    .flatten()
+                    .enumerate()
+                    .map(|(k, error)| ((start + k) as f64 + 0.5, error.min(AXIS_M)));
+                chart.draw_series(LineSeries::new(points, colour.stroke_width(1)).point_size(2))?;
+                start += part.len() + 1;
+            }
+            chart
+                .draw_series(LineSeries::new([(0.0, -1.0)], colour))?
+                .label(*name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperRight)
+            .background_style(WHITE.mix(0.8))
+            .draw()?;
         root.present()?;
     }
     Ok(svg)

@@ -69,6 +69,16 @@ impl Report {
             &plot::error_distribution(&curves)?,
             "Share of all frames within a distance",
         );
+        figure(
+            &mut page,
+            &plot::risk_coverage(&curves)?,
+            "How often the surest answers are wrong",
+        );
+        figure(
+            &mut page,
+            &plot::runs_compared(&curves)?,
+            "Error of each frame, all runs (a gap is a frame without a fix)",
+        );
         for run in &self.runs {
             let caption = format!(
                 "{}: error of each frame (a gap is a frame without a fix)",
@@ -140,8 +150,31 @@ fn figures_table(runs: &[Run]) -> String {
     row("bias east", &|s| metres(s.bias_east_m));
     row("bias north", &|s| metres(s.bias_north_m));
     row("confidently wrong", &|s| s.confidently_wrong.to_string());
+    row("beyond 3 stated standard deviations", &|s| {
+        s.beyond_3_sigma.to_string()
+    });
+    let share = |value: Option<f64>| value.map_or_else(|| "-".to_owned(), percent);
+    row("truth within the stated 50 % radius", &|s| {
+        share(s.coverage_50)
+    });
+    row("truth within the stated 90 % radius", &|s| {
+        share(s.coverage_90)
+    });
     row("truth within the stated 95 % radius", &|s| {
-        s.coverage_95.map_or_else(|| "-".to_owned(), percent)
+        share(s.coverage_95)
+    });
+    row("the same, the truth's own error counted in", &|s| {
+        share(s.coverage_95_with_truth_error)
+    });
+    row("median of the stated 95 % radius", &|s| {
+        metres(s.radius95_median_m)
+    });
+    row("median distance from the GPS point", &|s| {
+        metres(s.gps_median_m)
+    });
+    row("risk-coverage area", &|s| {
+        s.risk_coverage_area
+            .map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"))
     });
     row("median time a frame", &|s| {
         s.time_p50_ms

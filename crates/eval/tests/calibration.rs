@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
 use grimnet_eval::calibration::observation::{self, Answer, Observation};
 use grimnet_eval::calibration::{Check, FitError, confidence, fit, position};
 use grimnet_locate::Support;
@@ -69,7 +70,7 @@ fn check(calibration: &Calibration, observations: &[Observation]) -> Check {
 
 #[test]
 fn fitted_radii_hold_on_unseen_photos_and_halved_ones_do_not() {
-    let calibration = fit(&observations(600, 1), "made up").unwrap();
+    let calibration = fit(&observations(600, 1), "made up", ELSEWHERE_ANSWERED).unwrap();
     let unseen = observations(2000, 2);
     let found = check(&calibration, &unseen);
     let coverage = |c: &Check| c.covered as f64 / c.right as f64;
@@ -105,7 +106,7 @@ fn the_error_model_is_recovered() {
 
 #[test]
 fn right_answers_are_given_and_those_from_elsewhere_are_not() {
-    let calibration = fit(&observations(600, 4), "made up").unwrap();
+    let calibration = fit(&observations(600, 4), "made up", ELSEWHERE_ANSWERED).unwrap();
     let found = check(&calibration, &observations(3000, 5));
     assert!(
         found.answered as f64 / found.here as f64 > 0.97,
@@ -129,7 +130,9 @@ fn too_little_is_refused_by_name() {
     );
     let mut many = observations(100, 7);
     many.retain(|o| !o.elsewhere);
-    let text = confidence::fit(&many).unwrap_err().to_string();
+    let text = confidence::fit(&many, ELSEWHERE_ANSWERED)
+        .unwrap_err()
+        .to_string();
     assert!(text.contains("only 0 photos taken elsewhere"), "{text}");
 }
 

@@ -19,15 +19,20 @@ pub struct Support {
     pub inlier_covariance_en_m2: [f64; 3],
 }
 
+/// Inliers that chance gives at some place of any map; a weaker runner-up says nothing.
+const CHANCE_INLIERS: usize = 6;
+/// Below this the inliers lie on a line; keeps the logarithm finite.
+const MIN_SPREAD: f64 = 1e-3;
+
 impl Support {
-    /// What the calibration weighs: log inliers, log of inliers over the runner-up's, log of inliers over matches, spread.
+    /// What the calibration weighs: log inliers, log of inliers over the runner-up's, log of inliers over matches, log spread.
     pub fn evidence(&self) -> [f64; 4] {
         let inliers = self.inliers.max(1) as f64;
         [
             inliers.ln(),
-            (inliers / self.runner_up_inliers.max(1) as f64).ln(),
+            (inliers / self.runner_up_inliers.max(CHANCE_INLIERS) as f64).ln(),
             (inliers / self.matches.max(1) as f64).ln(),
-            self.spread,
+            self.spread.max(MIN_SPREAD).ln(),
         ]
     }
 
@@ -37,7 +42,7 @@ impl Support {
             model.log_inliers,
             model.log_lead,
             model.log_share,
-            model.spread,
+            model.log_spread,
         ];
         let weighed = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
         let log_odds = model.intercept + weighed.sum::<f64>();
@@ -54,7 +59,7 @@ mod tests {
         let support = Support {
             inliers: 20,
             matches: 40,
-            runner_up_inliers: 5,
+            runner_up_inliers: 8,
             spread: 0.5,
             inlier_covariance_en_m2: [1.0, 0.0, 1.0],
         };
@@ -63,19 +68,19 @@ mod tests {
             log_inliers: 1.0,
             log_lead: 2.0,
             log_share: 0.5,
-            spread: 0.1,
+            log_spread: 0.1,
             needed: 0.5,
         };
-        // -3 + ln 20 + 2 ln 4 + 0.5 ln 0.5 + 0.05 = 2.471747
-        let by_hand = 1.0 / (1.0 + (-2.471_747_f64).exp());
+        // -3 + ln 20 + 2 ln 2.5 + 0.5 ln 0.5 + 0.1 ln 0.5 = 1.412425
+        let by_hand = 1.0 / (1.0 + (-1.412_425_f64).exp());
         assert!((support.confidence(&model) - by_hand).abs() < 1e-6);
         let alone = Support {
             runner_up_inliers: 0,
             ..support
         };
         assert!(
-            (alone.evidence()[1] - 20f64.ln()).abs() < 1e-12,
-            "no runner-up counts as one inlier"
+            (alone.evidence()[1] - (20.0 / 6.0f64).ln()).abs() < 1e-12,
+            "no runner-up counts as chance"
         );
     }
 }

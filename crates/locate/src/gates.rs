@@ -26,6 +26,8 @@ pub struct Gates {
     pub min_margin: f64,
     /// Whether a fix must be as probable as the model's calibration asks for, where it is calibrated.
     pub by_confidence: bool,
+    /// The probability that is asked for in its place.
+    pub min_confidence: Option<f64>,
 }
 
 impl Default for Gates {
@@ -39,6 +41,7 @@ impl Default for Gates {
             min_inlier_share: 0.0,
             min_margin: 1.25,
             by_confidence: true,
+            min_confidence: None,
         }
     }
 }
@@ -235,6 +238,7 @@ impl Gates {
 
     /// Checks the probability that the answer is right.
     pub fn check_confidence(&self, confidence: f64, needed: f64) -> Result<(), Rejection> {
+        let needed = self.min_confidence.unwrap_or(needed);
         if self.by_confidence && !(confidence >= needed) {
             return Err(Rejection::Confidence {
                 percent: confidence * 100.0,
@@ -355,6 +359,11 @@ mod tests {
         assert!(matches!(lost, Err(Rejection::InlierShare { .. })));
         assert!(gates.check_confidence(0.97, 0.97).is_ok());
         assert!(gates.check_confidence(f64::NAN, 0.5).is_err());
+        let bold = Gates {
+            min_confidence: Some(0.1),
+            ..gates
+        };
+        assert!(bold.check_confidence(0.2, 0.97).is_ok());
         assert!(gates.check_margin(25, 20).is_ok());
         assert!(matches!(
             gates.check_margin(24, 20),

@@ -41,13 +41,14 @@ pub struct Confidence {
     pub intercept: f64,
     /// Per unit of the natural logarithm of the number of inliers.
     pub log_inliers: f64,
-    /// Per unit of the natural logarithm of inliers over runner-up's inliers (at least one).
+    /// Per unit of the natural logarithm of inliers over the runner-up's inliers (at least six: chance gives as many).
     pub log_lead: f64,
     /// Per unit of the natural logarithm of inliers over matches.
     pub log_share: f64,
-    /// Per unit of the inliers' spread over the photo (short axis, in half sides).
-    pub spread: f64,
-    /// A fix below this is not given: by the fit, one photo in a thousand taken elsewhere comes above.
+    /// Per unit of the natural logarithm of the inliers' spread over the photo (short axis, in half sides).
+    pub log_spread: f64,
+    /// A fix below this is not given: by the fit, only a small share of photos taken elsewhere (one in a thousand, unless
+    /// asked otherwise) comes above.
     pub needed: f64,
 }
 

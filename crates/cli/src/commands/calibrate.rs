@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
 use grimnet_eval::calibration::{self, observation, scene, trial};
 use grimnet_net::Model;
 
@@ -42,6 +43,10 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "M", default_value_t = 0.15)]
     pictures_gsd: f64,
 
+    /// Share of photos taken elsewhere that may be given a fix: a smaller share costs right answers
+    #[arg(long, value_name = "SHARE", default_value_t = ELSEWHERE_ANSWERED)]
+    elsewhere_answered: f64,
+
     /// Also write what was observed, a line a photo
     #[arg(long, value_name = "FILE.csv")]
     observations: Option<PathBuf>,
@@ -68,7 +73,13 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         observation::write(path, &observations)
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let calibration = calibration::fit(&observations, &data)?;
+    if !(arguments.elsewhere_answered > 0.0 && arguments.elsewhere_answered < 1.0) {
+        bail!(
+            "--elsewhere-answered {}: must be a share above 0 and below 1",
+            arguments.elsewhere_answered
+        );
+    }
+    let calibration = calibration::fit(&observations, &data, arguments.elsewhere_answered)?;
     model
         .with_calibration(calibration.clone())
         .save(&arguments.out)?;

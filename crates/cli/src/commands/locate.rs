@@ -10,7 +10,7 @@ use clap::{Args, ValueEnum};
 use grimnet_geo::{LonLat, Raster, distance_m, open_map};
 use grimnet_locate::draw::{DrawOptions, draw_matches};
 use grimnet_locate::{
-    Adapt, DEFAULT_MAP_ERROR_M, HeadingPrior, Localizer, Options, Outcome, Prior, Trace,
+    Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Localizer, Options, Outcome, Prior, Trace,
 };
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
@@ -163,6 +163,10 @@ pub struct LocateOptions {
     #[arg(long, value_name = "M", default_value_t = DEFAULT_MAP_ERROR_M)]
     pub map_error: f64,
 
+    /// Give a fix only if it is this probably right, 0 to 1 [default: as the model's calibration asks for]
+    #[arg(long, value_name = "P")]
+    pub min_confidence: Option<f64>,
+
     /// Stop searching after this many milliseconds a photo
     #[arg(long, value_name = "MS")]
     pub budget_ms: Option<f64>,
@@ -194,6 +198,10 @@ impl LocateOptions {
             top_k: self.top_k.unwrap_or(named.top_k),
             budget_ms: self.budget_ms,
             map_error_m: self.map_error,
+            gates: named.gates.map(|gates| Gates {
+                min_confidence: self.min_confidence,
+                ..gates
+            }),
             adapt: match self.adapt {
                 AdaptChoice::None => Adapt::None,
                 AdaptChoice::Photo => Adapt::Photo,
@@ -214,6 +222,7 @@ impl LocateOptions {
             mode,
             adapt,
             map_error: DEFAULT_MAP_ERROR_M,
+            min_confidence: None,
             budget_ms: None,
             top_k: None,
         }
@@ -234,6 +243,11 @@ impl LocateOptions {
                 "--map-error {}: must be a number of metres, not below zero",
                 self.map_error
             );
+        }
+        if let Some(p) = self.min_confidence
+            && !(0.0..=1.0).contains(&p)
+        {
+            bail!("--min-confidence {p}: must lie between 0 and 1");
         }
         match self.hfov {
             Some(v) if !(v > 0.0 && v < 180.0) => {

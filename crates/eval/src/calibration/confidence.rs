@@ -11,7 +11,7 @@ use super::observation::Observation;
 const MIN_ELSEWHERE: usize = 40;
 const MIN_RIGHT: usize = 40;
 
-/// Share of photos taken elsewhere that may be answered.
+/// Share of photos taken elsewhere that may be answered, unless asked otherwise.
 pub const ELSEWHERE_ANSWERED: f64 = 1e-3;
 
 /// The tail that is extrapolated begins here: share of the answers to photos taken elsewhere that lie above.
@@ -25,11 +25,12 @@ const RIDGE: f64 = 1.0;
 const TERMS: usize = 5;
 type Terms = SVector<f64, TERMS>;
 
-/// Fits the weights to right against wrong answers, then the limit to the photos taken elsewhere.
+/// Fits the weights to right against wrong answers, then the limit so that a share `allowed` of the photos taken elsewhere
+/// comes above it.
 ///
 /// # Errors
 /// Too few of either.
-pub fn fit(observations: &[Observation]) -> Result<Confidence, FitError> {
+pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, FitError> {
     let answers: Vec<([f64; 4], bool)> = observations
         .iter()
         .filter_map(|o| Some((o.answer?.support.evidence(), o.is_right())))
@@ -49,13 +50,13 @@ pub fn fit(observations: &[Observation]) -> Result<Confidence, FitError> {
         });
     }
     let weights = logistic(&answers);
-    let [intercept, log_inliers, log_lead, log_share, spread] = weights.into();
+    let [intercept, log_inliers, log_lead, log_share, log_spread] = weights.into();
     let mut model = Confidence {
         intercept,
         log_inliers,
         log_lead,
         log_share,
-        spread,
+        log_spread,
         needed: 0.0,
     };
     let log_odds: Vec<f64> = observations
@@ -63,7 +64,7 @@ pub fn fit(observations: &[Observation]) -> Result<Confidence, FitError> {
         .filter(|o| o.elsewhere)
         .filter_map(|o| Some(log_odds(o.answer?.support.confidence(&model))))
         .collect();
-    let limit = tail_limit(log_odds, elsewhere);
+    let limit = tail_limit(log_odds, elsewhere, allowed);
     model.needed = 1.0 / (1.0 + (-limit).exp());
     Ok(model)
 }
@@ -72,9 +73,9 @@ fn log_odds(probability: f64) -> f64 {
     (probability / (1.0 - probability)).ln()
 }
 
-/// The value that a share [`ELSEWHERE_ANSWERED`] of `photos` exceeds. The best of many chance matches has an exponential tail
+/// The value that a share `allowed` of `photos` exceeds. The best of many chance matches has an exponential tail
 /// (Gumbel 1958), whose scale is the mean excess over its beginning.
-fn tail_limit(mut values: Vec<f64>, photos: usize) -> f64 {
+fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     values.retain(|v| v.is_finite());
     values.sort_by(f64::total_cmp);
     let count = ((values.len() as f64 * TAIL_SHARE).ceil() as usize).max(1);
@@ -85,7 +86,7 @@ fn tail_limit(mut values: Vec<f64>, photos: usize) -> f64 {
     let start = values[first];
     let excess = values[first..].iter().map(|v| v - start).sum::<f64>() / count as f64;
     let reached = count as f64 / photos as f64;
-    start + excess * (reached / ELSEWHERE_ANSWERED).ln().max(0.0)
+    start + excess * (reached / allowed).ln().max(0.0)
 }
 
 /// Newton's method on the standardised evidence; the weights of the evidence as it is.

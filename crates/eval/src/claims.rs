@@ -1,0 +1,316 @@
+//! EVALUATION.md: every figure that is stated about accuracy, made from stored `summary.json` files.
+//!
+//! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
+//! `experiments/`, with the tables of `grim eval --experiment`. The page is made by
+//! `cargo run -p grimnet-eval --example evaluation`; a test fails where page and stored figures differ.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::experiment_table::ExperimentTable;
+
+/// What a stored `summary.json` does not say of itself.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Claim {
+    /// Heading of its section.
+    pub title: String,
+    /// What was localised on what, and what the truth is.
+    pub data: String,
+    /// The command that measured it.
+    pub command: String,
+    /// What others reach on the same frames.
+    #[serde(default)]
+    pub peers: Vec<Peer>,
+    /// What must be known to read the figures.
+    #[serde(default)]
+    pub remarks: Vec<String>,
+}
+
+/// Another system's figures on the same frames.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Peer {
+    /// Its name.
+    pub name: String,
+    /// The run that it is set beside, such as `heading_known`.
+    pub run: String,
+    /// Share of all frames within 5 m.
+    pub within_5m: f64,
+    /// Share of all frames within 10 m.
+    pub within_10m: f64,
+    /// Share of all frames within 20 m.
+    pub within_20m: f64,
+    /// Median error, metres.
+    pub median_m: f64,
+    /// Who measured it, and how.
+    pub source: String,
+}
+
+/// Why the page cannot be made.
+#[derive(Debug, thiserror::Error)]
+pub enum ClaimError {
+    /// A file or folder cannot be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// A file is no JSON of the expected form.
+    #[error("{path}: {source}")]
+    Json {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: serde_json::Error,
+    },
+    /// An experiment's table cannot be read.
+    #[error(transparent)]
+    Table(#[from] crate::experiment_table::TableError),
+}
+
+const HEAD: &str = "\
+# Evaluation
+
+Made from the stored figures under `evaluation/` by `cargo run -p grimnet-eval --example evaluation`; do not edit. Shares are of
+all frames, a frame without a fix is a miss. \"Behind\" stands where another system on the same frames is better than this one.
+";
+
+/// The page for the claims stored in `folder`.
+///
+/// # Errors
+/// A stored file is missing or of another form.
+pub fn page(folder: &Path) -> Result<String, ClaimError> {
+    let mut page = HEAD.to_owned();
+    for folder in sorted(folder)?
+        .iter()
+        .filter(|path| path.join("claim.json").is_file())
+    {
+        let claim: Claim = read(&folder.join("claim.json"))?;
+        let summary: Value = read(&folder.join("summary.json"))?;
+        section(&mut page, &claim, &summary);
+    }
+    let experiments = folder.join("experiments");
+    if experiments.is_dir() {
+        page.push_str("\n## The paper's experiments and sweeps\n");
+        for path in sorted(&experiments)? {
+            if path.extension().is_some_and(|e| e == "json") {
+                let _ = write!(page, "\n{}", ExperimentTable::read(&path)?.to_markdown());
+            }
+        }
+    }
+    Ok(page)
+}
+
+fn sorted(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut paths: Vec<PathBuf> = fs_err::read_dir(folder)?
+        .filter_map(|entry| Some(entry.ok()?.path()))
+        .collect();
+    paths.sort();
+    Ok(paths)
+}
+
+fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, ClaimError> {
+    serde_json::from_slice(&fs_err::read(path)?).map_err(|source| ClaimError::Json {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// A column of a claim's table.
+struct Column {
+    name: &'static str,
+    key: &'static str,
+    of_peer: fn(&Peer) -> f64,
+    is_share: bool,
+}
+
+const COMPARED: [Column; 4] = [
+    Column {
+        name: "within 5 m",
+        key: "within_5m",
+        of_peer: |p| p.within_5m,
+        is_share: true,
+    },
+    Column {
+        name: "10 m",
+        key: "within_10m",
+        of_peer: |p| p.within_10m,
+        is_share: true,
+    },
+    Column {
+        name: "20 m",
+        key: "within_20m",
+        of_peer: |p| p.within_20m,
+        is_share: true,
+    },
+    Column {
+        name: "median",
+        key: "median_m",
+        of_peer: |p| p.median_m,
+        is_share: false,
+    },
+];
+
+impl Column {
+    fn text(&self, value: Option<f64>) -> String {
+        match value {
+            None => "-".to_owned(),
+            Some(v) if self.is_share => percent(Some(v)),
+            Some(v) => format!("{v:.1} m"),
+        }
+    }
+
+    /// Whether `ours` is worse than `theirs` by more than both are printed to.
+    fn is_behind(&self, ours: Option<f64>, theirs: f64) -> bool {
+        match ours {
+            None => true,
+            Some(ours) if self.is_share => (100.0 * theirs).round() > (100.0 * ours).round(),
+            Some(ours) => (10.0 * theirs).round() < (10.0 * ours).round(),
+        }
+    }
+}
+
+fn percent(value: Option<f64>) -> String {
+    value.map_or_else(|| "-".to_owned(), |v| format!("{:.0} %", 100.0 * v))
+}
+
+fn section(page: &mut String, claim: &Claim, summary: &Value) {
+    // Writing to a string cannot fail.
+    let mut put = |text: std::fmt::Arguments<'_>| {
+        let _ = page.write_fmt(text);
+    };
+    put(format_args!("\n## {}\n\n{}\n\n", claim.title, claim.data));
+    let about = &summary["about"];
+    let text = |key: &str| match &about[key] {
+        Value::Null => "not told".to_owned(),
+        Value::String(text) => text.chars().take(16).collect(),
+        other => other.to_string(),
+    };
+    put(format_args!(
+        "`{}`\n\nMode {}, model {} ({}), program {} at commit {}, map error in the radii {} m, error of the truth {} m per axis.\n\n",
+        claim.command,
+        text("mode"),
+        text("model_hash"),
+        if about["model_calibrated"] == true {
+            "calibrated"
+        } else {
+            "radii by default, never fitted"
+        },
+        text("version"),
+        text("commit"),
+        text("map_error_m"),
+        text("truth_error_m"),
+    ));
+    put(format_args!("| |"));
+    for column in &COMPARED {
+        put(format_args!(" {} |", column.name));
+    }
+    put(format_args!(" |\n|---|"));
+    for _ in &COMPARED {
+        put(format_args!("---:|"));
+    }
+    put(format_args!("---|\n"));
+    let runs = runs(summary);
+    for (name, run) in &runs {
+        put(format_args!("| **grimnet**, {} |", name.replace('_', " ")));
+        let mut behind = Vec::new();
+        for column in &COMPARED {
+            let ours = run[column.key].as_f64();
+            put(format_args!(" {} |", column.text(ours)));
+            for peer in claim.peers.iter().filter(|peer| peer.run == **name) {
+                if column.is_behind(ours, (column.of_peer)(peer)) {
+                    behind.push(format!("behind {} ({})", peer.name, column.name));
+                }
+            }
+        }
+        put(format_args!(" {} |\n", behind.join("; ")));
+        for peer in claim.peers.iter().filter(|peer| peer.run == **name) {
+            put(format_args!("| {} |", peer.name));
+            for column in &COMPARED {
+                put(format_args!(
+                    " {} |",
+                    column.text(Some((column.of_peer)(peer)))
+                ));
+            }
+            put(format_args!(" {} |\n", peer.source));
+        }
+    }
+    put(format_args!(
+        "\n| | fixes | right within 20 m | confidently wrong | beyond 3 sigma | stated 95 % radius | truth within it | with the truth's error | average error | bias east, north | time a frame |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
+    ));
+    for (name, run) in &runs {
+        let metres = |key: &str| {
+            run[key]
+                .as_f64()
+                .map_or_else(|| "-".to_owned(), |v| format!("{v:.1} m"))
+        };
+        put(format_args!(
+            "| {} | {} of {} | {} | {} | {} | {} | {} | {} | {} | {}, {} | {} ms |\n",
+            name.replace('_', " "),
+            run["fixes"],
+            run["frames"],
+            percent(run["precision"].as_f64()),
+            run["confidently_wrong"],
+            run["beyond_3_sigma"],
+            metres("radius95_median_m"),
+            percent(run["coverage_95"].as_f64()),
+            percent(run["coverage_95_with_truth_error"].as_f64()),
+            metres("ale_m"),
+            metres("bias_east_m"),
+            metres("bias_north_m"),
+            run["time_p50_ms"].as_f64().map_or(f64::NAN, f64::round),
+        ));
+    }
+    for remark in &claim.remarks {
+        put(format_args!("\n{remark}\n"));
+    }
+}
+
+/// The runs of a summary: everything but `about`.
+fn runs(summary: &Value) -> Vec<(&String, &Value)> {
+    summary
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(name, _)| *name != "about")
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn worse_figures_are_called_behind_and_better_ones_are_not() {
+        let folder = tempfile::tempdir().unwrap();
+        let claim = folder.path().join("a");
+        fs_err::create_dir_all(&claim).unwrap();
+        let peer = |name: &str, within_5m, median_m| Peer {
+            name: name.into(),
+            run: "heading_known".into(),
+            within_5m,
+            within_10m: 0.9,
+            within_20m: 0.9,
+            median_m,
+            source: "measured elsewhere".into(),
+        };
+        let text = serde_json::to_string(&Claim {
+            title: "A".into(),
+            data: "b".into(),
+            command: "c".into(),
+            peers: vec![peer("Worse", 0.5, 9.0), peer("Better", 0.95, 1.04)],
+            remarks: vec![],
+        })
+        .unwrap();
+        fs_err::write(claim.join("claim.json"), text).unwrap();
+        let summary = r#"{"about":{"mode":"default"},"heading_known":{"frames":10,"fixes":9,"within_5m":0.9,
+            "within_10m":0.9,"within_20m":0.9,"median_m":1.01}}"#;
+        fs_err::write(claim.join("summary.json"), summary).unwrap();
+        let page = page(folder.path()).unwrap();
+        assert!(page.contains("behind Better (within 5 m) |"), "{page}");
+        assert!(!page.contains("behind Worse"), "{page}");
+        assert!(page.contains("| 9 of 10 |"), "{page}");
+        fs_err::write(claim.join("summary.json"), "{").unwrap();
+        let error = super::page(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("summary.json"), "{error}");
+    }
+}

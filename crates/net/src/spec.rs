@@ -215,6 +215,18 @@ impl NetSpec {
             .unwrap_or(0)
     }
 
+    /// Numbers that the widest intermediate picture holds for each pixel of the input, at least 1: what memory grows with.
+    pub fn widest_per_pixel(&self) -> usize {
+        let wide = |stage: &Stage| {
+            let width = stage.widths.first().copied().unwrap_or(0);
+            match stage.downsample {
+                Downsample::StrideFirst => width / 4,
+                Downsample::MaxPoolLast => width,
+            }
+        };
+        self.stages.first().map_or(1, wide).max(1)
+    }
+
     /// Length D of the vectors that NetVLAD aggregates.
     pub fn vlad_dim(&self) -> usize {
         match self.vlad.input {

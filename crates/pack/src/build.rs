@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc;
 
 use grimnet_geo::{Raster, RasterPatch};
-use grimnet_net::{Domain, ExtractOptions, Extractor, Model, Statistics, VladSum};
+use grimnet_net::{Domain, ExtractOptions, Extractor, Model, NetSpec, Statistics, VladSum};
 
 use crate::error::{PackError, Result};
 use crate::format::{FORMAT_VERSION, TileEntry};
@@ -30,7 +30,7 @@ use crate::pack::Pack;
 use assemble::FinishedLevel;
 use frontier::{CellSum, Frontier};
 use journal::{Journal, Kind, Place};
-pub use plan::{BLOCK_CELLS, FINEST_AUTO_GSD_M, HALO_PX};
+pub use plan::{FINEST_AUTO_GSD_M, HALO_PX};
 use plan::{Item, LevelPlan};
 use progress::Meter;
 pub use progress::{BuildReport, Phase, Progress};
@@ -64,7 +64,7 @@ pub fn build(
     if let Some(pack) = finished(out, &manifest.fingerprint) {
         return Ok(report(&pack, &meter, true));
     }
-    let mut earlier = Earlier::new(&plans, options.mode);
+    let mut earlier = Earlier::new(&plans, options.mode, model.spec());
     let mut journal = Journal::open(
         &beside(out, "partial"),
         out,
@@ -249,11 +249,11 @@ struct Earlier<'a> {
 }
 
 impl<'a> Earlier<'a> {
-    fn new(plans: &'a [LevelPlan], mode: Mode) -> Self {
+    fn new(plans: &'a [LevelPlan], mode: Mode, spec: &NetSpec) -> Self {
         let expected = plans
             .iter()
             .enumerate()
-            .map(|(i, p)| p.items(i as u32, mode).collect())
+            .map(|(i, p)| p.items(i as u32, mode, spec).collect())
             .collect();
         Self {
             plans,
@@ -375,7 +375,10 @@ impl Work<'_> {
     ) -> Result<FinishedLevel> {
         let found = state.tiles.len() as u64;
         meter.resume(state.tile_places, state.tile_places - found);
-        let items: Vec<Item> = self.plan.items(self.number, self.options.mode).collect();
+        let items: Vec<Item> = self
+            .plan
+            .items(self.number, self.options.mode, self.model.spec())
+            .collect();
         let keypoints_per_unit = keypoints_per_unit(self.model, self.options);
         if state.items.len() < items.len() {
             meter.progress.phase = if self.options.adapt {

@@ -121,6 +121,7 @@ mod tests {
     use super::*;
     use crate::options::{BuildOptions, Levels, Mode};
     use grimnet_geo::{Affine, Crs, Georeference};
+    use grimnet_net::NetSpec;
     use proptest::prelude::*;
 
     fn plan(width: u64, height: u64) -> LevelPlan {
@@ -163,7 +164,7 @@ mod tests {
             let mut tiles = Vec::new();
             let mut frontier = Frontier::default();
             let mut journal = Vec::new();
-            for (n, item) in plan.items(0, Mode::Default).enumerate() {
+            for (n, item) in plan.items(0, Mode::Default, &NetSpec::compact()).enumerate() {
                 if n == stop {
                     frontier = Frontier::default();
                     for (item, kept) in journal.clone() {

@@ -1,6 +1,7 @@
 //! Which levels a pack gets, and how each is cut into cells, tiles and pieces of work.
 
 use grimnet_geo::{Georeference, LevelFrame, TileGrid};
+use grimnet_net::NetSpec;
 
 use crate::error::{PackError, Result};
 use crate::level::{CELL_PX, TILE_PX};
@@ -9,8 +10,16 @@ use crate::options::{BuildOptions, Levels, Mode};
 /// Finest resolution that [`Levels::Auto`] makes, metres a pixel: drones fly higher than finer pixels are of use.
 pub const FINEST_AUTO_GSD_M: f64 = 0.15;
 
-/// Cells along the side of a block (default mode): one network pass makes the features of so many squared.
-pub const BLOCK_CELLS: u32 = 4;
+/// Cells along the side of a block (default mode): one network pass makes the features of so many squared. Larger blocks
+/// waste less on their halo; networks that are wide at full resolution get smaller ones, to stay below a gigabyte.
+fn block_cells(spec: &NetSpec) -> u32 {
+    const WIDE: usize = 16;
+    if spec.widest_per_pixel() <= WIDE {
+        4
+    } else {
+        2
+    }
+}
 
 /// Pixels around a block that the network sees as well, so that features at its border know their surroundings.
 pub const HALO_PX: u32 = 64;
@@ -97,16 +106,21 @@ impl LevelPlan {
     }
 
     /// Columns and rows of units in one piece of work.
-    fn item_units(mode: Mode) -> [u32; 2] {
+    fn item_units(mode: Mode, spec: &NetSpec) -> [u32; 2] {
         match mode {
-            Mode::Default => [BLOCK_CELLS, BLOCK_CELLS],
+            Mode::Default => [block_cells(spec); 2],
             Mode::Paper => [PAPER_TILES_PER_ITEM, 1],
         }
     }
 
     /// The level's pieces of work, row by row.
-    pub fn items(&self, level: u32, mode: Mode) -> impl Iterator<Item = Item> + use<> {
-        let step = Self::item_units(mode);
+    pub fn items(
+        &self,
+        level: u32,
+        mode: Mode,
+        spec: &NetSpec,
+    ) -> impl Iterator<Item = Item> + use<> {
+        let step = Self::item_units(mode, spec);
         let grid = self.unit_grid;
         let rows = (0..grid[1]).step_by(step[1] as usize);
         rows.flat_map(move |row| {
@@ -350,7 +364,7 @@ mod tests {
                 }
             }
             let mut seen = vec![0u8; (level.unit_grid[0] * level.unit_grid[1]) as usize];
-            for item in level.items(0, Mode::Default) {
+            for item in level.items(0, Mode::Default, &NetSpec::compact()) {
                 for y in 0..item.count[1] {
                     for x in 0..item.count[0] {
                         let at = (item.first[1] + y) * level.unit_grid[0] + item.first[0] + x;

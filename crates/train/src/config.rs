@@ -258,3 +258,25 @@ impl TrainConfig {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_preset_file_is_the_paper() {
+        let preset: TrainConfig = toml::from_str(include_str!("../presets/paper.toml")).unwrap();
+        assert_eq!(preset, TrainConfig::paper());
+    }
+
+    #[test]
+    fn a_configuration_survives_being_written() {
+        let config = TrainConfig {
+            steps: Some(7),
+            start_from: Some("first.safetensors".into()),
+            ..TrainConfig::paper()
+        };
+        let text = toml::to_string(&config).unwrap();
+        assert_eq!(toml::from_str::<TrainConfig>(&text).unwrap(), config);
+    }
+}

@@ -108,11 +108,14 @@ impl Checkpoint {
     /// # Errors
     /// [`TrainError::Checkpoint`] where the file is damaged or holds another network than its description says.
     pub fn open(path: &Path, device: &Device) -> Result<Self, TrainError> {
-        let bytes = fs_err::read(path)?;
         let wrong = |reason: String| TrainError::Checkpoint {
             path: path.to_owned(),
             reason,
         };
+        if !path.exists() {
+            return Err(wrong("there is none yet; begin without resuming".into()));
+        }
+        let bytes = fs_err::read(path)?;
         let (_, header) =
             SafeTensors::read_metadata(&bytes).map_err(|error| wrong(error.to_string()))?;
         let tensors = SafeTensors::deserialize(&bytes).map_err(|error| wrong(error.to_string()))?;

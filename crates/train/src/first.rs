@@ -39,6 +39,7 @@ fn started_from(
     config: &TrainConfig,
     device: &Device,
 ) -> Result<(Parameters, bool), TrainError> {
+    fs_err::metadata(path)?;
     let found = match Checkpoint::open(path, device) {
         Ok(checkpoint) => checkpoint.average,
         Err(error @ TrainError::Io(_)) => return Err(error),

@@ -155,6 +155,16 @@ fn a_checkpoint_of_another_network_is_refused() {
 }
 
 #[test]
+fn resuming_what_never_began_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = trainer(&tiny(folder.path()), true)
+        .err()
+        .unwrap()
+        .to_string();
+    assert!(error.contains("begin without resuming"), "{error}");
+}
+
+#[test]
 fn a_damaged_checkpoint_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let config = TrainConfig {

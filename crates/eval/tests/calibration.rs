@@ -41,6 +41,7 @@ fn observations(count: usize, seed: u64) -> Vec<Observation> {
             level_gsd_m: GSD_M,
             support: Support {
                 inliers,
+                places: inliers,
                 matches: 150,
                 runner_up_inliers,
                 spread: rng.random_range(0.2..0.5),

@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 pub struct Support {
     /// Matches that agree with the transform.
     pub inliers: usize,
+    /// Places of the photo that they lie in, see [`crate::gates::occupied_places`].
+    pub places: usize,
     /// Matches.
     pub matches: usize,
     /// Matches that agree on the best answer at another place; 0 where there is none.
@@ -25,11 +27,11 @@ const CHANCE_INLIERS: usize = 6;
 const MIN_SPREAD: f64 = 1e-3;
 
 impl Support {
-    /// What the calibration weighs: log inliers, log of inliers over the runner-up's, log of inliers over matches, log spread.
+    /// What the calibration weighs: log places, log of inliers over the runner-up's, log of inliers over matches, log spread.
     pub fn evidence(&self) -> [f64; 4] {
         let inliers = self.inliers.max(1) as f64;
         [
-            inliers.ln(),
+            (self.places.max(1) as f64).ln(),
             (inliers / self.runner_up_inliers.max(CHANCE_INLIERS) as f64).ln(),
             (inliers / self.matches.max(1) as f64).ln(),
             self.spread.max(MIN_SPREAD).ln(),
@@ -39,7 +41,7 @@ impl Support {
     /// Probability that a fix with this support is right, by a fitted model.
     pub fn confidence(&self, model: &Confidence) -> f64 {
         let weights = [
-            model.log_inliers,
+            model.log_places,
             model.log_lead,
             model.log_share,
             model.log_spread,
@@ -58,6 +60,7 @@ mod tests {
     fn confidence_is_the_logistic_of_the_weighed_evidence() {
         let support = Support {
             inliers: 20,
+            places: 15,
             matches: 40,
             runner_up_inliers: 8,
             spread: 0.5,
@@ -65,14 +68,14 @@ mod tests {
         };
         let model = Confidence {
             intercept: -3.0,
-            log_inliers: 1.0,
+            log_places: 1.0,
             log_lead: 2.0,
             log_share: 0.5,
             log_spread: 0.1,
             needed: 0.5,
         };
-        // -3 + ln 20 + 2 ln 2.5 + 0.5 ln 0.5 + 0.1 ln 0.5 = 1.412425
-        let by_hand = 1.0 / (1.0 + (-1.412_425_f64).exp());
+        // -3 + ln 15 + 2 ln 2.5 + 0.5 ln 0.5 + 0.1 ln 0.5 = 1.124743
+        let by_hand = 1.0 / (1.0 + (-1.124_743_f64).exp());
         assert!((support.confidence(&model) - by_hand).abs() < 1e-6);
         let alone = Support {
             runner_up_inliers: 0,

@@ -20,6 +20,8 @@ pub struct Gates {
     pub max_perspective_per_px: f64,
     /// Standard deviation of the inliers along their short axis over the photo's mean half side.
     pub min_spread: f64,
+    /// Places of the photo that hold inliers, at least: see [`occupied_places`].
+    pub min_places: usize,
     /// Share of the matches that are inliers, at least.
     pub min_inlier_share: f64,
     /// Inliers at least this many times the runner-up's at another place.
@@ -38,6 +40,7 @@ impl Default for Gates {
             max_shear: 0.25,
             max_perspective_per_px: 1e-3,
             min_spread: 0.12,
+            min_places: 15,
             min_inlier_share: 0.0,
             min_margin: 1.25,
             by_confidence: true,
@@ -99,6 +102,14 @@ pub enum Rejection {
     Spread {
         /// See [`Gates::min_spread`].
         spread: f64,
+    },
+    /// The inliers lie in too few places of the photo.
+    #[error("the matches that agree lie in {found} places of the photo, {needed} are needed")]
+    Places {
+        /// Places found.
+        found: usize,
+        /// See [`Gates::min_places`].
+        needed: usize,
     },
     /// Another place fits nearly as well.
     #[error("another place fits nearly as well ({inliers} against {runner_up} matches)")]
@@ -185,6 +196,21 @@ pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f
     (scatter.trace() / 2.0 - apart).max(0.0).sqrt() / half_side_px
 }
 
+/// Sides of a place that go into half a side of the photo.
+const PLACES_PER_HALF_SIDE: f64 = 6.0;
+
+/// Squares of a twelfth of the photo's mean side that hold at least one of `points`.
+///
+/// Keypoints crowd on crowns and edges, and where one is matched wrongly its neighbours are too, by the same shift: they count
+/// once.
+pub fn occupied_places(points: impl Iterator<Item = Point2<f64>>, half_side_px: f64) -> usize {
+    let side_px = half_side_px / PLACES_PER_HALF_SIDE;
+    points
+        .map(|point| [point.x, point.y].map(|along| (along / side_px).floor() as i64))
+        .collect::<std::collections::HashSet<_>>()
+        .len()
+}
+
 impl Gates {
     /// Checks the shape of `homography` at the photo's `centre`, against an expected scale.
     pub fn check_shape(
@@ -227,6 +253,13 @@ impl Gates {
         if share < self.min_inlier_share {
             return Err(Rejection::InlierShare {
                 percent: share * 100.0,
+            });
+        }
+        let found = occupied_places(inliers.clone(), half_side_px);
+        if found < self.min_places {
+            return Err(Rejection::Places {
+                found,
+                needed: self.min_places,
             });
         }
         let spread = spread(inliers, half_side_px);
@@ -345,8 +378,8 @@ mod tests {
         let few = gates.check_support(grid(gates.min_inliers - 1, 60.0).into_iter(), 60, 256.0);
         assert!(matches!(few, Err(Rejection::Inliers { .. })));
         let crowded = gates.check_support(grid(25, 5.0).into_iter(), 60, 256.0);
-        assert!(matches!(crowded, Err(Rejection::Spread { .. })));
-        let line = (0..40).map(|i| Point2::new(f64::from(i) * 10.0, 3.0 * f64::from(i)));
+        assert!(matches!(crowded, Err(Rejection::Places { .. })));
+        let line = (0..40).map(|i| Point2::new(f64::from(i) * 16.0, 9.0 * f64::from(i)));
         assert!(matches!(
             gates.check_support(line, 60, 256.0),
             Err(Rejection::Spread { .. })
@@ -369,5 +402,24 @@ mod tests {
             gates.check_margin(24, 20),
             Err(Rejection::Ambiguous { .. })
         ));
+    }
+
+    #[test]
+    fn inliers_that_crowd_count_once() {
+        let gates = Gates::default();
+        // Forty on a crown a tenth of the photo wide, and two far away so that the spread looks well.
+        let crowd =
+            (0..40).map(|i| Point2::new(100.0 + f64::from(i % 7) * 5.0, 100.0 + f64::from(i)));
+        let far = [Point2::new(480.0, 20.0), Point2::new(30.0, 400.0)];
+        let crowded = crowd.chain(far);
+        assert!(occupied_places(crowded.clone(), 256.0) <= 6);
+        assert!(matches!(
+            gates.check_support(crowded, 100, 256.0),
+            Err(Rejection::Places { needed: 15, .. })
+        ));
+        let everywhere =
+            (0..40).map(|i| Point2::new(f64::from(i % 8) * 60.0, f64::from(i / 8) * 90.0));
+        assert_eq!(occupied_places(everywhere.clone(), 256.0), 40);
+        assert_eq!(gates.check_support(everywhere, 100, 256.0), Ok(()));
     }
 }

@@ -15,7 +15,7 @@ use crate::{
     cascade::Cascade,
     confidence::Support,
     error::{LocateError, Result},
-    gates::{Rejection, spread},
+    gates::{Rejection, occupied_places, spread},
     hypotheses::{Hypothesis, Round, rounds},
     options::{Adapt, Mode, Options},
     outcome::{EvidenceUsed, Fix, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs},
@@ -717,6 +717,7 @@ pub(crate) fn support(
     let points = agreeing.map(|&index| verified.pairs[index].from);
     Support {
         inliers: verified.inliers.len(),
+        places: occupied_places(points.clone(), query.half_side_px),
         matches: verified.pairs.len(),
         runner_up_inliers,
         spread: spread(points, query.half_side_px),
@@ -728,7 +729,10 @@ pub(crate) fn support(
 fn is_support(rejection: Rejection) -> bool {
     matches!(
         rejection,
-        Rejection::Inliers { .. } | Rejection::InlierShare { .. } | Rejection::Spread { .. }
+        Rejection::Inliers { .. }
+            | Rejection::InlierShare { .. }
+            | Rejection::Places { .. }
+            | Rejection::Spread { .. }
     )
 }
 

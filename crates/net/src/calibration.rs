@@ -39,8 +39,8 @@ impl Default for PositionError {
 pub struct Confidence {
     /// Log odds where all evidence is zero.
     pub intercept: f64,
-    /// Per unit of the natural logarithm of the number of inliers.
-    pub log_inliers: f64,
+    /// Per unit of the natural logarithm of the number of places of the photo that hold inliers.
+    pub log_places: f64,
     /// Per unit of the natural logarithm of inliers over the runner-up's inliers (at least six: chance gives as many).
     pub log_lead: f64,
     /// Per unit of the natural logarithm of inliers over matches.

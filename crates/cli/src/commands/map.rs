@@ -195,7 +195,7 @@ fn run_build(arguments: &BuildArgs) -> Result<Exit> {
 /// Builds a pack under a progress bar.
 ///
 /// # Errors
-/// As [`build`].
+/// As [`build()`].
 pub fn build_with_bar(
     map: &dyn grimnet_geo::Raster,
     model: &grimnet_net::Model,

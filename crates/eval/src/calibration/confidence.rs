@@ -50,10 +50,10 @@ pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, Fit
         });
     }
     let weights = logistic(&answers);
-    let [intercept, log_inliers, log_lead, log_share, log_spread] = weights.into();
+    let [intercept, log_places, log_lead, log_share, log_spread] = weights.into();
     let mut model = Confidence {
         intercept,
-        log_inliers,
+        log_places,
         log_lead,
         log_share,
         log_spread,

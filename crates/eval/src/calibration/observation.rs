@@ -62,6 +62,7 @@ struct Row {
     error_north_m: Option<f64>,
     level_gsd_m: Option<f64>,
     inliers: Option<usize>,
+    places: Option<usize>,
     matches: Option<usize>,
     runner_up_inliers: Option<usize>,
     spread: Option<f64>,
@@ -88,6 +89,7 @@ pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
             error_north_m: answer.map(|a| a.error_north_m),
             level_gsd_m: answer.map(|a| a.level_gsd_m),
             inliers: support.map(|s| s.inliers),
+            places: support.map(|s| s.places),
             matches: support.map(|s| s.matches),
             runner_up_inliers: support.map(|s| s.runner_up_inliers),
             spread: support.map(|s| s.spread),
@@ -120,6 +122,7 @@ impl Row {
                 level_gsd_m: self.level_gsd_m?,
                 support: Support {
                     inliers: self.inliers?,
+                    places: self.places?,
                     matches: self.matches?,
                     runner_up_inliers: self.runner_up_inliers?,
                     spread: self.spread?,

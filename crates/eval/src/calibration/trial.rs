@@ -35,6 +35,7 @@ fn observing() -> Options {
     Options {
         gates: Some(Gates {
             min_inliers: MIN_INLIERS,
+            min_places: 0,
             min_margin: 0.0,
             by_confidence: false,
             ..Gates::default()

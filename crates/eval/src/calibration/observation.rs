@@ -102,7 +102,7 @@ pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
     Ok(())
 }
 
-/// Reads observations that [`write`] wrote.
+/// Reads observations that [`write()`] wrote.
 ///
 /// # Errors
 /// Unreadable file, or one of another form.

@@ -4,7 +4,7 @@
 //! descriptor, which [`Index`] searches, and keypoints with local descriptors. In the default [`Mode`] features are
 //! computed and stored once per *cell* of 256 px, and a tile is four cells; in paper mode tiles are independent.
 //!
-//! [`build`] makes a pack and can be interrupted at any moment; [`Pack::open`] refuses files that are damaged or do not
+//! [`build()`] makes a pack and can be interrupted at any moment; [`Pack::open`] refuses files that are damaged or do not
 //! fit.
 
 #[cfg(target_endian = "big")]

@@ -269,7 +269,7 @@ fn wrong_use_and_unreadable_input_end_with_2_and_say_what_to_do() {
         "exif",
     );
     fails(&["locate", "--pack", pack, photo, "--hfov", "200"], "hfov");
-    fails(&["model", "info", "--model", photo], photo);
+    fails(&["model", "info", photo], photo);
     fails(&["demo", "--photos", "0"], "at least one");
     assert!(!Path::new(out).exists());
 }

@@ -9,6 +9,7 @@ pub mod claims;
 pub mod experiment;
 pub mod experiment_table;
 pub mod gallery;
+mod html;
 pub mod map_picture;
 pub mod metrics;
 pub mod plot;

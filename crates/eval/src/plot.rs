@@ -1,5 +1,9 @@
 //! Curves as SVG.
 
+use std::ops::Range;
+
+use plotters::chart::SeriesAnno;
+use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
 use crate::metrics::Frame;
@@ -16,29 +20,95 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
     }
 }
 
+/// Size of every curve.
 const SIZE_PX: (u32, u32) = (900, 320);
 
 /// Farthest error that the curves show, in metres: beyond it a fix is a miss in every measure.
 const AXIS_M: f64 = 30.0;
+
+/// A chart with straight axes.
+pub(crate) type Chart<'s> =
+    ChartContext<'s, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+
+/// What the axes show, and what stands beside them.
+struct Axes {
+    x: Range<f64>,
+    y: Range<f64>,
+    x_desc: &'static str,
+    y_desc: &'static str,
+}
+
+/// An SVG picture of `size_px` that `draw` draws, `below_px` left for what stands below the horizontal axis.
+pub(crate) fn svg_chart(
+    size_px: (u32, u32),
+    below_px: u32,
+    (x, y): (Range<f64>, Range<f64>),
+    draw: impl FnOnce(&mut Chart<'_>) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
+    let mut svg = String::new();
+    {
+        let root = SVGBackend::with_string(&mut svg, size_px).into_drawing_area();
+        let mut chart = ChartBuilder::on(&root)
+            .margin(10)
+            .x_label_area_size(below_px)
+            .y_label_area_size(48)
+            .build_cartesian_2d(x, y)?;
+        draw(&mut chart)?;
+        root.present()?;
+    }
+    Ok(svg)
+}
+
+fn curves(
+    axes: Axes,
+    draw: impl FnOnce(&mut Chart<'_>) -> Result<(), PlotError>,
+) -> Result<String, PlotError> {
+    svg_chart(SIZE_PX, 36, (axes.x, axes.y), |chart| {
+        chart
+            .configure_mesh()
+            .x_desc(axes.x_desc)
+            .y_desc(axes.y_desc)
+            .draw()?;
+        draw(chart)
+    })
+}
+
+/// Names a series in the key.
+pub(crate) fn name_in_key<'c>(
+    series: &mut SeriesAnno<'c, SVGBackend<'_>>,
+    name: &str,
+    colour: RGBAColor,
+) {
+    series
+        .label(name)
+        .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+}
+
+/// Draws the key of all named series.
+pub(crate) fn draw_key(
+    chart: &mut Chart<'_>,
+    position: SeriesLabelPosition,
+) -> Result<(), PlotError> {
+    chart
+        .configure_series_labels()
+        .position(position)
+        .background_style(WHITE.mix(0.8))
+        .draw()?;
+    Ok(())
+}
 
 /// The share of all frames within a distance, for several runs (cumulative distribution of the error).
 ///
 /// # Errors
 /// Drawing fails.
 pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
-        let mut chart = ChartBuilder::on(&root)
-            .margin(10)
-            .x_label_area_size(36)
-            .y_label_area_size(48)
-            .build_cartesian_2d(0.0..AXIS_M, 0.0..100.0)?;
-        chart
-            .configure_mesh()
-            .x_desc("error, m")
-            .y_desc("% of frames")
-            .draw()?;
+    let axes = Axes {
+        x: 0.0..AXIS_M,
+        y: 0.0..100.0,
+        x_desc: "error, m",
+        y_desc: "% of frames",
+    };
+    curves(axes, |chart| {
         for (i, (name, frames)) in runs.iter().enumerate() {
             let colour = Palette99::pick(i).to_rgba();
             let mut errors: Vec<f64> = frames.iter().filter_map(|f| f.error_m).collect();
@@ -51,19 +121,11 @@ pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError
             }
             let height = points.last().map_or(0.0, |p| p.1);
             points.push((AXIS_M, height));
-            chart
-                .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
-                .label(*name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+            let series = chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
+            name_in_key(series, name, colour);
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerRight)
-            .background_style(WHITE.mix(0.8))
-            .draw()?;
-        root.present()?;
-    }
-    Ok(svg)
+        draw_key(chart, SeriesLabelPosition::LowerRight)
+    })
 }
 
 /// The error of each frame in flight order, with its stated 95 % radius (figure 7a of the paper).
@@ -71,19 +133,13 @@ pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError
 /// # Errors
 /// Drawing fails.
 pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
-        let mut chart = ChartBuilder::on(&root)
-            .margin(10)
-            .x_label_area_size(36)
-            .y_label_area_size(48)
-            .build_cartesian_2d(0.0..frames.len().max(1) as f64, 0.0..AXIS_M)?;
-        chart
-            .configure_mesh()
-            .x_desc("frame")
-            .y_desc("error, m")
-            .draw()?;
+    let axes = Axes {
+        x: 0.0..frames.len().max(1) as f64,
+        y: 0.0..AXIS_M,
+        x_desc: "frame",
+        y_desc: "error, m",
+    };
+    curves(axes, |chart| {
         for (i, frame) in frames.iter().enumerate() {
             let (Some(error), x) = (frame.error_m, i as f64 + 0.5) else {
                 continue;
@@ -98,9 +154,8 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
             let colour = if error > AXIS_M { RED } else { BLUE };
             chart.draw_series([Circle::new((x, error.min(AXIS_M)), 3, colour.filled())])?;
         }
-        root.present()?;
-    }
-    Ok(svg)
+        Ok(())
+    })
 }
 
 /// The share of failures among the surest answers, against the share of all frames that these are (risk-coverage curve).
@@ -108,37 +163,23 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
 /// # Errors
 /// Drawing fails.
 pub fn risk_coverage(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
-        let mut chart = ChartBuilder::on(&root)
-            .margin(10)
-            .x_label_area_size(36)
-            .y_label_area_size(48)
-            .build_cartesian_2d(0.0..100.0, 0.0..20.0)?;
-        chart
-            .configure_mesh()
-            .x_desc("% of frames answered, surest first")
-            .y_desc("% of these off by more than 20 m")
-            .draw()?;
+    let axes = Axes {
+        x: 0.0..100.0,
+        y: 0.0..20.0,
+        x_desc: "% of frames answered, surest first",
+        y_desc: "% of these off by more than 20 m",
+    };
+    curves(axes, |chart| {
         for (i, (name, frames)) in runs.iter().enumerate() {
             let colour = Palette99::pick(i).to_rgba();
             let points = risk_coverage::curve(frames)
                 .into_iter()
                 .map(|point| (100.0 * point.coverage, (100.0 * point.risk).min(20.0)));
-            chart
-                .draw_series(LineSeries::new(points, colour.stroke_width(2)))?
-                .label(*name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+            let series = chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
+            name_in_key(series, name, colour);
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
-            .background_style(WHITE.mix(0.8))
-            .draw()?;
-        root.present()?;
-    }
-    Ok(svg)
+        draw_key(chart, SeriesLabelPosition::UpperLeft)
+    })
 }
 
 /// The error of each frame, a line a run: methods compared (figure 7b of the paper). A miss interrupts its line.
@@ -146,24 +187,18 @@ pub fn risk_coverage(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
 /// # Errors
 /// Drawing fails.
 pub fn runs_compared(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
-        let longest = runs
-            .iter()
-            .map(|(_, frames)| frames.len())
-            .max()
-            .unwrap_or(0);
-        let mut chart = ChartBuilder::on(&root)
-            .margin(10)
-            .x_label_area_size(36)
-            .y_label_area_size(48)
-            .build_cartesian_2d(0.0..longest.max(1) as f64, 0.0..AXIS_M)?;
-        chart
-            .configure_mesh()
-            .x_desc("frame")
-            .y_desc("error, m")
-            .draw()?;
+    let longest = runs
+        .iter()
+        .map(|(_, frames)| frames.len())
+        .max()
+        .unwrap_or(0);
+    let axes = Axes {
+        x: 0.0..longest.max(1) as f64,
+        y: 0.0..AXIS_M,
+        x_desc: "frame",
+        y_desc: "error, m",
+    };
+    curves(axes, |chart| {
         for (i, (name, frames)) in runs.iter().enumerate() {
             let colour = Palette99::pick(i).to_rgba();
             let errors: Vec<Option<f64>> = frames.iter().map(|f| f.error_m).collect();
@@ -177,17 +212,9 @@ pub fn runs_compared(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
                 chart.draw_series(LineSeries::new(points, colour.stroke_width(1)).point_size(2))?;
                 start += part.len() + 1;
             }
-            chart
-                .draw_series(LineSeries::new([(0.0, -1.0)], colour))?
-                .label(*name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+            let series = chart.draw_series(LineSeries::new([(0.0, -1.0)], colour))?;
+            name_in_key(series, name, colour);
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::UpperRight)
-            .background_style(WHITE.mix(0.8))
-            .draw()?;
-        root.present()?;
-    }
-    Ok(svg)
+        draw_key(chart, SeriesLabelPosition::UpperRight)
+    })
 }

@@ -4,6 +4,7 @@ use std::fmt::Write as _;
 
 use base64::Engine as _;
 
+use crate::html::{escape, page_head};
 use crate::metrics::{Frame, Summary};
 use crate::plot;
 
@@ -40,21 +41,13 @@ pub struct Report {
     pub pictures: Vec<Picture>,
 }
 
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}\
-table{border-collapse:collapse;margin:1rem 0}td,th{padding:.25rem .8rem;text-align:right;border-bottom:1px solid #ddd}\
-td:first-child,th:first-child{text-align:left}img,svg{max-width:100%;height:auto}figure{margin:1.5rem 0}\
-figcaption{color:#555}.miss{color:#b00}";
-
 impl Report {
     /// The page as HTML; it refers to nothing outside itself.
     ///
     /// # Errors
     /// A curve cannot be drawn.
     pub fn to_html(&self) -> Result<String, plot::PlotError> {
-        let title = escape(&self.title);
-        let mut page = format!(
-            "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
-        );
+        let mut page = page_head(&self.title);
         for line in &self.description {
             push(&mut page, format_args!("<p>{}</p>", escape(line)));
         }
@@ -210,13 +203,6 @@ fn frames_table(run: &Run) -> String {
     }
     table.push_str("</table></details>");
     table
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
-        .replace('"', "&quot;")
 }
 
 #[cfg(test)]

@@ -11,9 +11,6 @@ use grimnet_net::Model;
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
-/// A query needs no more pixels than this across.
-const LONG_SIDE_PX: u32 = 2048;
-
 #[allow(clippy::print_stdout)]
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -22,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let localizer = Localizer::new(Model::bundled()?, Pack::open(pack)?)?;
     for path in photos {
-        let photo = Photo::open_reduced(path, LONG_SIDE_PX)?;
+        let photo = Photo::open_for_query(path)?;
         match localizer.locate(&photo, &Prior::none())? {
             Outcome::Fix(fix) => {
                 let (lat, lon, radius) = (fix.lat_deg, fix.lon_deg, fix.radius95_m);

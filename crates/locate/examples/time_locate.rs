@@ -15,9 +15,6 @@ use grimnet_net::Model;
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
-/// No query needs more pixels along the photo's long side.
-const LONG_SIDE_PX: u32 = 2048;
-
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);
     let pack = arguments
@@ -26,7 +23,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let localizer = Localizer::new(Model::bundled()?, Pack::open(pack)?)?;
     let decode = Instant::now();
     let photos = arguments
-        .map(|path| Photo::open_reduced(path, LONG_SIDE_PX))
+        .map(Photo::open_for_query)
         .collect::<Result<Vec<Photo>, _>>()?;
     let decode_ms = decode.elapsed().as_secs_f64() * 1e3 / photos.len().max(1) as f64;
     let mut out = std::io::stdout();

@@ -1,181 +1,186 @@
-//! From a transform between query and tile to degrees, metres and headings.
+//! From the best answer of a search to a fix, or to the reason why there is none.
 
-use grimnet_geo::{LonLat, MapPx};
-use grimnet_net::PositionError;
+use grimnet_geo::distance_m;
 use grimnet_pack::Level;
 use grimnet_photo::Photo;
-use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
 
 use crate::{
-    covariance::{propagate, radius95},
+    confidence::Support,
     error::Result,
-    homography::Homography,
-    options::Options,
-    outcome::MatchedPoints,
+    gates::{Rejection, occupied_places, spread},
+    localizer::Localizer,
+    outcome::{
+        EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs,
+    },
+    place::{Place, matched_points, place},
+    prior::Prior,
     query_features::QueryFeatures,
-    transform::Transform,
-    verify::{TileFrame, Verified},
+    ranking::{Best, runner_up_inliers},
+    verify::Verified,
 };
 
-/// The geometry of a fix.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Place {
-    pub centre: LonLat,
-    pub heading_deg: f64,
-    pub gsd_m: f64,
-    pub inlier_covariance_en_m2: [f64; 3],
-    pub covariance_en_m2: [f64; 3],
-    pub radius95_m: f64,
-    pub outline_lonlat_deg: Vec<[f64; 2]>,
+impl Localizer {
+    /// The probability that a fix with this support is right, where the model is calibrated.
+    pub(crate) fn confidence(&self, support: &Support) -> Option<f64> {
+        let model = self.model.calibration().confidence.as_ref()?;
+        Some(support.confidence(model))
+    }
+
+    fn check_confidence(&self, confidence: Option<f64>) -> Option<Rejection> {
+        let needed = self.model.calibration().confidence.as_ref()?.needed;
+        self.options
+            .gates?
+            .check_confidence(confidence?, needed)
+            .err()
+    }
+
+    /// The answer that `best` gives; `evidence` is what was believed of the photo's metadata.
+    pub(crate) fn answer(
+        &self,
+        photo: &Photo,
+        prior: &Prior,
+        best: &Best<'_>,
+        evidence: EvidenceUsed,
+    ) -> Result<Outcome> {
+        let evidence = EvidenceUsed {
+            assumed: Some(best.tried.about.clone()),
+            ..evidence
+        };
+        let level = &self.pack.levels()[best.tried.level];
+        let query = &best.tried.queries[best.verified.candidate.query];
+        let drawn = self
+            .options
+            .keep_matches
+            .then(|| Box::new(matched_points(best.verified, level, query, photo)));
+        Ok(match self.judge(photo, prior, best, level, query)? {
+            Ok(judged) => Outcome::Fix(Box::new(judged.into_fix(best, level, evidence, drawn))),
+            Err(rejection) => Outcome::NoFix(Box::new(NoFix {
+                drawn,
+                ..refusal(Reason::Rejected(rejection), Some(best.verified), evidence)
+            })),
+        })
+    }
+
+    /// What `best` says where the photo was taken, or the gate that refuses it.
+    fn judge(
+        &self,
+        photo: &Photo,
+        prior: &Prior,
+        best: &Best<'_>,
+        level: &Level,
+        query: &QueryFeatures,
+    ) -> Result<std::result::Result<Judged, Rejection>> {
+        if let Some(rejection) = best.rejection {
+            return Ok(Err(rejection));
+        }
+        let error = &self.model.calibration().position;
+        let Some(place) = place(best.verified, level, query, photo, error, &self.options)? else {
+            return Ok(Err(Rejection::NotFinite));
+        };
+        if prior
+            .near
+            .is_some_and(|near| distance_m(near.centre, place.centre) > near.radius_m)
+        {
+            return Ok(Err(Rejection::OutsideArea));
+        }
+        let support = support(
+            best.verified,
+            query,
+            place.inlier_covariance_en_m2,
+            runner_up_inliers(best.runner_up),
+        );
+        let confidence = self.confidence(&support);
+        Ok(match self.check_confidence(confidence) {
+            Some(rejection) => Err(rejection),
+            None => Ok(Judged {
+                place,
+                support,
+                confidence,
+            }),
+        })
+    }
 }
 
-/// Level pixels from pixels of `Photo::image`, both continuous.
-pub(crate) fn level_from_photo(
-    transform: &Homography,
-    frame: &TileFrame,
-    query: &QueryFeatures,
-) -> Option<Homography> {
-    let s = frame.level_px_per_query_px;
-    let level_from_tile = Matrix3::new(
-        s,
-        0.0,
-        frame.origin_px.x,
-        0.0,
-        s,
-        frame.origin_px.y,
-        0.0,
-        0.0,
-        1.0,
-    );
-    let query_from_photo = query.photo_px_from_query_px.try_inverse()?;
-    Homography::from_matrix(level_from_tile * transform.as_matrix() * query_from_photo)
+/// An answer that passed every gate.
+struct Judged {
+    place: Place,
+    support: Support,
+    confidence: Option<f64>,
 }
 
-/// Metres east and north per level pixel, at a place of the level.
-pub(crate) fn en_m_from_level_px_jacobian(
-    level: &Level,
-    level_px: [f64; 2],
-) -> Result<Matrix2<f64>> {
-    let frame = level.frame();
-    let by_map_px = level
-        .georeference()
-        .east_north_m_from_map_px_jacobian(level.map_px_from_level_px(level_px))?;
-    Ok(by_map_px
-        * Matrix2::new(
-            frame.map_px_per_level_px_x,
-            0.0,
-            0.0,
-            frame.map_px_per_level_px_y,
-        ))
-}
-
-/// The place of a verified candidate; none where it has no finite one.
-pub(crate) fn place(
-    verified: &Verified,
-    level: &Level,
-    query: &QueryFeatures,
-    photo: &Photo,
-    error: &PositionError,
-    options: &Options,
-) -> Result<Option<Place>> {
-    let frame = TileFrame::new(level, verified.candidate.tile);
-    let (Some(transform), Some(centre_px), Some(covariance_px2)) = (
-        &verified.transform,
-        verified.centre_level_px,
-        verified.covariance_px2,
-    ) else {
-        return Ok(None);
-    };
-    let Some(level_from_photo) = level_from_photo(transform, &frame, query) else {
-        return Ok(None);
-    };
-    let (width, height) = photo.image.dimensions();
-    let photo_centre = Point2::new(f64::from(width) / 2.0, f64::from(height) / 2.0);
-    let Some(level_px_by_photo_px) = level_from_photo.point_jacobian(photo_centre) else {
-        return Ok(None);
-    };
-    let en_by_level_px = en_m_from_level_px_jacobian(level, centre_px)?;
-    let en_by_photo_px = en_by_level_px * level_px_by_photo_px;
-    let up: Vector2<f64> = en_by_photo_px * Vector2::new(0.0, -1.0);
-    // `Photo::image` may be a reduced copy.
-    let photo_px_per_full_px = f64::from(width) / f64::from(photo.full_size_px.0.max(1));
-
-    let s = frame.level_px_per_query_px;
-    let of_inliers = propagate(&(covariance_px2 * (s * s)), &en_by_level_px);
-    let shared = propagate(
-        &(Matrix2::identity() * error.shared_px.powi(2)),
-        &en_by_level_px,
-    );
-    let map_m2 = Matrix2::identity() * options.map_error_m.powi(2);
-    let covariance = of_inliers * error.inlier_factor + shared + map_m2;
-
-    let corners = [(0, 0), (width, 0), (width, height), (0, height)];
-    let outline_lonlat_deg = corners
-        .iter()
-        .filter_map(|&(x, y)| level_from_photo.map(Point2::new(f64::from(x), f64::from(y))))
-        .filter_map(|corner| level.lonlat_from_level_px(corner.into()).ok())
-        .map(|corner| [corner.lon_deg, corner.lat_deg])
-        .collect();
-    Ok(Some(Place {
-        centre: level.lonlat_from_level_px(centre_px)?,
-        heading_deg: up.x.atan2(up.y).to_degrees().rem_euclid(360.0),
-        gsd_m: en_by_photo_px.determinant().abs().sqrt() * photo_px_per_full_px,
-        inlier_covariance_en_m2: upper(&of_inliers),
-        covariance_en_m2: upper(&covariance),
-        radius95_m: radius95(&covariance),
-        outline_lonlat_deg,
-    }))
-}
-
-fn upper(symmetric: &Matrix2<f64>) -> [f64; 3] {
-    [symmetric[(0, 0)], symmetric[(0, 1)], symmetric[(1, 1)]]
-}
-
-/// The matched points in pixels of photo and map.
-pub(crate) fn matched_points(
-    verified: &Verified,
-    level: &Level,
-    query: &QueryFeatures,
-    photo: &Photo,
-) -> MatchedPoints {
-    let frame = TileFrame::new(level, verified.candidate.tile);
-    let map_px = |level_px: [f64; 2]| -> [f64; 2] {
-        let MapPx { x, y } = level.map_px_from_level_px(level_px);
-        [x, y]
-    };
-    let photo_px = |at: Point2<f64>| {
-        Point2::from_homogeneous(query.photo_px_from_query_px * at.to_homogeneous())
-    };
-    let pairs = verified
-        .pairs
-        .iter()
-        .enumerate()
-        .filter_map(|(index, pair)| {
-            let agrees = verified.inliers.binary_search(&index).is_ok();
-            Some((
-                photo_px(pair.from)?.into(),
-                map_px(frame.level_px(pair.to)),
-                agrees,
-            ))
+impl Judged {
+    fn into_fix(
+        self,
+        best: &Best<'_>,
+        level: &Level,
+        evidence: EvidenceUsed,
+        drawn: Option<Box<MatchedPoints>>,
+    ) -> Fix {
+        let Self {
+            place,
+            support,
+            confidence,
+        } = self;
+        let runner_up = best.runner_up.and_then(|other| {
+            let lonlat = level.lonlat_from_level_px(other.centre_level_px?).ok()?;
+            Some(RunnerUp {
+                lat_deg: lonlat.lat_deg,
+                lon_deg: lonlat.lon_deg,
+                inliers: other.inliers.len(),
+            })
         });
-    let side = f64::from(level.tile_px());
-    let [left, top] = map_px([frame.origin_px.x, frame.origin_px.y]);
-    let [right, bottom] = map_px([frame.origin_px.x + side, frame.origin_px.y + side]);
-    let (width, height) = photo.image.dimensions();
-    let corners = [(0, 0), (width, 0), (width, height), (0, height)];
-    let to_level = verified
-        .transform
-        .as_ref()
-        .and_then(|transform| level_from_photo(transform, &frame, query));
-    let outline_map_px = to_level.map_or(Vec::new(), |to_level| {
-        let mapped = corners
-            .iter()
-            .filter_map(|&(x, y)| to_level.map(Point2::new(f64::from(x), f64::from(y))));
-        mapped.map(|corner| map_px(corner.into())).collect()
-    });
-    MatchedPoints {
-        pairs: pairs.collect(),
-        tile_map_px: [left, top, right - left, bottom - top],
-        outline_map_px,
+        Fix {
+            lat_deg: place.centre.lat_deg,
+            lon_deg: place.centre.lon_deg,
+            heading_deg: place.heading_deg,
+            gsd_m: place.gsd_m,
+            covariance_en_m2: place.covariance_en_m2,
+            radius95_m: place.radius95_m,
+            confidence,
+            support,
+            inliers: support.inliers,
+            matches: support.matches,
+            tile: TileRef::of(best.tried.level, level, &best.verified.candidate),
+            runner_up,
+            outline_lonlat_deg: place.outline_lonlat_deg,
+            evidence,
+            time_ms: TimeMs::default(),
+            drawn,
+        }
+    }
+}
+
+/// What a fix rests on.
+pub(crate) fn support(
+    verified: &Verified,
+    query: &QueryFeatures,
+    inlier_covariance_en_m2: [f64; 3],
+    runner_up_inliers: usize,
+) -> Support {
+    let agreeing = verified.inliers.iter();
+    let points = agreeing.map(|&index| verified.pairs[index].from);
+    Support {
+        inliers: verified.inliers.len(),
+        places: occupied_places(points.clone(), query.half_side_px),
+        matches: verified.pairs.len(),
+        runner_up_inliers,
+        spread: spread(points, query.half_side_px),
+        inlier_covariance_en_m2,
+    }
+}
+
+/// No fix, for this reason.
+pub(crate) fn no_fix(reason: Reason, best: Option<&Verified>, evidence: EvidenceUsed) -> Outcome {
+    Outcome::NoFix(Box::new(refusal(reason, best, evidence)))
+}
+
+fn refusal(reason: Reason, best: Option<&Verified>, evidence: EvidenceUsed) -> NoFix {
+    NoFix {
+        reason,
+        inliers: best.map_or(0, |best| best.inliers.len()),
+        matches: best.map_or(0, |best| best.pairs.len()),
+        evidence,
+        time_ms: TimeMs::default(),
+        drawn: None,
     }
 }

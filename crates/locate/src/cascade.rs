@@ -9,6 +9,7 @@ use crate::{
     candidates::{Candidate, Desks, hold_vote, rank_by_votes},
     error::Result,
     options::Options,
+    outcome::elapsed_ms,
     query_features::QueryFeatures,
 };
 
@@ -86,7 +87,7 @@ impl<'a> Cascade<'a> {
         rank_by_votes(&mut self.entered);
         self.stages_begun += 1;
         self.left_in_stage = self.options.max_matched;
-        self.vote_ms += since.elapsed().as_secs_f64() * 1e3;
+        self.vote_ms += elapsed_ms(since);
         Ok(())
     }
 

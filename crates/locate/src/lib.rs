@@ -25,6 +25,7 @@
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
 mod answer;
+mod attempt;
 mod candidates;
 mod cascade;
 mod confidence;
@@ -40,8 +41,10 @@ pub mod matching;
 mod options;
 mod outcome;
 mod paper;
+mod place;
 mod prior;
 mod query_features;
+mod ranking;
 pub mod ransac;
 pub mod refine;
 pub mod sampler;

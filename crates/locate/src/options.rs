@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::{
+    error::{LocateError, Result},
     gates::Gates,
     ransac::{Ransac, Score},
     vote::VoteOptions,
@@ -224,4 +225,60 @@ impl Options {
             ..Self::default()
         }
     }
+
+    /// Checks that the settings mean something.
+    ///
+    /// # Errors
+    /// [`LocateError::BadOption`] names the first that does not.
+    pub fn check(&self) -> Result<()> {
+        let is_positive = |value: f64| value > 0.0 && value.is_finite();
+        let side_px = self.hypothesis_side_px.min(self.query_side_px);
+        let bin_px = self.vote.map_or(1.0, |vote| vote.bin_px);
+        demand(
+            "query_width_px",
+            self.query_width_px,
+            self.query_width_px.is_finite() && self.query_width_px >= 32.0,
+            "must be at least 32",
+        )?;
+        demand(
+            "ransac.threshold_px",
+            self.ransac.threshold_px,
+            is_positive(self.ransac.threshold_px),
+            "must be a number above zero",
+        )?;
+        demand(
+            "hypothesis_side_px or query_side_px",
+            side_px,
+            side_px >= 32,
+            "must be at least 32",
+        )?;
+        demand(
+            "top_k or max_matched",
+            self.top_k.min(self.max_matched),
+            self.top_k > 0 && self.max_matched > 0,
+            "must be at least 1",
+        )?;
+        demand(
+            "vote.bin_px",
+            bin_px,
+            bin_px >= 1.0 && bin_px.is_finite(),
+            "must be at least 1",
+        )
+    }
+}
+
+fn demand(
+    name: &'static str,
+    value: impl std::fmt::Display,
+    holds: bool,
+    expected: &'static str,
+) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(LocateError::BadOption {
+        name,
+        value: value.to_string(),
+        expected,
+    })
 }

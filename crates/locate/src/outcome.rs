@@ -1,9 +1,12 @@
 //! What the localiser answers.
 
+use std::time::Instant;
+
+use grimnet_pack::Level;
 use grimnet_photo::{Evidence, View};
 use serde::Serialize;
 
-use crate::{confidence::Support, gates::Rejection};
+use crate::{candidates::Candidate, confidence::Support, gates::Rejection};
 
 /// The answer for one photo.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -86,6 +89,18 @@ pub struct TileRef {
     pub similarity: f32,
     /// Votes for one translation; 0 where none were held.
     pub votes: u32,
+}
+
+impl TileRef {
+    pub(crate) fn of(level_index: usize, level: &Level, candidate: &Candidate) -> Self {
+        Self {
+            level: level_index,
+            gsd_m: level.gsd_m(),
+            index: candidate.tile,
+            similarity: candidate.similarity,
+            votes: candidate.peak.votes,
+        }
+    }
 }
 
 /// The best candidate at another place than the answer's.
@@ -190,4 +205,9 @@ pub struct TimeMs {
     pub matching: f64,
     /// Everything, decoding apart.
     pub total: f64,
+}
+
+/// Milliseconds since then.
+pub(crate) fn elapsed_ms(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
 }

@@ -10,15 +10,17 @@ use image::imageops::{FilterType, resize};
 use nalgebra::Matrix3;
 
 use crate::{
-    answer::{en_m_from_level_px_jacobian, matched_points, place},
+    answer::{no_fix, support},
     candidates::{Candidate, by_descriptor},
     covariance::radius95,
     error::{LocateError, Result},
-    localizer::{Localizer, best_among, elapsed_ms, no_fix, support},
+    localizer::Localizer,
     options::Coordinates,
-    outcome::{EvidenceUsed, Fix, Outcome, Reason, TileRef, TimeMs},
+    outcome::{EvidenceUsed, Fix, Outcome, Reason, TileRef, TimeMs, elapsed_ms},
+    place::{en_m_from_level_px_jacobian, matched_points, place},
     prior::Prior,
     query_features::QueryFeatures,
+    ranking::{best_among, runner_up_inliers},
     solve::Expected,
     trace::{RoundTrace, Trace, tiles_of},
     transform::Transform,
@@ -130,10 +132,10 @@ impl Localizer {
             Some(place) => (place.covariance_en_m2, place.radius95_m),
             None => uniform_over_tile(level, candidate)?,
         };
-        let runner_up_inliers = runner_up.map_or(0, |other| other.inliers.len());
         let inlier_covariance_en_m2 = from_transform
             .as_ref()
             .map_or(covariance_en_m2, |place| place.inlier_covariance_en_m2);
+        let runner_up_inliers = runner_up_inliers(runner_up);
         let support = support(best, query, inlier_covariance_en_m2, runner_up_inliers);
         Ok(Outcome::Fix(Box::new(Fix {
             lat_deg: center.lat_deg,
@@ -151,13 +153,7 @@ impl Localizer {
             support,
             inliers: support.inliers,
             matches: support.matches,
-            tile: TileRef {
-                level: level_index,
-                gsd_m: level.gsd_m(),
-                index: candidate.tile,
-                similarity: candidate.similarity,
-                votes: candidate.peak.votes,
-            },
+            tile: TileRef::of(level_index, level, &candidate),
             runner_up: None,
             outline_lonlat_deg: from_transform.map_or(Vec::new(), |place| place.outline_lonlat_deg),
             evidence,

@@ -4,6 +4,8 @@ use grimnet_geo::LonLat;
 use grimnet_photo::{HeadingSource, Overrides};
 use serde::{Deserialize, Serialize};
 
+use crate::error::{LocateError, Result};
+
 /// What is said of the heading: the bearing of the photo's top, degrees clockwise from true north.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -85,6 +87,23 @@ impl Prior {
         Self {
             near: Some(Near { centre, radius_m }),
             ..self
+        }
+    }
+
+    /// Checks that it means something.
+    ///
+    /// # Errors
+    /// [`LocateError::BadOption`] where the area is none.
+    pub fn check(&self) -> Result<()> {
+        match &self.near {
+            Some(near) if !(near.centre.is_valid() && near.radius_m > 0.0) => {
+                Err(LocateError::BadOption {
+                    name: "near",
+                    value: format!("{near:?}"),
+                    expected: "a place in degrees and a radius in metres above zero",
+                })
+            }
+            _ => Ok(()),
         }
     }
 

@@ -11,6 +11,9 @@ use crate::metadata::Metadata;
 use crate::query::{Query, QueryMaker, QueryOptions};
 use crate::view::{Overrides, View};
 
+/// No query needs a longer side, pixels.
+const QUERY_LONG_SIDE_PX: u32 = 2048;
+
 /// A decoded photo.
 #[derive(Debug, Clone)]
 pub struct Photo {
@@ -43,6 +46,14 @@ impl Photo {
     /// As [`Photo::open`].
     pub fn open_reduced(path: impl AsRef<Path>, max_long_side_px: u32) -> Result<Self, PhotoError> {
         Self::read(path.as_ref(), Some(max_long_side_px))
+    }
+
+    /// Reads a photo with as many pixels as a query needs.
+    ///
+    /// # Errors
+    /// As [`Photo::open`].
+    pub fn open_for_query(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
+        Self::open_reduced(path, QUERY_LONG_SIDE_PX)
     }
 
     /// Decodes a photo file that is in memory already; `path` only names it in errors.

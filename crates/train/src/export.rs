@@ -263,21 +263,13 @@ fn notes(
     out
 }
 
-/// Writes a model beside `path` and renames it, so that a reader never sees half of it.
+/// Writes a model, and makes the folder it goes to; a reader never sees half of it ([`Model::save`]).
 ///
 /// # Errors
 /// [`TrainError::Io`], [`TrainError::Net`].
 pub fn save_model(model: &Model, path: &Path) -> Result<(), TrainError> {
-    let folder = path
-        .parent()
-        .filter(|p| !p.as_os_str().is_empty())
-        .unwrap_or(Path::new("."));
-    fs_err::create_dir_all(folder)?;
-    let aside = tempfile::Builder::new()
-        .suffix(".safetensors")
-        .tempfile_in(folder)?
-        .into_temp_path();
-    model.save(&aside)?;
-    aside.persist(path).map_err(|error| error.error)?;
-    Ok(())
+    if let Some(folder) = path.parent() {
+        fs_err::create_dir_all(folder)?;
+    }
+    Ok(model.save(path)?)
 }

@@ -22,9 +22,6 @@ use crate::exit::Exit;
 use crate::output::Format;
 use crate::{photos, progress};
 
-/// Longest side in pixels that a photo is decoded to; no query needs more.
-const DECODED_SIDE_PX: u32 = 2048;
-
 /// A heading that the user gives is taken to be right to this many degrees (1 sigma).
 const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
 
@@ -392,7 +389,7 @@ pub fn locate_one_traced(
     path: &Path,
     prior: &Prior,
 ) -> Result<(Photo, Outcome, Trace)> {
-    let photo = Photo::open_reduced(path, DECODED_SIDE_PX)?;
+    let photo = Photo::open_for_query(path)?;
     let (outcome, trace) = localizer.locate_traced(&photo, prior)?;
     Ok((photo, outcome, trace))
 }
@@ -408,7 +405,7 @@ pub fn adapt_to_flight(
 ) -> Result<Localizer> {
     let photos: Vec<Photo> = paths
         .iter()
-        .filter_map(|p| Photo::open_reduced(p, DECODED_SIDE_PX).ok())
+        .filter_map(|p| Photo::open_for_query(p).ok())
         .collect();
     Ok(localizer.adapted_to_flight(photos.iter().map(|photo| (photo, prior)))?)
 }

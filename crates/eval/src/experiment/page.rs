@@ -5,23 +5,17 @@ use std::fmt::Write as _;
 use plotters::prelude::*;
 
 use crate::experiment_table::ExperimentTable;
-use crate::plot::PlotError;
+use crate::html::{escape, page_head};
+use crate::plot::{PlotError, draw_key, name_in_key, svg_chart};
 
 const SIZE_PX: (u32, u32) = (760, 280);
-
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#222}\
-table{border-collapse:collapse;margin:1rem 0}td,th{padding:.2rem .8rem;text-align:right;border-bottom:1px solid #ddd}\
-td:first-child,th:first-child{text-align:left}svg{max-width:100%;height:auto}";
 
 /// The page; it refers to nothing outside itself.
 ///
 /// # Errors
 /// A plot cannot be drawn.
 pub fn page(title: &str, tables: &[ExperimentTable]) -> Result<String, PlotError> {
-    let title = escape(title);
-    let mut page = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
-    );
+    let mut page = page_head(title);
     for table in tables {
         // Writing to a string cannot fail, here and below.
         let _ = write!(page, "<h2>{}</h2>", escape(&table.title));
@@ -36,15 +30,8 @@ pub fn page(title: &str, tables: &[ExperimentTable]) -> Result<String, PlotError
 
 /// Every column of percent as a line over the rows.
 fn shares_plot(table: &ExperimentTable) -> Result<String, PlotError> {
-    let mut svg = String::new();
-    {
-        let root = SVGBackend::with_string(&mut svg, SIZE_PX).into_drawing_area();
-        let last = table.rows.len().saturating_sub(1).max(1) as f64;
-        let mut chart = ChartBuilder::on(&root)
-            .margin(10)
-            .x_label_area_size(30)
-            .y_label_area_size(48)
-            .build_cartesian_2d(-0.3..last + 0.3, 0.0..105.0)?;
+    let last = table.rows.len().saturating_sub(1).max(1) as f64;
+    svg_chart(SIZE_PX, 30, (-0.3..last + 0.3, 0.0..105.0), |chart| {
         let name = |x: &f64| {
             let i = x.round();
             let is_row = (x - i).abs() < 1e-6 && i >= 0.0;
@@ -70,24 +57,16 @@ fn shares_plot(table: &ExperimentTable) -> Result<String, PlotError> {
                 .enumerate()
                 .filter_map(|(x, row)| Some((x as f64, (*row.values.get(column)?)?)))
                 .collect();
-            chart
-                .draw_series(LineSeries::new(points.clone(), colour.stroke_width(2)))?
-                .label(&*head.name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
+            let line = LineSeries::new(points.clone(), colour.stroke_width(2));
+            name_in_key(chart.draw_series(line)?, &head.name, colour);
             chart.draw_series(
                 points
                     .into_iter()
                     .map(|at| Circle::new(at, 3, colour.filled())),
             )?;
         }
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
-            .background_style(WHITE.mix(0.8))
-            .draw()?;
-        root.present()?;
-    }
-    Ok(svg)
+        draw_key(chart, SeriesLabelPosition::LowerLeft)
+    })
 }
 
 fn html_table(table: &ExperimentTable) -> String {
@@ -102,12 +81,6 @@ fn html_table(table: &ExperimentTable) -> String {
         }
     }
     text + "</tr></table>"
-}
-
-fn escape(text: &str) -> String {
-    text.replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
 }
 
 #[cfg(test)]

@@ -11,9 +11,6 @@ use crate::truth::TruthFrame;
 /// The true heading is given to the localiser with this uncertainty, degrees (1 sigma).
 pub const HEADING_SIGMA_DEG: f64 = 5.0;
 
-/// Longest side in pixels that a photo is decoded to; no query needs more.
-const DECODED_SIDE_PX: u32 = 2048;
-
 /// One photo and its truth.
 #[derive(Debug)]
 pub struct Shot {
@@ -116,7 +113,7 @@ fn shot(
     let Some((lat_deg, lon_deg)) = frame.centre_lat_lon_deg.or(frame.gps_lat_lon_deg) else {
         return Ok(None);
     };
-    let photo = Photo::open_reduced(path, DECODED_SIDE_PX)?;
+    let photo = Photo::open_for_query(path)?;
     Ok(Some(Shot {
         gsd_m: footprint_width_m.map(|width_m| width_m / f64::from(photo.full_size_px.0)),
         name: frame.photo,

@@ -1,0 +1,181 @@
+//! From a transform between query and tile to degrees, metres and headings.
+
+use grimnet_geo::{LonLat, MapPx};
+use grimnet_net::PositionError;
+use grimnet_pack::Level;
+use grimnet_photo::Photo;
+use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
+
+use crate::{
+    covariance::{propagate, radius95},
+    error::Result,
+    homography::Homography,
+    options::Options,
+    outcome::MatchedPoints,
+    query_features::QueryFeatures,
+    transform::Transform,
+    verify::{TileFrame, Verified},
+};
+
+/// The geometry of a fix.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Place {
+    pub centre: LonLat,
+    pub heading_deg: f64,
+    pub gsd_m: f64,
+    pub inlier_covariance_en_m2: [f64; 3],
+    pub covariance_en_m2: [f64; 3],
+    pub radius95_m: f64,
+    pub outline_lonlat_deg: Vec<[f64; 2]>,
+}
+
+/// Level pixels from pixels of `Photo::image`, both continuous.
+pub(crate) fn level_from_photo(
+    transform: &Homography,
+    frame: &TileFrame,
+    query: &QueryFeatures,
+) -> Option<Homography> {
+    let s = frame.level_px_per_query_px;
+    let level_from_tile = Matrix3::new(
+        s,
+        0.0,
+        frame.origin_px.x,
+        0.0,
+        s,
+        frame.origin_px.y,
+        0.0,
+        0.0,
+        1.0,
+    );
+    let query_from_photo = query.photo_px_from_query_px.try_inverse()?;
+    Homography::from_matrix(level_from_tile * transform.as_matrix() * query_from_photo)
+}
+
+/// Metres east and north per level pixel, at a place of the level.
+pub(crate) fn en_m_from_level_px_jacobian(
+    level: &Level,
+    level_px: [f64; 2],
+) -> Result<Matrix2<f64>> {
+    let frame = level.frame();
+    let by_map_px = level
+        .georeference()
+        .east_north_m_from_map_px_jacobian(level.map_px_from_level_px(level_px))?;
+    Ok(by_map_px
+        * Matrix2::new(
+            frame.map_px_per_level_px_x,
+            0.0,
+            0.0,
+            frame.map_px_per_level_px_y,
+        ))
+}
+
+/// The place of a verified candidate; none where it has no finite one.
+pub(crate) fn place(
+    verified: &Verified,
+    level: &Level,
+    query: &QueryFeatures,
+    photo: &Photo,
+    error: &PositionError,
+    options: &Options,
+) -> Result<Option<Place>> {
+    let frame = TileFrame::new(level, verified.candidate.tile);
+    let (Some(transform), Some(centre_px), Some(covariance_px2)) = (
+        &verified.transform,
+        verified.centre_level_px,
+        verified.covariance_px2,
+    ) else {
+        return Ok(None);
+    };
+    let Some(level_from_photo) = level_from_photo(transform, &frame, query) else {
+        return Ok(None);
+    };
+    let (width, height) = photo.image.dimensions();
+    let photo_centre = Point2::new(f64::from(width) / 2.0, f64::from(height) / 2.0);
+    let Some(level_px_by_photo_px) = level_from_photo.point_jacobian(photo_centre) else {
+        return Ok(None);
+    };
+    let en_by_level_px = en_m_from_level_px_jacobian(level, centre_px)?;
+    let en_by_photo_px = en_by_level_px * level_px_by_photo_px;
+    let up: Vector2<f64> = en_by_photo_px * Vector2::new(0.0, -1.0);
+    // `Photo::image` may be a reduced copy.
+    let photo_px_per_full_px = f64::from(width) / f64::from(photo.full_size_px.0.max(1));
+
+    let s = frame.level_px_per_query_px;
+    let of_inliers = propagate(&(covariance_px2 * (s * s)), &en_by_level_px);
+    let shared = propagate(
+        &(Matrix2::identity() * error.shared_px.powi(2)),
+        &en_by_level_px,
+    );
+    let map_m2 = Matrix2::identity() * options.map_error_m.powi(2);
+    let covariance = of_inliers * error.inlier_factor + shared + map_m2;
+
+    let corners = [(0, 0), (width, 0), (width, height), (0, height)];
+    let outline_lonlat_deg = corners
+        .iter()
+        .filter_map(|&(x, y)| level_from_photo.map(Point2::new(f64::from(x), f64::from(y))))
+        .filter_map(|corner| level.lonlat_from_level_px(corner.into()).ok())
+        .map(|corner| [corner.lon_deg, corner.lat_deg])
+        .collect();
+    Ok(Some(Place {
+        centre: level.lonlat_from_level_px(centre_px)?,
+        heading_deg: up.x.atan2(up.y).to_degrees().rem_euclid(360.0),
+        gsd_m: en_by_photo_px.determinant().abs().sqrt() * photo_px_per_full_px,
+        inlier_covariance_en_m2: upper(&of_inliers),
+        covariance_en_m2: upper(&covariance),
+        radius95_m: radius95(&covariance),
+        outline_lonlat_deg,
+    }))
+}
+
+fn upper(symmetric: &Matrix2<f64>) -> [f64; 3] {
+    [symmetric[(0, 0)], symmetric[(0, 1)], symmetric[(1, 1)]]
+}
+
+/// The matched points in pixels of photo and map.
+pub(crate) fn matched_points(
+    verified: &Verified,
+    level: &Level,
+    query: &QueryFeatures,
+    photo: &Photo,
+) -> MatchedPoints {
+    let frame = TileFrame::new(level, verified.candidate.tile);
+    let map_px = |level_px: [f64; 2]| -> [f64; 2] {
+        let MapPx { x, y } = level.map_px_from_level_px(level_px);
+        [x, y]
+    };
+    let photo_px = |at: Point2<f64>| {
+        Point2::from_homogeneous(query.photo_px_from_query_px * at.to_homogeneous())
+    };
+    let pairs = verified
+        .pairs
+        .iter()
+        .enumerate()
+        .filter_map(|(index, pair)| {
+            let agrees = verified.inliers.binary_search(&index).is_ok();
+            Some((
+                photo_px(pair.from)?.into(),
+                map_px(frame.level_px(pair.to)),
+                agrees,
+            ))
+        });
+    let side = f64::from(level.tile_px());
+    let [left, top] = map_px([frame.origin_px.x, frame.origin_px.y]);
+    let [right, bottom] = map_px([frame.origin_px.x + side, frame.origin_px.y + side]);
+    let (width, height) = photo.image.dimensions();
+    let corners = [(0, 0), (width, 0), (width, height), (0, height)];
+    let to_level = verified
+        .transform
+        .as_ref()
+        .and_then(|transform| level_from_photo(transform, &frame, query));
+    let outline_map_px = to_level.map_or(Vec::new(), |to_level| {
+        let mapped = corners
+            .iter()
+            .filter_map(|&(x, y)| to_level.map(Point2::new(f64::from(x), f64::from(y))));
+        mapped.map(|corner| map_px(corner.into())).collect()
+    });
+    MatchedPoints {
+        pairs: pairs.collect(),
+        tile_map_px: [left, top, right - left, bottom - top],
+        outline_map_px,
+    }
+}

@@ -1,5 +1,7 @@
 //! Which photos the command line means: files, folders and patterns.
 
+use std::collections::{HashMap, HashSet};
+use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -52,6 +54,32 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         .collect())
 }
 
+/// What to call the picture of each photo, without its ending: the photo's name; where several share it, with the name of their
+/// folder before it; where these are one too, numbered.
+pub fn picture_names(photos: &[PathBuf]) -> Vec<String> {
+    let text = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
+    let stems: Vec<String> = photos.iter().map(|path| text(path.file_stem())).collect();
+    let mut sharing: HashMap<&str, usize> = HashMap::new();
+    for stem in &stems {
+        *sharing.entry(stem).or_default() += 1;
+    }
+    let mut taken = HashSet::new();
+    let name_of = |(path, stem): (&PathBuf, &String)| {
+        let folder = text(path.parent().and_then(Path::file_name));
+        let name = if sharing[stem.as_str()] > 1 && !folder.is_empty() {
+            format!("{folder}_{stem}")
+        } else {
+            stem.clone()
+        };
+        let numbered = (2..).map(|number| format!("{name}-{number}"));
+        std::iter::once(name.clone())
+            .chain(numbered)
+            .find(|name| taken.insert(name.clone()))
+            .unwrap_or(name)
+    };
+    photos.iter().zip(&stems).map(name_of).collect()
+}
+
 fn has_photo_ending(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| PHOTO_ENDINGS.contains(&e.to_string_lossy().to_lowercase().as_str()))
@@ -60,6 +88,13 @@ fn has_photo_ending(path: &Path) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn no_picture_takes_anothers_name() {
+        let photos = ["a/1.jpg", "b/1.jpg", "b/1.png", "b/2.jpg", "2.jpg"].map(PathBuf::from);
+        let names = picture_names(&photos);
+        assert_eq!(names, ["a_1", "b_1", "b_1-2", "b_2", "2"]);
+    }
 
     #[test]
     fn folders_files_and_patterns() {

@@ -245,9 +245,10 @@ fn draw_some(
     for &i in chosen {
         let (frame, path) = &truth[i];
         let (photo, outcome) = locate_one(localizer, path, &Prior::none())?;
-        let Some(file) = draw(&photo, &outcome, Some(map), path, folder)? else {
+        let file = folder.join(&frame.photo).with_extension("jpg");
+        if !draw(&photo, &outcome, Some(map), &file)? {
             continue;
-        };
+        }
         pictures.push(Picture {
             caption: format!(
                 "{}: {:.1} m off",

@@ -49,10 +49,10 @@ pub fn draw(drawn: &Drawn<'_>) -> Result<Vec<Picture>> {
         let Ok((photo, outcome)) = locate_one(drawn.localizer, path, &prior) else {
             continue;
         };
-        let Some(file) = draw_matches(&photo, &outcome, Some(drawn.map), path, drawn.folder)?
-        else {
+        let file = drawn.folder.join(&frame.photo).with_extension("jpg");
+        if !draw_matches(&photo, &outcome, Some(drawn.map), &file)? {
             continue;
-        };
+        }
         let scored = &drawn.run.frames[i];
         let caption = match (scored.error_m, &scored.reason) {
             (Some(error_m), _) => format!(

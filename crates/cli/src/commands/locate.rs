@@ -340,11 +340,13 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     let mut writer = format.writer(Box::new(std::io::BufWriter::new(out)));
     let bar = progress::bar(paths.len() as u64, "locating", "photos");
     let mut exit = Exit::Done;
-    for path in &paths {
+    let names = photos::picture_names(&paths);
+    for (path, name) in paths.iter().zip(&names) {
         let answer = match locate_one(&localizer, path, &prior) {
             Ok((photo, outcome)) => {
                 if let Some(folder) = &arguments.draw {
-                    draw(&photo, &outcome, map.as_deref(), path, folder)?;
+                    let target = folder.join(format!("{name}.jpg"));
+                    draw(&photo, &outcome, map.as_deref(), &target)?;
                 }
                 let mut answer = Answer::of(&path.display().to_string(), &outcome);
                 if arguments.check {
@@ -431,7 +433,7 @@ fn check_m(photo: &Photo, answer: &Answer) -> Option<f64> {
     Some(distance_m(recorded, LonLat { lon_deg, lat_deg }))
 }
 
-/// Draws one answer into `folder`, under the photo's name; none where nothing was matched.
+/// Draws one answer to `target`; false where nothing was matched.
 ///
 /// # Errors
 /// The picture cannot be drawn or written.
@@ -439,25 +441,19 @@ pub fn draw(
     photo: &Photo,
     outcome: &Outcome,
     map: Option<&dyn Raster>,
-    path: &Path,
-    folder: &Path,
-) -> Result<Option<PathBuf>> {
+    target: &Path,
+) -> Result<bool> {
     let matched = match outcome {
         Outcome::Fix(fix) => fix.drawn.as_deref(),
         Outcome::NoFix(no_fix) => no_fix.drawn.as_deref(),
     };
     let Some(matched) = matched else {
-        return Ok(None);
+        return Ok(false);
     };
-    let name = path
-        .file_stem()
-        .map(|s| s.to_string_lossy().into_owned())
-        .unwrap_or_default();
-    let target = folder.join(format!("{name}.jpg"));
     draw_matches(photo, matched, map, &DrawOptions::default())?
-        .save(&target)
+        .save(target)
         .with_context(|| format!("cannot write {}", target.display()))?;
-    Ok(Some(target))
+    Ok(true)
 }
 
 #[cfg(test)]

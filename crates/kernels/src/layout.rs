@@ -1,4 +1,4 @@
-//! Transposing copies: between planes of channels and pixels, between rows of a matrix and panels of its columns.
+//! Transposing copies from the rows of a matrix to panels of its columns.
 
 use crate::simd::{Kernel, Simd};
 use crate::tensor::CHANNEL_BLOCK;
@@ -56,56 +56,6 @@ impl Kernel for Interleave {
                 }
                 for c in channels..block {
                     *to.add(i * to_stride + c) = 0.0;
-                }
-            }
-        }
-    }
-}
-
-/// `to[c * plane + i] = from[i * from_stride + c]` for `count` pixels `i` and `channels` channels, with the promises of
-/// [`Interleave`].
-pub(crate) struct Separate {
-    pub(crate) from: *const f32,
-    pub(crate) from_stride: usize,
-    pub(crate) to: *mut f32,
-    pub(crate) plane: usize,
-    pub(crate) channels: usize,
-    pub(crate) count: usize,
-}
-
-impl Kernel for Separate {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let Self {
-            from,
-            from_stride,
-            to,
-            plane,
-            channels,
-            count,
-        } = self;
-        let vectors = if count >= S::LANES {
-            channels / S::LANES * S::LANES
-        } else {
-            0
-        };
-        // SAFETY: the maker's promise; squares begin at `count - LANES` at most.
-        unsafe {
-            for c in (0..vectors).step_by(S::LANES) {
-                for i in (0..count).step_by(S::LANES) {
-                    let i = i.min(count - S::LANES);
-                    simd.transpose(
-                        from.add(i * from_stride + c),
-                        from_stride,
-                        to.add(c * plane + i),
-                        plane,
-                    );
-                }
-            }
-            for c in vectors..channels {
-                for i in 0..count {
-                    *to.add(c * plane + i) = *from.add(i * from_stride + c);
                 }
             }
         }

@@ -114,11 +114,12 @@ impl Layers {
 fn results_do_not_depend_on_the_number_of_threads() {
     let input = Tensor::from_hwc(&random(150 * 130 * 3, 5), 150, 130, 3);
     let (a, b) = (random(150 * 70, 6), random(130 * 70, 7));
-    let spec = ConvSpec {
+    let batch = train::BatchConvSpec {
+        batch: 2,
+        height: 40,
+        width: 50,
         in_channels: 20,
         out_channels: 35,
-        kernel: 3,
-        stride: 1,
     };
     let (x, y) = (random(2 * 20 * 40 * 50, 8), random(2 * 35 * 40 * 50, 9));
     for isa in Isa::available() {
@@ -135,21 +136,8 @@ fn results_do_not_depend_on_the_number_of_threads() {
                 ];
                 matmul_nt(isa, 150, 130, 70, &a, &b, &mut results[3]);
                 matmul_nn(isa, 70, 70, 130, &a[..70 * 130], &b, &mut results[4]);
-                let mut grad_weight = vec![0.0; spec.weight_len()];
-                train::conv2d_grad_weight(isa, spec, 2, 40, 50, &x, &y, &mut grad_weight);
-                results.push(grad_weight);
-                let strided = ConvSpec { stride: 2, ..spec };
-                let mut grad_weight = vec![0.0; spec.weight_len()];
-                train::conv2d_grad_weight(
-                    isa,
-                    strided,
-                    2,
-                    40,
-                    50,
-                    &x,
-                    &y[..2 * 35 * 20 * 25],
-                    &mut grad_weight,
-                );
+                let mut grad_weight = vec![0.0; batch.weight_len()];
+                train::conv3x3_grad_weight(isa, batch, &x, &y, &mut grad_weight);
                 results.push(grad_weight);
                 results
             })

@@ -2,7 +2,7 @@
 
 use crate::data::{Folder, PairOptions, WorldOptions};
 use crate::loss::{HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions};
-use crate::{TeacherOptions, TrainError};
+use crate::{Accelerator, TeacherOptions, TrainError};
 use grimnet_net::NetSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 pub struct TrainConfig {
     /// Network preset: `compact` or `vgg16`.
     pub network: String,
+    /// What computes.
+    pub device: Accelerator,
     /// Where checkpoints, models and curves go.
     pub out: PathBuf,
     /// Folders of pictures.
@@ -138,6 +140,7 @@ impl Default for TrainConfig {
     fn default() -> Self {
         Self {
             network: "compact".into(),
+            device: Accelerator::default(),
             out: "training".into(),
             data: Vec::new(),
             world_share: 0.0,

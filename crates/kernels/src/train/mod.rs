@@ -1,9 +1,8 @@
-//! Convolution for training: forward and both gradients on contiguous NCHW batches.
+//! 3x3 convolution for training, stride 1 and padding 1: forward and both gradients on contiguous NHWC batches.
 //!
-//! All slices are row-major: activations `[batch, channels, height, width]`, weights `[out, in, kernel, kernel]`. The
-//! padding is `kernel / 2`. Outputs are overwritten, not accumulated.
+//! All slices are row-major: activations `[batch, height, width, channels]`, weights `[out, in, 3, 3]`. Outputs are overwritten,
+//! not accumulated.
 
-mod direct;
 mod tiles;
 mod winograd;
 
@@ -11,11 +10,39 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::buffer::AlignedBuffer;
 use crate::winograd::{Direction, WinogradWeights, convolve};
-use crate::{ConvSpec, Isa, Workspace};
+use crate::{Isa, Workspace};
 use tiles::{BatchShape, BatchSink, BatchSource, GradientSource};
 
-/// Up to this many channels on either side, the padding to blocks of 16 costs more than Winograd saves.
-const NARROW_CHANNELS: usize = 8;
+/// Sizes of a 3x3 convolution over a batch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct BatchConvSpec {
+    /// Pictures.
+    pub batch: usize,
+    /// Their height, pixels.
+    pub height: usize,
+    /// Their width, pixels.
+    pub width: usize,
+    /// Channels of the input.
+    pub in_channels: usize,
+    /// Channels of the output.
+    pub out_channels: usize,
+}
+
+impl BatchConvSpec {
+    /// Floats of a weight.
+    pub fn weight_len(&self) -> usize {
+        9 * self.in_channels * self.out_channels
+    }
+
+    fn of_channels(&self, channels: usize) -> BatchShape {
+        BatchShape {
+            batch: self.batch,
+            channels,
+            height: self.height,
+            width: self.width,
+        }
+    }
+}
 
 /// What a call needs besides its arguments, kept for the next one.
 #[derive(Default)]
@@ -23,7 +50,6 @@ struct Memory {
     workspace: Workspace,
     weights: WinogradWeights,
     points: AlignedBuffer,
-    direct: direct::Memory,
 }
 
 /// Runs `work` with memory of an earlier call, if one is free.
@@ -37,181 +63,80 @@ fn with_memory<R>(work: impl FnOnce(&mut Memory) -> R) -> R {
     result
 }
 
-fn by_winograd(spec: ConvSpec) -> bool {
-    spec.kernel == 3
-        && spec.stride == 1
-        && spec.in_channels.min(spec.out_channels) > NARROW_CHANNELS
-}
-
-fn check(spec: ConvSpec, batch: usize, h: usize, w: usize, x: usize, weight: usize, y: usize) {
-    let (oh, ow) = (spec.output_size(h), spec.output_size(w));
-    assert!(spec.validate().is_ok(), "unsupported convolution {spec:?}");
-    assert_eq!(
-        x,
-        batch * spec.in_channels * h * w,
-        "elements of the input side"
-    );
-    assert_eq!(
-        y,
-        batch * spec.out_channels * oh * ow,
-        "elements of the output side"
-    );
-    assert_eq!(weight, spec.weight_len(), "elements of the weight");
-}
-
-/// `y = weight * x`, without bias. `x` is `[batch, in, h, w]`, `y` is `[batch, out, ceil(h/stride), ceil(w/stride)]`.
+/// `y = weight * x`, without bias.
 ///
 /// # Panics
-/// If a slice has the wrong length or the convolution is not supported.
-#[allow(clippy::too_many_arguments)]
-pub fn conv2d(
-    isa: Isa,
-    spec: ConvSpec,
-    batch: usize,
-    h: usize,
-    w: usize,
-    x: &[f32],
-    weight: &[f32],
-    y: &mut [f32],
-) {
-    check(spec, batch, h, w, x.len(), weight.len(), y.len());
-    if y.is_empty() {
-        return;
-    }
-    with_memory(
-        |Memory {
-             workspace,
-             weights,
-             direct,
-             ..
-         }| {
-            if !by_winograd(spec) {
-                return direct::conv2d(isa, spec, (h, w), x, weight, y, direct);
-            }
-            let shape = |channels| BatchShape {
-                batch,
-                channels,
-                height: h,
-                width: w,
-            };
-            let source = BatchSource {
-                shape: shape(spec.in_channels),
-                data: x,
-            };
-            let sink = BatchSink::new(shape(spec.out_channels), y);
-            let (outputs, inputs) = (spec.out_channels, spec.in_channels);
-            weights.set(
-                isa,
-                Direction::Forward,
-                outputs,
-                inputs,
-                weight,
-                &mut workspace.workers,
-            );
-            convolve(weights, source.shape.tiles(), &source, &sink, workspace);
-        },
-    );
+/// If a slice has the wrong length.
+pub fn conv3x3(isa: Isa, spec: BatchConvSpec, x: &[f32], weight: &[f32], y: &mut [f32]) {
+    convolve_batch(isa, spec, Direction::Forward, x, weight, y);
 }
 
-/// Gradient of [`conv2d`] with respect to its input. `grad_x` is `[batch, in, h, w]`.
+/// Gradient of [`conv3x3`] with respect to its input.
 ///
 /// # Panics
-/// If a slice has the wrong length or the convolution is not supported.
-#[allow(clippy::too_many_arguments)]
-pub fn conv2d_grad_input(
+/// If a slice has the wrong length.
+pub fn conv3x3_grad_input(
     isa: Isa,
-    spec: ConvSpec,
-    batch: usize,
-    h: usize,
-    w: usize,
+    spec: BatchConvSpec,
     grad_y: &[f32],
     weight: &[f32],
     grad_x: &mut [f32],
 ) {
-    check(spec, batch, h, w, grad_x.len(), weight.len(), grad_y.len());
-    if grad_x.is_empty() {
-        return;
-    }
+    convolve_batch(isa, spec, Direction::Backward, grad_y, weight, grad_x);
+}
+
+fn convolve_batch(
+    isa: Isa,
+    spec: BatchConvSpec,
+    direction: Direction,
+    from: &[f32],
+    weight: &[f32],
+    to: &mut [f32],
+) {
+    assert_eq!(weight.len(), spec.weight_len(), "elements of the weight");
+    let (inputs, outputs) = match direction {
+        Direction::Forward => (spec.in_channels, spec.out_channels),
+        Direction::Backward => (spec.out_channels, spec.in_channels),
+    };
+    let source = BatchSource::new(spec.of_channels(inputs), from);
+    let sink = BatchSink::new(spec.of_channels(outputs), to);
     with_memory(
         |Memory {
-             workspace,
-             weights,
-             direct,
-             ..
+             workspace, weights, ..
          }| {
-            if !by_winograd(spec) {
-                return direct::grad_input(isa, spec, (h, w), grad_y, weight, grad_x, direct);
-            }
-            let shape = |channels| BatchShape {
-                batch,
-                channels,
-                height: h,
-                width: w,
-            };
-            let source = BatchSource {
-                shape: shape(spec.out_channels),
-                data: grad_y,
-            };
-            let sink = BatchSink::new(shape(spec.in_channels), grad_x);
+            let scratch = &mut workspace.workers;
             let (outputs, inputs) = (spec.out_channels, spec.in_channels);
-            weights.set(
-                isa,
-                Direction::Backward,
-                outputs,
-                inputs,
-                weight,
-                &mut workspace.workers,
-            );
-            convolve(weights, source.shape.tiles(), &source, &sink, workspace);
+            weights.set(isa, direction, outputs, inputs, weight, scratch);
+            convolve(weights, source.shape().tiles(), &source, &sink, workspace);
         },
     );
 }
 
-/// Gradient of [`conv2d`] with respect to its weight, summed over the batch. `grad_weight` is `[out, in, k, k]`.
+/// Gradient of [`conv3x3`] with respect to its weight, summed over the batch.
 ///
 /// # Panics
-/// If a slice has the wrong length or the convolution is not supported.
-#[allow(clippy::too_many_arguments)]
-pub fn conv2d_grad_weight(
+/// If a slice has the wrong length.
+pub fn conv3x3_grad_weight(
     isa: Isa,
-    spec: ConvSpec,
-    batch: usize,
-    h: usize,
-    w: usize,
+    spec: BatchConvSpec,
     x: &[f32],
     grad_y: &[f32],
     grad_weight: &mut [f32],
 ) {
-    check(spec, batch, h, w, x.len(), grad_weight.len(), grad_y.len());
-    if x.is_empty() {
+    assert_eq!(
+        grad_weight.len(),
+        spec.weight_len(),
+        "elements of the weight"
+    );
+    let x = BatchSource::new(spec.of_channels(spec.in_channels), x);
+    let grad_y = GradientSource::new(spec.of_channels(spec.out_channels), grad_y);
+    if x.shape().tiles() == 0 {
         grad_weight.fill(0.0);
         return;
     }
     with_memory(
         |Memory {
-             workspace,
-             points,
-             direct,
-             ..
-         }| {
-            if !by_winograd(spec) {
-                return direct::grad_weight(isa, spec, (h, w), x, grad_y, grad_weight, direct);
-            }
-            let shape = |channels| BatchShape {
-                batch,
-                channels,
-                height: h,
-                width: w,
-            };
-            let x = BatchSource {
-                shape: shape(spec.in_channels),
-                data: x,
-            };
-            let grad_y = GradientSource {
-                shape: shape(spec.out_channels),
-                data: grad_y,
-            };
-            winograd::grad_weight(isa, &x, &grad_y, grad_weight, points, workspace);
-        },
+             workspace, points, ..
+         }| winograd::grad_weight(isa, &x, &grad_y, grad_weight, points, workspace),
     );
 }

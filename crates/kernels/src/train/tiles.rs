@@ -1,18 +1,15 @@
-//! Winograd tiles of an NCHW batch.
+//! Winograd tiles of an NHWC batch.
 
 use std::ops::Range;
 
-use crate::layout::{Interleave, Separate, block_channels};
+use crate::layout::block_channels;
 use crate::parallel::SharedMut;
-use crate::simd::{Kernel, Simd};
+use crate::simd::Simd;
 use crate::tensor::CHANNEL_BLOCK;
 use crate::winograd::transform::{TILE, WINDOW, input, output, output_gradient};
 use crate::winograd::{Gathered, Product, TileSink, TileSource};
 
-/// Tiles of a row that are turned from planes to channel blocks together.
-const RUN: usize = 16;
-
-/// How a batch is cut into tiles: image by image, row by row.
+/// A batch, and how it is cut into tiles: picture by picture, row by row.
 #[derive(Clone, Copy)]
 pub(super) struct BatchShape {
     pub(super) batch: usize,
@@ -21,114 +18,108 @@ pub(super) struct BatchShape {
     pub(super) width: usize,
 }
 
-/// Neighbouring tiles of a row.
-struct Run {
-    /// Row of the first within the tiles asked for.
-    index: usize,
-    tiles: usize,
-    image: usize,
-    /// Output pixel of the first tile's corner.
-    y: usize,
-    x: usize,
-}
-
 impl BatchShape {
-    fn tiles_x(&self) -> usize {
-        self.width.div_ceil(TILE)
+    pub(super) fn len(&self) -> usize {
+        self.batch * self.height * self.width * self.channels
     }
 
     pub(super) fn tiles(&self) -> usize {
-        self.batch * self.height.div_ceil(TILE) * self.tiles_x()
+        self.batch * self.height.div_ceil(TILE) * self.width.div_ceil(TILE)
     }
 
-    fn plane(&self) -> usize {
-        self.height * self.width
-    }
-
-    fn runs(self, tiles: Range<usize>) -> impl Iterator<Item = Run> {
-        let (tiles_x, tiles_y) = (self.tiles_x(), self.height.div_ceil(TILE));
-        let mut tile = tiles.start;
-        std::iter::from_fn(move || {
-            if tile >= tiles.end {
-                return None;
-            }
-            let (line, column) = (tile / tiles_x, tile % tiles_x);
-            let count = RUN.min(tiles.end - tile).min(tiles_x - column);
-            let run = Run {
-                index: tile - tiles.start,
-                tiles: count,
-                image: line / tiles_y,
-                y: line % tiles_y * TILE,
-                x: column * TILE,
-            };
-            tile += count;
-            Some(run)
-        })
-    }
-
-    /// Turns 16 channels of `rows x columns` pixels from `(y, x)` on into `[row][column][16]`, zero outside the image.
-    ///
-    /// # Safety
-    /// `data` must point to a batch of this shape, `to` to room for the block.
+    /// Picture, row and column of a tile's first output.
     #[inline(always)]
-    unsafe fn load_block<S: Simd>(
+    fn corner(&self, tile: usize) -> (usize, usize, usize) {
+        let tiles_x = self.width.div_ceil(TILE);
+        let tiles_y = self.height.div_ceil(TILE);
+        let (line, column) = (tile / tiles_x, tile % tiles_x);
+        (line / tiles_y, line % tiles_y * TILE, column * TILE)
+    }
+
+    #[inline(always)]
+    fn offset(&self, picture: usize, y: usize, x: usize, channel: usize) -> usize {
+        ((picture * self.height + y) * self.width + x) * self.channels + channel
+    }
+}
+
+/// A square of pixels, 16 channels of each.
+struct Square {
+    from: *const f32,
+    row_stride: usize,
+    pixel_stride: usize,
+}
+
+/// Pixels of a batch in memory.
+#[derive(Clone, Copy)]
+struct Pixels<'a> {
+    shape: BatchShape,
+    data: &'a [f32],
+}
+
+impl Pixels<'_> {
+    /// 16 channels of `side x side` pixels from `(y, x)` on: where they lie, or, where the square reaches over an edge or the last
+    /// channel, a copy in `scratch` with zeros outside.
+    #[inline(always)]
+    fn square(
         &self,
-        simd: S,
-        data: *const f32,
-        (image, channel): (usize, usize),
+        picture: usize,
         (y, x): (isize, isize),
-        (rows, columns): (usize, usize),
-        to: *mut f32,
-    ) {
-        let before = (-x).max(0) as usize;
-        let start = (x + before as isize) as usize;
-        let count = columns
-            .saturating_sub(before)
-            .min(self.width.saturating_sub(start));
-        for r in 0..rows {
-            // SAFETY: a row of the block; the pixels read are clipped to the image.
-            unsafe {
-                let to = to.add(r * columns * CHANNEL_BLOCK);
-                let Some(y) = usize::try_from(y + r as isize)
-                    .ok()
-                    .filter(|&y| y < self.height)
-                else {
-                    std::ptr::write_bytes(to, 0, columns * CHANNEL_BLOCK);
-                    continue;
-                };
-                std::ptr::write_bytes(to, 0, before * CHANNEL_BLOCK);
-                let after = before + count;
-                std::ptr::write_bytes(
-                    to.add(after * CHANNEL_BLOCK),
-                    0,
-                    (columns - after) * CHANNEL_BLOCK,
-                );
-                let from =
-                    ((image * self.channels + channel) * self.height + y) * self.width + start;
-                Interleave {
-                    from: data.add(from),
-                    plane: self.plane(),
-                    channels: block_channels(self.channels, channel),
-                    count,
-                    to: to.add(before * CHANNEL_BLOCK),
-                    to_stride: CHANNEL_BLOCK,
-                    block: CHANNEL_BLOCK,
-                }
-                .run(simd);
+        side: usize,
+        channel: usize,
+        scratch: &mut [f32],
+    ) -> Square {
+        let shape = &self.shape;
+        let inside = |from: isize, limit: usize| from >= 0 && from as usize + side <= limit;
+        if inside(y, shape.height)
+            && inside(x, shape.width)
+            && channel + CHANNEL_BLOCK <= shape.channels
+        {
+            return Square {
+                from: self.data[shape.offset(picture, y as usize, x as usize, channel)..].as_ptr(),
+                row_stride: shape.width * shape.channels,
+                pixel_stride: shape.channels,
+            };
+        }
+        let scratch = &mut scratch[..side * side * CHANNEL_BLOCK];
+        scratch.fill(0.0);
+        let channels = block_channels(shape.channels, channel);
+        let clipped = |from: isize, limit: usize| {
+            (0..side)
+                .filter_map(move |i| Some((i, usize::try_from(from + i as isize).ok()?)))
+                .filter(move |&(_, at)| at < limit)
+        };
+        for (r, y) in clipped(y, shape.height) {
+            for (c, x) in clipped(x, shape.width) {
+                let from = shape.offset(picture, y, x, channel);
+                scratch[(r * side + c) * CHANNEL_BLOCK..][..channels]
+                    .copy_from_slice(&self.data[from..][..channels]);
             }
+        }
+        Square {
+            from: scratch.as_ptr(),
+            row_stride: side * CHANNEL_BLOCK,
+            pixel_stride: CHANNEL_BLOCK,
         }
     }
 }
 
 /// Windows of a batch.
-pub(super) struct BatchSource<'a> {
-    pub(super) shape: BatchShape,
-    pub(super) data: &'a [f32],
+pub(super) struct BatchSource<'a>(Pixels<'a>);
+
+impl<'a> BatchSource<'a> {
+    pub(super) fn new(shape: BatchShape, data: &'a [f32]) -> Self {
+        assert_eq!(data.len(), shape.len(), "elements of the batch");
+        Self(Pixels { shape, data })
+    }
+
+    pub(super) fn shape(&self) -> BatchShape {
+        self.0.shape
+    }
 }
 
 impl TileSource for BatchSource<'_> {
-    fn scratch(&self, tiles: usize) -> usize {
-        WINDOW * (RUN.min(tiles) * TILE + 2) * CHANNEL_BLOCK
+    fn scratch(&self, _tiles: usize) -> usize {
+        WINDOW * WINDOW * CHANNEL_BLOCK
     }
 
     #[inline(always)]
@@ -139,34 +130,27 @@ impl TileSource for BatchSource<'_> {
         block: Gathered,
         scratch: &mut [f32],
     ) {
-        let window = scratch.as_mut_ptr();
-        for run in self.shape.runs(tiles) {
-            let columns = run.tiles * TILE + 2;
-            let corner = (run.y as isize - 1, run.x as isize - 1);
-            for channel in (0..self.shape.channels).step_by(CHANNEL_BLOCK) {
-                // SAFETY: the tiles exist; `scratch` was asked to hold a run; `block` has room.
-                unsafe {
-                    let data = self.data.as_ptr();
-                    self.shape.load_block(
-                        simd,
-                        data,
-                        (run.image, channel),
-                        corner,
-                        (WINDOW, columns),
-                        window,
-                    );
-                    for tile in 0..run.tiles {
-                        for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
-                            let from = window.add(tile * TILE * CHANNEL_BLOCK + lane);
-                            let to = block.offset(run.index + tile, channel + lane);
-                            input(
-                                simd,
-                                |r, c| simd.load(from.add((r * columns + c) * CHANNEL_BLOCK)),
-                                |point, value| {
-                                    simd.store(block.at(point * block.point_stride() + to), value)
-                                },
-                            );
-                        }
+        for (index, tile) in tiles.enumerate() {
+            let (picture, y, x) = self.shape().corner(tile);
+            let corner = (y as isize - 1, x as isize - 1);
+            for channel in (0..self.shape().channels).step_by(CHANNEL_BLOCK) {
+                let Square {
+                    from,
+                    row_stride,
+                    pixel_stride,
+                } = self.0.square(picture, corner, WINDOW, channel, scratch);
+                for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
+                    let to = block.offset(index, channel + lane);
+                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has
+                    // room.
+                    unsafe {
+                        input(
+                            simd,
+                            |r, c| simd.load(from.add(r * row_stride + c * pixel_stride + lane)),
+                            |point, value| {
+                                simd.store(block.at(point * block.point_stride() + to), value)
+                            },
+                        );
                     }
                 }
             }
@@ -182,11 +166,7 @@ pub(super) struct BatchSink {
 
 impl BatchSink {
     pub(super) fn new(shape: BatchShape, out: &mut [f32]) -> Self {
-        assert_eq!(
-            out.len(),
-            shape.batch * shape.channels * shape.plane(),
-            "elements of the batch"
-        );
+        assert_eq!(out.len(), shape.len(), "elements of the batch");
         Self {
             shape,
             out: SharedMut::new(out),
@@ -195,8 +175,8 @@ impl BatchSink {
 }
 
 impl TileSink for BatchSink {
-    fn scratch(&self, tiles: usize) -> usize {
-        TILE * RUN.min(tiles) * TILE * CHANNEL_BLOCK
+    fn scratch(&self, _tiles: usize) -> usize {
+        CHANNEL_BLOCK
     }
 
     #[inline(always)]
@@ -207,40 +187,34 @@ impl TileSink for BatchSink {
         block: Product,
         scratch: &mut [f32],
     ) {
-        let lines = scratch.as_mut_ptr();
-        let shape = self.shape;
-        for run in shape.runs(tiles) {
-            let columns = run.tiles * TILE;
-            for channel in (0..shape.channels).step_by(CHANNEL_BLOCK) {
-                // SAFETY: the tiles exist and nobody else writes their outputs; `scratch` was asked to hold a run.
+        let shape = &self.shape;
+        let pixel = scratch.as_mut_ptr();
+        for (index, tile) in tiles.enumerate() {
+            let (picture, y, x) = shape.corner(tile);
+            let (rows, columns) = (TILE.min(shape.height - y), TILE.min(shape.width - x));
+            for channel in (0..shape.channels).step_by(S::LANES) {
+                let from = block.offset(index, channel);
+                let channels = S::LANES.min(shape.channels - channel);
+                // SAFETY: the caller promised that `block` holds the tile and that nobody else writes its outputs; rows,
+                // columns and channels are clipped to the batch.
                 unsafe {
-                    for tile in 0..run.tiles {
-                        for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
-                            let from = block.offset(run.index + tile, channel + lane);
-                            let to = lines.add(tile * TILE * CHANNEL_BLOCK + lane);
-                            output(
-                                simd,
-                                |point| simd.load(block.at(point * block.point_stride() + from)),
-                                |r, c, value| {
-                                    simd.store(to.add((r * columns + c) * CHANNEL_BLOCK), value)
-                                },
-                            );
-                        }
-                    }
-                    for r in 0..TILE.min(shape.height - run.y) {
-                        let to =
-                            ((run.image * shape.channels + channel) * shape.height + run.y + r)
-                                * shape.width;
-                        Separate {
-                            from: lines.add(r * columns * CHANNEL_BLOCK),
-                            from_stride: CHANNEL_BLOCK,
-                            to: self.out.at(to + run.x),
-                            plane: shape.plane(),
-                            channels: block_channels(shape.channels, channel),
-                            count: columns.min(shape.width - run.x),
-                        }
-                        .run(simd);
-                    }
+                    let out = self.out.at(shape.offset(picture, y, x, channel));
+                    output(
+                        simd,
+                        |point| simd.load(block.at(point * block.point_stride() + from)),
+                        |r, c, value| {
+                            if r >= rows || c >= columns {
+                                return;
+                            }
+                            let to = out.add((r * shape.width + c) * shape.channels);
+                            if channels == S::LANES {
+                                simd.store(to, value);
+                            } else {
+                                simd.store(pixel, value);
+                                std::ptr::copy_nonoverlapping(pixel, to, channels);
+                            }
+                        },
+                    );
                 }
             }
         }
@@ -248,14 +222,21 @@ impl TileSink for BatchSink {
 }
 
 /// Output gradients of a batch, taken back to the points.
-pub(super) struct GradientSource<'a> {
-    pub(super) shape: BatchShape,
-    pub(super) data: &'a [f32],
-}
+pub(super) struct GradientSource<'a>(Pixels<'a>);
 
-impl GradientSource<'_> {
-    pub(super) fn scratch(&self, tiles: usize) -> usize {
-        TILE * RUN.min(tiles) * TILE * CHANNEL_BLOCK
+impl<'a> GradientSource<'a> {
+    pub(super) fn new(shape: BatchShape, data: &'a [f32]) -> Self {
+        assert_eq!(data.len(), shape.len(), "elements of the batch");
+        Self(Pixels { shape, data })
+    }
+
+    pub(super) fn shape(&self) -> BatchShape {
+        self.0.shape
+    }
+
+    /// Floats of scratch that `gather` needs.
+    pub(super) fn scratch(&self) -> usize {
+        TILE * TILE * CHANNEL_BLOCK
     }
 
     /// Transforms the gradients of `tiles` into `block`, the first at row 0.
@@ -270,34 +251,27 @@ impl GradientSource<'_> {
         block: Product,
         scratch: &mut [f32],
     ) {
-        let lines = scratch.as_mut_ptr();
-        for run in self.shape.runs(tiles) {
-            let columns = run.tiles * TILE;
-            let corner = (run.y as isize, run.x as isize);
-            for channel in (0..self.shape.channels).step_by(CHANNEL_BLOCK) {
-                // SAFETY: the tiles exist; `scratch` was asked to hold a run; `block` has room.
-                unsafe {
-                    let data = self.data.as_ptr();
-                    self.shape.load_block(
-                        simd,
-                        data,
-                        (run.image, channel),
-                        corner,
-                        (TILE, columns),
-                        lines,
-                    );
-                    for tile in 0..run.tiles {
-                        for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
-                            let from = lines.add(tile * TILE * CHANNEL_BLOCK + lane);
-                            let to = block.offset(run.index + tile, channel + lane);
-                            output_gradient(
-                                simd,
-                                |r, c| simd.load(from.add((r * columns + c) * CHANNEL_BLOCK)),
-                                |point, value| {
-                                    simd.store(block.at(point * block.point_stride() + to), value)
-                                },
-                            );
-                        }
+        for (index, tile) in tiles.enumerate() {
+            let (picture, y, x) = self.shape().corner(tile);
+            let corner = (y as isize, x as isize);
+            for channel in (0..self.shape().channels).step_by(CHANNEL_BLOCK) {
+                let Square {
+                    from,
+                    row_stride,
+                    pixel_stride,
+                } = self.0.square(picture, corner, TILE, channel, scratch);
+                for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
+                    let to = block.offset(index, channel + lane);
+                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has
+                    // room.
+                    unsafe {
+                        output_gradient(
+                            simd,
+                            |r, c| simd.load(from.add(r * row_stride + c * pixel_stride + lane)),
+                            |point, value| {
+                                simd.store(block.at(point * block.point_stride() + to), value)
+                            },
+                        );
                     }
                 }
             }

@@ -33,10 +33,10 @@ pub(super) fn grad_weight(
     points: &mut AlignedBuffer,
     workspace: &mut Workspace,
 ) {
-    let (inputs, outputs) = (x.shape.channels, grad_y.shape.channels);
+    let (inputs, outputs) = (x.shape().channels, grad_y.shape().channels);
     let depth = inputs.next_multiple_of(CHANNEL_BLOCK);
     let shape = PanelShape::new(isa, outputs.next_multiple_of(CHANNEL_BLOCK));
-    let tiles = x.shape.tiles();
+    let tiles = x.shape().tiles();
     let bytes_of_tile = POINTS * (depth + shape.columns()) * size_of::<f32>();
     let capacity = (SHARED_BYTES / bytes_of_tile).max(FEWEST_TILES).min(tiles);
 
@@ -64,7 +64,7 @@ pub(super) fn grad_weight(
     for first in (0..tiles).step_by(capacity) {
         let count = capacity.min(tiles - first);
         let pieces = count.div_ceil(PIECE);
-        let scratch_floats = x.scratch(PIECE).max(grad_y.scratch(PIECE));
+        let scratch_floats = x.scratch(PIECE).max(grad_y.scratch());
         for_each(scratch, scratch_floats, 2 * pieces, |scratch, unit| {
             let rows = unit / 2 * PIECE..(unit / 2 * PIECE + PIECE).min(count);
             let tiles = first + rows.start..first + rows.end;

@@ -1,11 +1,15 @@
 //! 3x3 convolution (padding 1, stride 1 or 2) and both its gradients on NHWC batches, for the CPU.
 //!
-//! Weights are tap-major, `[3, 3, in, out]` flat. Stride 1 needs no window matrix: in a zero-padded NHWC picture the three
-//! neighbours of a row of the window are contiguous, so the convolution is three products with overlapping rows
-//! (one per row of the window); the two padding columns are computed too and dropped. Stride 2 gathers windows first.
+//! Weights are `[out, in, 3, 3]`. Stride 1 is Winograd's ([`grimnet_kernels::train`]); stride 2, and layers too narrow for it, gather
+//! the windows as rows of a matrix.
 
 use super::strided_product::{View, product};
+use grimnet_kernels::Isa;
+use grimnet_kernels::train::{BatchConvSpec, conv3x3, conv3x3_grad_input, conv3x3_grad_weight};
 use rayon::prelude::*;
+
+/// Up to this many channels on either side, padding to blocks of 16 costs more than Winograd saves.
+const NARROW_CHANNELS: usize = 8;
 
 /// Sizes of one convolution over a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,104 +55,123 @@ impl Geometry {
     }
 }
 
-/// A picture with a border of one zero pixel, and a tail so that overlapping rows may be read past its end.
-fn padded(picture: &[f32], height: usize, width: usize, channels: usize, out: &mut Vec<f32>) {
-    let row = (width + 2) * channels;
-    out.clear();
-    out.resize((height + 2) * row + 2 * channels, 0.0);
-    for y in 0..height {
-        let at = (y + 1) * row + channels;
-        out[at..at + width * channels]
-            .copy_from_slice(&picture[y * width * channels..(y + 1) * width * channels]);
+/// Whether Winograd computes a layer.
+fn by_winograd(g: &Geometry) -> bool {
+    g.stride == 1 && g.in_channels.min(g.out_channels) > NARROW_CHANNELS
+}
+
+fn batch_spec(g: &Geometry) -> BatchConvSpec {
+    BatchConvSpec {
+        batch: g.batch,
+        height: g.height,
+        width: g.width,
+        in_channels: g.in_channels,
+        out_channels: g.out_channels,
     }
 }
 
-/// Stride-1 convolution of a padded picture; `wide` is scratch, `out` is `height x width x out_channels`.
-fn convolve_padded(
-    padded: &[f32],
-    weight: &[f32],
-    [height, width, inc, outc]: [usize; 4],
-    wide: &mut Vec<f32>,
-    out: &mut [f32],
-) {
-    let padded_width = width + 2;
-    // Blocks of rows keep the three passes over the result inside the second-level cache.
-    let block = (98_304 / (padded_width * outc)).clamp(1, height);
-    wide.resize(block * padded_width * outc, 0.0);
-    for first in (0..height).step_by(block) {
-        let rows = block.min(height - first);
-        for dy in 0..3 {
-            product(
-                [rows * padded_width, outc, 3 * inc],
-                padded,
-                View::rows((first + dy) * padded_width * inc, inc),
-                weight,
-                View::rows(dy * 3 * inc * outc, outc),
-                wide,
-                View::rows(0, outc),
-                dy > 0,
-            );
-        }
-        for y in 0..rows {
-            let from = y * padded_width * outc;
-            let to = (first + y) * width * outc;
-            out[to..to + width * outc].copy_from_slice(&wide[from..from + width * outc]);
-        }
-    }
-}
-
-/// The windows of a stride-2 convolution as rows of 9 x channels.
-fn windows(padded: &[f32], geometry: &Geometry, out: &mut Vec<f32>) {
-    let (c, row) = (
-        geometry.in_channels,
-        (geometry.width + 2) * geometry.in_channels,
-    );
-    let (height, width) = (geometry.out_height(), geometry.out_width());
-    out.resize(height * width * 9 * c, 0.0);
-    for y in 0..height {
-        for x in 0..width {
-            let to = (y * width + x) * 9 * c;
-            for dy in 0..3 {
-                let from = (2 * y + dy) * row + 2 * x * c;
-                out[to + dy * 3 * c..to + (dy + 1) * 3 * c]
-                    .copy_from_slice(&padded[from..from + 3 * c]);
+/// `[out, in, 9]` to `[9, in, out]`: the order in which windows are gathered.
+fn tap_major(g: &Geometry, weight: &[f32]) -> Vec<f32> {
+    let (inputs, outputs) = (g.in_channels, g.out_channels);
+    let mut taps = vec![0.0; weight.len()];
+    for (o, kernels) in weight.chunks_exact(9 * inputs).enumerate() {
+        for (c, kernel) in kernels.chunks_exact(9).enumerate() {
+            for (tap, value) in kernel.iter().enumerate() {
+                taps[(tap * inputs + c) * outputs + o] = *value;
             }
         }
     }
+    taps
 }
 
-/// Forward: `y[b, i, j, o] = sum x[b, s*i + dy - 1, s*j + dx - 1, c] * w[dy, dx, c, o]`.
+/// `[9, in, out]` to `[out, in, 9]`.
+fn oihw(g: &Geometry, taps: &[f32]) -> Vec<f32> {
+    let (inputs, outputs) = (g.in_channels, g.out_channels);
+    let mut weight = vec![0.0; taps.len()];
+    for (row, values) in taps.chunks_exact(outputs).enumerate() {
+        let (tap, c) = (row / inputs, row % inputs);
+        for (o, value) in values.iter().enumerate() {
+            weight[(o * inputs + c) * 9 + tap] = *value;
+        }
+    }
+    weight
+}
+
+/// A picture with a border of one zero pixel.
+fn padded(picture: &[f32], g: &Geometry, out: &mut Vec<f32>) {
+    let (line, row) = (g.width * g.in_channels, (g.width + 2) * g.in_channels);
+    out.clear();
+    out.resize((g.height + 2) * row, 0.0);
+    for (y, pixels) in picture.chunks_exact(line).enumerate() {
+        let at = (y + 1) * row + g.in_channels;
+        out[at..at + line].copy_from_slice(pixels);
+    }
+}
+
+/// For each output pixel and row of its window, where these lie: in a matrix of windows (rows of 9 x channels), and in the padded
+/// picture. Each is three pixels long.
+fn window_rows(g: &Geometry) -> impl Iterator<Item = (usize, usize)> {
+    let (c, row, stride) = (g.in_channels, (g.width + 2) * g.in_channels, g.stride);
+    let width = g.out_width();
+    (0..g.out_height() * width).flat_map(move |pixel| {
+        let (y, x) = (stride * (pixel / width), stride * (pixel % width));
+        (0..3).map(move |dy| ((3 * pixel + dy) * 3 * c, (y + dy) * row + x * c))
+    })
+}
+
+/// The windows of a picture as rows of 9 x channels.
+fn windows(picture: &[f32], g: &Geometry, border: &mut Vec<f32>, out: &mut Vec<f32>) {
+    padded(picture, g, border);
+    let run = 3 * g.in_channels;
+    out.resize(3 * run * g.out_height() * g.out_width(), 0.0);
+    for (to, from) in window_rows(g) {
+        out[to..to + run].copy_from_slice(&border[from..from + run]);
+    }
+}
+
+/// Adds windows back to the places of the picture that they were gathered from.
+fn add_windows(windows: &[f32], g: &Geometry, border: &mut Vec<f32>, picture: &mut [f32]) {
+    let (line, row) = (g.width * g.in_channels, (g.width + 2) * g.in_channels);
+    let run = 3 * g.in_channels;
+    border.clear();
+    border.resize((g.height + 2) * row, 0.0);
+    for (from, to) in window_rows(g) {
+        let values = &windows[from..from + run];
+        for (sum, value) in border[to..to + run].iter_mut().zip(values) {
+            *sum += value;
+        }
+    }
+    for (y, pixels) in picture.chunks_exact_mut(line).enumerate() {
+        let from = (y + 1) * row + g.in_channels;
+        pixels.copy_from_slice(&border[from..from + line]);
+    }
+}
+
+/// Forward: `y[b, i, j, o] = sum x[b, s*i + dy - 1, s*j + dx - 1, c] * w[o, c, dy, dx]`.
 pub fn forward(geometry: &Geometry, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let g = *geometry;
     let mut y = vec![0.0; g.batch * g.output_len()];
+    if by_winograd(&g) {
+        conv3x3(Isa::detect(), batch_spec(&g), x, weight, &mut y);
+        return y;
+    }
+    let (taps, k) = (tap_major(&g, weight), 9 * g.in_channels);
     y.par_chunks_mut(g.output_len())
         .zip(x.par_chunks(g.input_len()))
         .for_each_init(
             || (Vec::new(), Vec::new()),
             |(border, scratch), (y, x)| {
-                padded(x, g.height, g.width, g.in_channels, border);
-                if g.stride == 1 {
-                    convolve_padded(
-                        border,
-                        weight,
-                        [g.height, g.width, g.in_channels, g.out_channels],
-                        scratch,
-                        y,
-                    );
-                } else {
-                    windows(border, &g, scratch);
-                    let k = 9 * g.in_channels;
-                    product(
-                        [g.out_height() * g.out_width(), g.out_channels, k],
-                        scratch,
-                        View::rows(0, k),
-                        weight,
-                        View::rows(0, g.out_channels),
-                        y,
-                        View::rows(0, g.out_channels),
-                        false,
-                    );
-                }
+                windows(x, &g, border, scratch);
+                product(
+                    [g.out_height() * g.out_width(), g.out_channels, k],
+                    scratch,
+                    View::rows(0, k),
+                    &taps,
+                    View::rows(0, g.out_channels),
+                    y,
+                    View::rows(0, g.out_channels),
+                    false,
+                );
             },
         );
     y
@@ -157,124 +180,67 @@ pub fn forward(geometry: &Geometry, x: &[f32], weight: &[f32]) -> Vec<f32> {
 /// Gradient with respect to the input.
 pub fn grad_input(geometry: &Geometry, grad_y: &[f32], weight: &[f32]) -> Vec<f32> {
     let g = *geometry;
-    let (inc, outc) = (g.in_channels, g.out_channels);
     let mut grad_x = vec![0.0; g.batch * g.input_len()];
-    if g.stride == 1 {
-        // The gradient is the convolution of grad_y with the window turned by half a turn, channels swapped.
-        let mut turned = vec![0.0; weight.len()];
-        for tap in 0..9 {
-            for c in 0..inc {
-                for o in 0..outc {
-                    turned[((8 - tap) * outc + o) * inc + c] = weight[(tap * inc + c) * outc + o];
-                }
-            }
-        }
-        grad_x
-            .par_chunks_mut(g.input_len())
-            .zip(grad_y.par_chunks(g.output_len()))
-            .for_each_init(
-                || (Vec::new(), Vec::new()),
-                |(border, scratch), (grad_x, grad_y)| {
-                    padded(grad_y, g.height, g.width, outc, border);
-                    convolve_padded(
-                        border,
-                        &turned,
-                        [g.height, g.width, outc, inc],
-                        scratch,
-                        grad_x,
-                    );
-                },
-            );
+    if by_winograd(&g) {
+        conv3x3_grad_input(Isa::detect(), batch_spec(&g), grad_y, weight, &mut grad_x);
         return grad_x;
     }
+    let (taps, k) = (tap_major(&g, weight), 9 * g.in_channels);
+    let pixels = g.out_height() * g.out_width();
     grad_x
         .par_chunks_mut(g.input_len())
         .zip(grad_y.par_chunks(g.output_len()))
         .for_each_init(
             || (Vec::new(), Vec::new()),
             |(border, scratch), (grad_x, grad_y)| {
-                let (height, width, k) = (g.out_height(), g.out_width(), 9 * inc);
-                scratch.resize(height * width * k, 0.0);
+                scratch.resize(pixels * k, 0.0);
                 product(
-                    [height * width, k, outc],
+                    [pixels, k, g.out_channels],
                     grad_y,
-                    View::rows(0, outc),
-                    weight,
-                    View::columns(0, outc),
+                    View::rows(0, g.out_channels),
+                    &taps,
+                    View::columns(0, g.out_channels),
                     scratch,
                     View::rows(0, k),
                     false,
                 );
-                let row = (g.width + 2) * inc;
-                border.clear();
-                border.resize((g.height + 2) * row, 0.0);
-                for y in 0..height {
-                    for x in 0..width {
-                        let from = (y * width + x) * k;
-                        for dy in 0..3 {
-                            let to = (2 * y + dy) * row + 2 * x * inc;
-                            let run = &scratch[from + dy * 3 * inc..from + (dy + 1) * 3 * inc];
-                            for (sum, value) in border[to..to + 3 * inc].iter_mut().zip(run) {
-                                *sum += value;
-                            }
-                        }
-                    }
-                }
-                for y in 0..g.height {
-                    let from = (y + 1) * row + inc;
-                    grad_x[y * g.width * inc..(y + 1) * g.width * inc]
-                        .copy_from_slice(&border[from..from + g.width * inc]);
-                }
+                add_windows(scratch, &g, border, grad_x);
             },
         );
     grad_x
 }
 
-/// Pictures whose weight gradients are summed together on one thread; fixed, so that the sum does not depend on threads.
-const PICTURES_PER_SUM: usize = 6;
+/// Parts of a batch whose weight gradients are summed apart; fixed, so that the sum does not depend on threads.
+const PARTIAL_SUMS: usize = 4;
 
 /// Gradient with respect to the weights, summed over the batch.
 pub fn grad_weight(geometry: &Geometry, x: &[f32], grad_y: &[f32]) -> Vec<f32> {
     let g = *geometry;
-    let (inc, outc) = (g.in_channels, g.out_channels);
+    if by_winograd(&g) {
+        let mut grad = vec![0.0; g.weight_len()];
+        conv3x3_grad_weight(Isa::detect(), batch_spec(&g), x, grad_y, &mut grad);
+        return grad;
+    }
+    let (pixels, k) = (g.out_height() * g.out_width(), 9 * g.in_channels);
+    let pictures = g.batch.div_ceil(PARTIAL_SUMS).max(1);
     let parts: Vec<Vec<f32>> = x
-        .par_chunks(g.input_len() * PICTURES_PER_SUM)
-        .zip(grad_y.par_chunks(g.output_len() * PICTURES_PER_SUM))
+        .par_chunks(g.input_len() * pictures)
+        .zip(grad_y.par_chunks(g.output_len() * pictures))
         .map(|(x, grad_y)| {
             let mut sum = vec![0.0; g.weight_len()];
             let (mut border, mut scratch) = (Vec::new(), Vec::new());
             for (x, grad_y) in x.chunks(g.input_len()).zip(grad_y.chunks(g.output_len())) {
-                padded(x, g.height, g.width, inc, &mut border);
-                if g.stride == 1 {
-                    // The gradient is padded as the input is, so that its border cancels the padding columns.
-                    padded(grad_y, g.height, g.width, outc, &mut scratch);
-                    let padded_width = g.width + 2;
-                    for dy in 0..3 {
-                        product(
-                            [3 * inc, outc, g.height * padded_width],
-                            &border,
-                            View::columns(dy * padded_width * inc, inc),
-                            &scratch,
-                            View::rows((padded_width + 1) * outc, outc),
-                            &mut sum,
-                            View::rows(dy * 3 * inc * outc, outc),
-                            true,
-                        );
-                    }
-                } else {
-                    windows(&border, &g, &mut scratch);
-                    let k = 9 * inc;
-                    product(
-                        [k, outc, g.out_height() * g.out_width()],
-                        &scratch,
-                        View::columns(0, k),
-                        grad_y,
-                        View::rows(0, outc),
-                        &mut sum,
-                        View::rows(0, outc),
-                        true,
-                    );
-                }
+                windows(x, &g, &mut border, &mut scratch);
+                product(
+                    [k, g.out_channels, pixels],
+                    &scratch,
+                    View::columns(0, k),
+                    grad_y,
+                    View::rows(0, g.out_channels),
+                    &mut sum,
+                    View::rows(0, g.out_channels),
+                    true,
+                );
             }
             sum
         })
@@ -285,7 +251,7 @@ pub fn grad_weight(geometry: &Geometry, x: &[f32], grad_y: &[f32]) -> Vec<f32> {
             *sum += value;
         }
     }
-    total
+    oihw(&g, &total)
 }
 
 #[cfg(test)]
@@ -323,8 +289,7 @@ mod tests {
                                     let xi = ((b * g.height + yy as usize) * g.width + xx as usize)
                                         * g.in_channels
                                         + c;
-                                    let wi =
-                                        ((dy * 3 + dx) * g.in_channels + c) * g.out_channels + o;
+                                    let wi = (o * g.in_channels + c) * 9 + dy * 3 + dx;
                                     sum += f64::from(x[xi]) * f64::from(w[wi]);
                                 }
                             }
@@ -345,6 +310,7 @@ mod tests {
             (2, 3, 16, 8, 12),
             (1, 16, 16, 12, 4),
             (2, 16, 8, 6, 6),
+            (1, 20, 33, 6, 10),
         ] {
             let g = Geometry {
                 batch: 7,

@@ -26,7 +26,7 @@ pub struct NormArguments {
 /// The trainer's own operations on a backend.
 #[backend_extension(Autodiff, Flex)]
 pub trait TrainingOps: Backend {
-    /// 3x3 convolution, padding 1; `x` `[n, h, w, c]`, `weight` `[9 * c, o]` tap-major.
+    /// 3x3 convolution, padding 1; `x` `[n, h, w, c]`, `weight` `[o, c, 3, 3]`.
     fn conv3x3_nhwc(
         x: FloatTensor<Self>,
         weight: FloatTensor<Self>,
@@ -61,13 +61,13 @@ fn values(tensor: &Cpu) -> &[f32] {
 
 fn geometry(x: &Cpu, weight: &Cpu, stride: usize) -> Geometry {
     let (x, w) = (x.layout().shape(), weight.layout().shape());
-    assert_eq!(w[0], 9 * x[3], "weights of another number of channels");
+    assert_eq!(w[1], x[3], "weights of another number of channels");
     Geometry {
         batch: x[0],
         height: x[1],
         width: x[2],
         in_channels: x[3],
-        out_channels: w[1],
+        out_channels: w[0],
         stride,
     }
 }
@@ -137,7 +137,7 @@ impl Backward<Flex, 2> for ConvolutionBackward {
             let grad_weight = convolution::grad_weight(&g, values(&x), values(&grad));
             grads.register::<Flex>(
                 node.id,
-                tensor(grad_weight, &[9 * g.in_channels, g.out_channels]),
+                tensor(grad_weight, &[g.out_channels, g.in_channels, 3, 3]),
             );
         }
     }
@@ -241,12 +241,10 @@ fn is_cpu(device: &Device) -> bool {
 /// # Shapes
 /// `x` `[n, h, w, c]`, `weight` `[o, c, 3, 3]` (OIHW, as in the model file), result `[n, h / stride, w / stride, o]`.
 pub fn conv3x3(x: Tensor<4>, weight: Tensor<4>, stride: usize) -> Tensor<4> {
-    let [o, c, _, _] = weight.dims();
     if is_cpu(&x.device()) {
-        let taps = weight.permute([2, 3, 1, 0]).reshape([9 * c, o]);
         return Tensor::from_dispatch(<Dispatch as TrainingOps>::conv3x3_nhwc(
             x.into_dispatch(),
-            taps.into_dispatch(),
+            weight.into_dispatch(),
             stride,
         ));
     }

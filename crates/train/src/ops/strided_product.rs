@@ -1,14 +1,11 @@
 //! The one dense product under the trainer's convolutions: strided matrices inside flat slices.
-//!
-//! The rows of the left matrix may overlap (a 3x3 window's three neighbouring pixels are contiguous in NHWC, so the
-//! matrix of windows is the picture itself read with a row stride of one pixel), which no safe matrix type allows.
 
 /// Where a matrix lies inside a flat slice: element `(i, j)` is `data[start + i * row_stride + j * column_stride]`.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     /// Index of element (0, 0).
     pub start: usize,
-    /// Elements between one row and the next; rows may overlap in an input.
+    /// Elements between one row and the next.
     pub row_stride: usize,
     /// Elements between one column and the next.
     pub column_stride: usize,
@@ -101,7 +98,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn agrees_with_the_plain_sum_on_overlapping_rows_and_transposes() {
+    fn agrees_with_the_plain_sum_on_strided_rows_and_transposes() {
         let left: Vec<f32> = (0..200)
             .map(|i| ((i * 37 % 19) as f32 - 9.0) / 7.0)
             .collect();

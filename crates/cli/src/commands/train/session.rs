@@ -33,7 +33,7 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
             data.unreadable
         );
     }
-    let device = Device::flex();
+    let device = config.device.device()?;
     if arguments.export {
         let state = Checkpoint::open(&checkpoint_path(&config), &device)?;
         return finish(&state, &config, &data, &device);

@@ -3,6 +3,8 @@
 mod answer;
 mod commands;
 mod exit;
+#[cfg(feature = "train")]
+mod interrupt;
 mod output;
 mod photos;
 mod progress;

@@ -5,6 +5,7 @@ use crate::network::{Input, Part};
 use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::{Domain, NetSpec};
 use image::RgbImage;
+use serde::{Deserialize, Serialize};
 
 /// Lays pictures out as the network takes them. A cell that was not seen enters as the mean colour.
 pub struct InputBuilder {
@@ -88,15 +89,30 @@ impl InputBuilder {
     }
 }
 
+/// Whose normalisation statistics and parameters the views of a pair share.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Norms {
+    /// Each domain has its own (DA-BN; the paper's eq. 3).
+    #[default]
+    ByDomain,
+    /// Both share the map's: plain batch normalisation, to compare with (the paper's table 10).
+    Joint,
+}
+
 /// The input of a batch of pairs: all map views, then all photos.
-pub fn input_of(pairs: &[Pair], spec: &NetSpec, device: &Device) -> Input {
+pub fn input_of(pairs: &[Pair], spec: &NetSpec, norms: Norms, device: &Device) -> Input {
     let side = pairs.first().map_or(0, |pair| pair.sat.width() as usize);
     let mut builder = InputBuilder::new(spec, side, side);
     for pair in pairs {
         builder.push(&pair.sat, None, Domain::Sat);
     }
     for pair in pairs {
-        builder.push(&pair.uav, Some(&pair.uav_seen), Domain::Uav);
+        let domain = match norms {
+            Norms::ByDomain => Domain::Uav,
+            Norms::Joint => Domain::Sat,
+        };
+        builder.push(&pair.uav, Some(&pair.uav_seen), domain);
     }
     builder.finish(device)
 }

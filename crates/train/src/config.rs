@@ -2,7 +2,7 @@
 
 use crate::data::{Folder, PairOptions, WorldOptions};
 use crate::loss::{HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions};
-use crate::{Accelerator, TeacherOptions, TrainError};
+use crate::{Accelerator, Norms, TeacherOptions, TrainError};
 use grimnet_net::NetSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -68,6 +68,8 @@ pub struct TrainConfig {
     pub homography: HomographyOptions,
     /// Whether steps train retrieval and matching by turns (the paper), or both at once.
     pub alternate: bool,
+    /// Whether each domain is normalised by itself.
+    pub norms: Norms,
     /// Temperature of the descriptor contrast.
     pub descriptor_temperature: f32,
     /// Temperature of the global contrast.
@@ -167,6 +169,7 @@ impl Default for TrainConfig {
             multi_similarity: MultiSimilarityOptions::default(),
             homography: HomographyOptions::default(),
             alternate: false,
+            norms: Norms::default(),
             descriptor_temperature: 0.05,
             global_temperature: 1.0 / 16.0,
             memory_batches: 40,

@@ -1,7 +1,7 @@
 //! From a checkpoint to a model file: statistics taken anew, whitening fitted and kept where it helps, a card with figures.
 
 use crate::TrainError;
-use crate::batch::input_of;
+use crate::batch::{Norms, input_of};
 use crate::checkpoint::Checkpoint;
 use crate::config::TrainConfig;
 use crate::data::{Data, Pair, PairOptions, Sources, batch_of};
@@ -13,7 +13,7 @@ use crate::validation::{
 };
 use crate::whitening::{WhiteningKind, fit_whitening};
 use burn::tensor::Device;
-use grimnet_net::{Card, ExtractOptions, Model, NetSpec};
+use grimnet_net::{Card, Domain, ExtractOptions, Model, NetSpec};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -78,14 +78,29 @@ pub fn with_fresh_statistics(
             i,
         );
         let batch = enough(batch, i)?;
-        let input = input_of(&batch, parameters.spec(), &device);
+        let input = input_of(&batch, parameters.spec(), config.norms, &device);
         let mut network = Network::new(&parameters, Statistics::Batch);
         network.forward(&input, false)?;
         for (name, value) in network.into_running() {
             parameters.set(&name, value)?;
         }
     }
+    if config.norms == Norms::Joint {
+        share_map_norms(&mut parameters)?;
+    }
     Ok(parameters)
+}
+
+/// Gives photos the map's statistics and parameters, the only ones that were trained.
+fn share_map_norms(parameters: &mut Parameters) -> Result<(), TrainError> {
+    let (map, photo) = (Domain::Sat.name(), Domain::Uav.name());
+    for name in parameters.names() {
+        if let Some((layer, what)) = name.split_once(&format!(".norm.{map}.")) {
+            let value = parameters.flat(&name)?;
+            parameters.set(&format!("{layer}.norm.{photo}.{what}"), value)?;
+        }
+    }
+    Ok(())
 }
 
 /// VLAD vectors of both views of the pairs: all map views', then all photos'.

@@ -27,7 +27,7 @@ mod whitening;
 
 pub use burn::tensor::Device;
 
-pub use batch::{InputBuilder, input_of};
+pub use batch::{InputBuilder, Norms, input_of};
 pub use centres::{start_centres, unit_clusters};
 pub use checkpoint::{Checkpoint, Position};
 pub use config::{DescriptorLoss, GlobalLoss, TrainConfig, Weights};

@@ -2,7 +2,7 @@
 //! numbers, where contrast alone stands still.
 
 use crate::TrainError;
-use crate::batch::input_of;
+use crate::batch::{Norms, input_of};
 use crate::data::Batch;
 use crate::network::{Network, Statistics, unit_rows};
 use crate::parameters::Parameters;
@@ -87,7 +87,7 @@ impl Teacher {
     /// # Errors
     /// Where the network refuses the pictures.
     pub fn lesson(&self, batch: &Batch) -> Result<Lesson, TrainError> {
-        let input = input_of(batch, self.parameters.spec(), &self.device);
+        let input = input_of(batch, self.parameters.spec(), Norms::ByDomain, &self.device);
         let output = Network::new(&self.parameters, Statistics::Running).forward(&input, false)?;
         let [n, h, w, d] = output.descriptors.dims();
         let descriptors = unit_rows(output.descriptors.reshape([n * h * w, d]));

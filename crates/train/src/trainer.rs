@@ -173,7 +173,7 @@ impl Trainer {
     fn step(&mut self, batch: &Batch, rate: f64) -> Result<(Losses, f32), TrainError> {
         let config = &self.config;
         let tracked = self.state.parameters.tracked();
-        let input = input_of(batch, tracked.spec(), &self.device);
+        let input = input_of(batch, tracked.spec(), self.config.norms, &self.device);
         let turn = Turn::of(
             config,
             self.state.position.step,
@@ -247,6 +247,7 @@ impl Trainer {
             let input = input_of(
                 &batch,
                 self.state.parameters.spec(),
+                self.config.norms,
                 &self.device.clone().without_autodiff(),
             );
             let output =

@@ -1,5 +1,7 @@
 //! `grim eval --experiment` and `--sweep`: the paper's tables, and robustness, on any data set or the procedural world.
 
+mod training;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -20,6 +22,7 @@ use super::eval_layout::{Layout, LayoutChoice};
 use super::map::MapPlace;
 use crate::exit::Exit;
 use crate::progress;
+use training::Training;
 
 /// The scenes of the procedural world: name, share of town. As many kinds of ground as the paper has scenes.
 const WORLDS: [(&str, f32); 5] = [
@@ -47,14 +50,35 @@ pub enum ExperimentChoice {
     Success,
     /// Normalisation by domain (table 10)
     DaBn,
-    /// All of these
+    /// Weights of the losses (table 3); trains nine networks
+    LossWeights,
+    /// Retrieval and matching trained apart (table 4); trains three networks
+    ModulesTrained,
+    /// A network trained with plain normalisation (table 10); trains two networks
+    DaBnTrained,
+    /// All that need no training
     All,
 }
 
 impl ExperimentChoice {
+    /// Whether it trains networks.
+    fn trains(self) -> bool {
+        matches!(
+            self,
+            Self::LossWeights | Self::ModulesTrained | Self::DaBnTrained
+        )
+    }
+
+    /// Its name on the command line.
+    fn name(self) -> String {
+        self.to_possible_value()
+            .map_or_else(|| format!("{self:?}"), |value| value.get_name().to_owned())
+    }
+
     /// The tables that need no training.
     fn tables(self) -> Vec<Experiment> {
         match self {
+            Self::LossWeights | Self::ModulesTrained | Self::DaBnTrained => vec![],
             Self::Resolution => vec![Experiment::Resolution],
             Self::Modules => vec![Experiment::Modules],
             Self::TopK => vec![Experiment::TopKRecall, Experiment::TopK],
@@ -133,6 +157,19 @@ pub struct ExperimentOptions {
         value_delimiter = ','
     )]
     pub experiments: Vec<ExperimentChoice>,
+
+    /// What the networks of an experiment that trains have in common, as for `grim train` [default: the paper's losses and weights,
+    /// the compact network, pairs from procedural worlds]
+    #[arg(long, value_name = "FILE")]
+    pub train_config: Option<PathBuf>,
+
+    /// Length of each training, steps [default: what the configuration says; without one 300]
+    #[arg(long, value_name = "N")]
+    pub train_steps: Option<u64>,
+
+    /// Model that each training starts from [default: random numbers]
+    #[arg(long, value_name = "FILE")]
+    pub train_start: Option<PathBuf>,
 
     /// Run these robustness sweeps on procedural worlds
     #[arg(long = "sweep", value_enum, value_name = "NAME", value_delimiter = ',')]
@@ -215,8 +252,9 @@ impl Subject<'_> {
 /// Unreadable data, a pack that cannot be built, results that cannot be written.
 pub fn run(options: &ExperimentOptions, subject: &Subject<'_>, out: &Path) -> Result<Exit> {
     let work = out.join("work");
+    let mut training = Training::open(options, &work)?;
     fs_err::create_dir_all(&work)?;
-    let mut tables = experiments(options, subject, out, &work)?;
+    let mut tables = experiments(options, subject, &mut training, out, &work)?;
     let swept = sweeps(options, subject, out, &work)?;
     if !swept.is_empty() {
         let title = "Accuracy as conditions get worse";
@@ -233,6 +271,7 @@ pub fn run(options: &ExperimentOptions, subject: &Subject<'_>, out: &Path) -> Re
 fn experiments(
     options: &ExperimentOptions,
     subject: &Subject<'_>,
+    training: &mut Training,
     out: &Path,
     work: &Path,
 ) -> Result<Vec<ExperimentTable>> {
@@ -257,7 +296,10 @@ fn experiments(
             let table = tables::run(experiment, &mut bench, &scenes, recipe)
                 .with_context(|| format!("{experiment:?}"))?;
             bar.finish_and_clear();
-            made.push(measured_on.told_by(table, subject.model));
+            made.push(measured_on.told_by(table, Some(subject.model)));
+        }
+        if let Some(table) = training.table(*choice, &scenes, recipe, work)? {
+            made.push(measured_on.told_by(table, None));
         }
         // Each table as soon as it is there: the next may take long.
         made.iter().try_for_each(|table| table.write(out))?;
@@ -284,7 +326,7 @@ fn sweeps(
         let table =
             sweep::run(sweep, &mut bench, &flights, work).with_context(|| format!("{sweep:?}"))?;
         bar.finish_and_clear();
-        let table = measured_on.told_by(table, subject.model);
+        let table = measured_on.told_by(table, Some(subject.model));
         table.write(out)?;
         made.push(table);
     }
@@ -350,22 +392,28 @@ struct Conditions {
 }
 
 impl Conditions {
-    /// The table with its conditions.
-    fn told_by(&self, mut table: ExperimentTable, model: &Model) -> ExperimentTable {
+    /// The table with its conditions; a table that trains has no one model.
+    fn told_by(&self, mut table: ExperimentTable, model: Option<&Model>) -> ExperimentTable {
         let mode = match self.recipe {
             Recipe::Default => "default",
             Recipe::Paper => "paper",
         };
-        let hash = model.hash().to_string().chars().take(12).collect();
-        for (name, value) in [
-            ("data", self.data.clone()),
-            ("frames", self.frames.to_string()),
-            ("mode", mode.to_owned()),
+        let hash = model.map(|m| m.hash().to_string().chars().take(12).collect());
+        let all = [
+            ("data", Some(self.data.clone())),
+            ("frames", Some(self.frames.to_string())),
+            ("mode", Some(mode.to_owned())),
             ("model", hash),
-            ("program", format!("grim {}", env!("CARGO_PKG_VERSION"))),
-            ("threads", rayon::current_num_threads().to_string()),
-        ] {
-            table.conditions.insert(name.to_owned(), value);
+            (
+                "program",
+                Some(format!("grim {}", env!("CARGO_PKG_VERSION"))),
+            ),
+            ("threads", Some(rayon::current_num_threads().to_string())),
+        ];
+        for (name, value) in all {
+            if let Some(value) = value {
+                table.conditions.insert(name.to_owned(), value);
+            }
         }
         table
     }

@@ -7,6 +7,10 @@ use grimnet_pack::BuildOptions;
 use super::bench::{Bench, BenchError, Measured, Method, Setup, at_gsd};
 use super::photometry::Photometry;
 use super::scene::Scene;
+use super::scene_rows::{
+    ALE_NOTE, PAPER_DA_BN, PAPER_MODULES, PAPER_SCENES, ale, all_frames, mean, mean_time_s, over,
+    paper_scenes, scene_row, table,
+};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::metrics::{Frame, Summary};
 use crate::recall::Recall;
@@ -78,17 +82,8 @@ const RECALL_K: [usize; 6] = [1, 2, 3, 5, 8, 10];
 /// K of table 6.
 const ERROR_K: [usize; 4] = [1, 3, 5, 10];
 
-/// The paper's scenes.
-const PAPER_SCENES: [&str; 5] = [
-    "Metropolitan University",
-    "Energy Center",
-    "Business School",
-    "Holy Name Church",
-    "Museum",
-];
-
 /// K at which G + S retrieves, as in the paper.
-const PAPER_K: usize = 5;
+pub(super) const PAPER_K: usize = 5;
 
 /// Runs an experiment.
 ///
@@ -109,89 +104,6 @@ pub fn run(
         Experiment::Methods => methods(bench, scenes),
         Experiment::Success => success(bench, scenes, recipe),
         Experiment::DaBn => da_bn(bench, scenes, recipe),
-    }
-}
-
-fn over(
-    bench: &mut Bench<'_>,
-    scenes: &[Scene],
-    setup: &Setup,
-) -> Result<Vec<Measured>, BenchError> {
-    scenes
-        .iter()
-        .map(|scene| bench.measure(scene, setup))
-        .collect()
-}
-
-fn all_frames(measured: &[Measured]) -> Vec<Frame> {
-    measured
-        .iter()
-        .flat_map(|m| m.frames.iter().cloned())
-        .collect()
-}
-
-/// Mean of what is there; none of nothing.
-fn mean(values: &[Option<f64>]) -> Option<f64> {
-    let there: Vec<f64> = values.iter().flatten().copied().collect();
-    (!there.is_empty()).then(|| there.iter().sum::<f64>() / there.len() as f64)
-}
-
-fn ale(measured: &Measured) -> Option<f64> {
-    Summary::of(&measured.frames).ale_m
-}
-
-fn mean_time_s(frames: &[Frame]) -> Option<f64> {
-    mean(
-        &frames
-            .iter()
-            .map(|f| f.time_ms.map(|t| t / 1e3))
-            .collect::<Vec<_>>(),
-    )
-}
-
-/// A column a scene, then the average over scenes, and the shares of all frames that an average hides.
-fn scene_columns(scenes: &[Scene]) -> Vec<Column> {
-    let mut columns: Vec<Column> = scenes.iter().map(|s| Column::metres(&*s.name)).collect();
-    columns.extend([
-        Column::metres("average"),
-        Column::percent("with a fix"),
-        Column::percent("within 20 m"),
-        Column::seconds("time a frame"),
-    ]);
-    columns
-}
-
-fn scene_row(name: &str, measured: &[Measured]) -> Row {
-    let mut values: Vec<Option<f64>> = measured.iter().map(ale).collect();
-    let average = mean(&values);
-    let frames = all_frames(measured);
-    let summary = Summary::of(&frames);
-    values.extend([
-        average,
-        Some(100.0 * summary.fixes as f64 / summary.frames.max(1) as f64),
-        Some(100.0 * summary.within_20m),
-        mean_time_s(&frames),
-    ]);
-    Row::new(name, values)
-}
-
-fn paper_scenes(rows: &[(&str, [f64; 5])]) -> (Vec<Column>, Vec<Row>) {
-    let rows = rows
-        .iter()
-        .map(|(name, values)| Row::new(*name, values.map(Some).to_vec()));
-    (PAPER_SCENES.map(Column::metres).to_vec(), rows.collect())
-}
-
-const ALE_NOTE: &str = "Metres are average errors over the frames with a fix (ALE); a frame without one has no error, and is counted in the columns of shares.";
-
-fn table(id: &str, title: &str, number: u32, scenes: &[Scene]) -> ExperimentTable {
-    ExperimentTable {
-        id: id.to_owned(),
-        title: title.to_owned(),
-        paper_table: Some(number),
-        columns: scene_columns(scenes),
-        notes: vec![ALE_NOTE.to_owned()],
-        ..ExperimentTable::default()
     }
 }
 
@@ -296,12 +208,7 @@ fn modules(
         .iter()
         .map(|(name, setup)| Ok(scene_row(name, &over(bench, scenes, setup)?)))
         .collect::<Result<_, BenchError>>()?;
-    let (paper_columns, paper) = paper_scenes(&[
-        ("G + S", [70.56, 98.33, 69.23, 43.97, 67.19]),
-        ("G + M", [38.15, 33.45, 99.12, 87.53, 81.67]),
-        ("M + L", [6.37, 12.91, 14.53, 40.08, 33.78]),
-        ("G + M + L", [4.33, 11.84, 13.96, 29.62, 13.85]),
-    ]);
+    let (paper_columns, paper) = paper_scenes(&PAPER_MODULES);
     let mut made = table("modules", "Combinations of modules", 4, scenes);
     made.notes.push(
         "G: retrieval of tiles; M: learned matching; L: one network trained for both; S: SIFT for matching, always answering with the tile of most inliers. \
@@ -505,10 +412,7 @@ fn da_bn(
         ),
         scene_row("The map's for photos, too", &over(bench, scenes, &one)?),
     ];
-    let (paper_columns, paper) = paper_scenes(&[
-        ("GRiM-Net", [4.33, 11.84, 13.96, 29.62, 13.85]),
-        ("without DA-BN", [6.59, 16.75, 19.21, 38.48, 19.23]),
-    ]);
+    let (paper_columns, paper) = paper_scenes(&PAPER_DA_BN);
     let mut made = table("da-bn", "Normalisation by domain", 10, scenes);
     made.notes.push(
         "The second row runs photos through the statistics and parameters of the map's domain, with the same trained weights; the paper trained a second \

@@ -2,8 +2,7 @@
 
 use std::io::Write as _;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::Ordering;
 
 use anyhow::{Context as _, Result};
 use grimnet_train::data::Data;
@@ -12,10 +11,10 @@ use grimnet_train::{
     Validator, checkpoint_path, export, save_model,
 };
 use indicatif::{ProgressBar, ProgressStyle};
-use signal_hook::consts::SIGINT;
 
 use super::TrainArgs;
 use crate::exit::Exit;
+use crate::interrupt;
 
 /// Runs the command.
 ///
@@ -44,7 +43,8 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
         &device,
         arguments.resume,
     )?;
-    let stopped = stop_on_interrupt(&trainer)?;
+    let stopped = trainer.stop_switch();
+    interrupt::stop_on_interrupt(&stopped)?;
     train(&mut trainer, &config, &data)?;
     if stopped.load(Ordering::Relaxed) {
         let mut out = std::io::stderr().lock();
@@ -57,14 +57,6 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
         return Ok(Exit::Done);
     }
     finish(trainer.state(), &config, &data, &device)
-}
-
-/// The first Ctrl-C ends training after the step in hand, which saves a checkpoint; the second one kills.
-fn stop_on_interrupt(trainer: &Trainer) -> Result<Arc<AtomicBool>> {
-    let stop = trainer.stop_switch();
-    signal_hook::flag::register_conditional_shutdown(SIGINT, 130, stop.clone())?;
-    signal_hook::flag::register(SIGINT, stop.clone())?;
-    Ok(stop)
 }
 
 fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()> {

@@ -1,0 +1,102 @@
+//! The networks of one run of `grim eval --experiment`, with Ctrl-C and what is shown meanwhile.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::Result;
+use grimnet_eval::experiment::networks::Networks;
+use grimnet_eval::experiment::scene::Scene;
+use grimnet_eval::experiment::tables::Recipe;
+use grimnet_eval::experiment::training::{TrainedExperiment, run};
+use grimnet_eval::experiment_table::ExperimentTable;
+use grimnet_train::{Progress, TrainConfig};
+
+use crate::commands::experiment::{ExperimentChoice, ExperimentOptions};
+use crate::{interrupt, progress};
+
+/// Steps of each training where neither a number nor a configuration is given.
+const STEPS: u64 = 300;
+
+/// Minutes between checkpoints where no configuration says otherwise: what a power cut may cost.
+const CHECKPOINT_MINUTES: f64 = 1.0;
+
+/// What the experiments that train have in common.
+pub struct Training {
+    networks: Option<Networks>,
+}
+
+impl Training {
+    /// Prepares training, if any experiment needs it; networks are kept under `work`.
+    ///
+    /// # Errors
+    /// A configuration or data that cannot be used.
+    pub fn open(options: &ExperimentOptions, work: &Path) -> Result<Self> {
+        if !options.experiments.iter().any(|choice| choice.trains()) {
+            return Ok(Self { networks: None });
+        }
+        let stop = Arc::new(AtomicBool::new(false));
+        interrupt::stop_on_interrupt(&stop)?;
+        let networks = Networks::new(configuration(options)?, &work.join("networks"), stop)?;
+        Ok(Self {
+            networks: Some(networks),
+        })
+    }
+
+    /// The table of an experiment that trains; none for the others.
+    ///
+    /// # Errors
+    /// Training or measuring fails, or was stopped.
+    pub fn table(
+        &mut self,
+        choice: ExperimentChoice,
+        scenes: &[Scene],
+        recipe: Recipe,
+        work: &Path,
+    ) -> Result<Option<ExperimentTable>> {
+        let experiment = match choice {
+            ExperimentChoice::LossWeights => TrainedExperiment::LossWeights,
+            ExperimentChoice::ModulesTrained => TrainedExperiment::Modules,
+            ExperimentChoice::DaBnTrained => TrainedExperiment::DaBn,
+            _ => return Ok(None),
+        };
+        let Some(networks) = &mut self.networks else {
+            return Ok(None);
+        };
+        let bar = progress::spinner(&choice.name());
+        let shown = bar.clone();
+        networks.on_progress(move |name, progress| shown.set_message(line(name, progress)));
+        let table = run(experiment, networks, work, scenes, recipe);
+        bar.finish_and_clear();
+        Ok(Some(table?))
+    }
+}
+
+/// The configuration that was named, or the paper's losses and weights on the compact network and procedural worlds.
+fn configuration(options: &ExperimentOptions) -> Result<TrainConfig> {
+    let named = match &options.train_config {
+        Some(path) => TrainConfig::open(path)?,
+        None => TrainConfig {
+            network: "compact".into(),
+            world_share: 1.0,
+            encoder_rate: 1.0,
+            alternate: false,
+            steps: Some(STEPS),
+            checkpoint_minutes: CHECKPOINT_MINUTES,
+            ..TrainConfig::paper()
+        },
+    };
+    Ok(TrainConfig {
+        steps: options.train_steps.or(named.steps),
+        start_from: options.train_start.clone().or(named.start_from.clone()),
+        ..named
+    })
+}
+
+fn line(name: &str, progress: &Progress) -> String {
+    format!(
+        "training `{name}`: step {}, {:.0} min left",
+        progress.step,
+        progress.remaining_s / 60.0
+    )
+}

@@ -1,0 +1,190 @@
+//! The networks of an experiment that trains: variants of one configuration, each trained once, kept, and gone on with where it was
+//! interrupted.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use grimnet_net::Model;
+use grimnet_train::data::Data;
+use grimnet_train::{
+    Device, ExportOptions, Progress, TrainConfig, TrainError, Trainer, checkpoint_path, export,
+    save_model,
+};
+
+/// Pairs that an exported network is measured on, for its card: the experiment measures it on its scenes.
+const VALIDATION_PAIRS: usize = 24;
+
+/// Digits of the hash that tells variants of different budgets apart.
+const KEY_DIGITS: usize = 8;
+
+/// A network could not be had.
+#[derive(Debug, thiserror::Error)]
+pub enum NetworksError {
+    /// Training.
+    #[error(transparent)]
+    Train(Box<TrainError>),
+    /// A trained model cannot be read again.
+    #[error(transparent)]
+    Net(#[from] grimnet_net::NetError),
+    /// A file cannot be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// It was asked to stop.
+    #[error(
+        "stopped at step {step} of the network `{name}`; what was trained is kept in {folder}: the same command goes on from there"
+    )]
+    Stopped {
+        /// The network in hand.
+        name: String,
+        /// Steps it has made.
+        step: u64,
+        /// Where the networks are.
+        folder: PathBuf,
+    },
+}
+
+impl From<TrainError> for NetworksError {
+    fn from(error: TrainError) -> Self {
+        Self::Train(Box::new(error))
+    }
+}
+
+/// Hears of every step, with the network's name.
+type Listener = Box<dyn Fn(&str, &Progress)>;
+
+/// Trains variants of one configuration, on the same data each.
+pub struct Networks {
+    config: TrainConfig,
+    data: Data,
+    folder: PathBuf,
+    stop: Arc<AtomicBool>,
+    on_progress: Listener,
+}
+
+impl Networks {
+    /// Keeps networks in `folder`. Setting `stop` ends training after the step in hand.
+    ///
+    /// # Errors
+    /// A wrong configuration, data that cannot be read.
+    pub fn new(
+        config: TrainConfig,
+        folder: &Path,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self, NetworksError> {
+        config.validate()?;
+        Ok(Self {
+            data: Data::open(&config)?,
+            // Every step is reported, so that a stop is heard at once.
+            config: TrainConfig {
+                report_steps: 1,
+                validate_minutes: 0.0,
+                ..config
+            },
+            folder: folder.to_owned(),
+            stop,
+            on_progress: Box::new(|_, _| ()),
+        })
+    }
+
+    /// From now on `tell` hears of every step, with the network's name.
+    pub fn on_progress(&mut self, tell: impl Fn(&str, &Progress) + 'static) {
+        self.on_progress = Box::new(tell);
+    }
+
+    /// The network that `change` makes of the configuration: trained, gone on with, or opened where it is finished.
+    ///
+    /// # Errors
+    /// Training fails or was stopped; a file cannot be written or read.
+    pub fn get(
+        &self,
+        name: &str,
+        change: impl FnOnce(&mut TrainConfig),
+    ) -> Result<Model, NetworksError> {
+        let mut config = self.config.clone();
+        change(&mut config);
+        config.out = self.folder.join(self.key(name, &config)?);
+        let path = config.out.join("model.safetensors");
+        if path.is_file() {
+            return Ok(Model::open(&path)?);
+        }
+        let device = config.device.device()?;
+        let trainer = self.trained(name, &config, &device)?;
+        let options = ExportOptions {
+            whitening_pairs: 0,
+            validation_pairs: VALIDATION_PAIRS,
+            distractors: 0,
+        };
+        let exported = export(trainer.state(), &config, &self.data, &options, &device)?;
+        save_model(&exported.model, &path)?;
+        Ok(exported.model)
+    }
+
+    fn trained(
+        &self,
+        name: &str,
+        config: &TrainConfig,
+        device: &Device,
+    ) -> Result<Trainer, NetworksError> {
+        let resume = checkpoint_path(config).is_file();
+        let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?;
+        if resume {
+            tracing::info!(
+                "{name}: goes on after step {}",
+                trainer.state().position.step
+            );
+        }
+        let stopped = || self.stop.load(Ordering::Relaxed);
+        if !stopped() {
+            trainer.run(&mut |progress, _| {
+                (self.on_progress)(name, progress);
+                !stopped()
+            })?;
+        }
+        if stopped() {
+            return Err(NetworksError::Stopped {
+                name: name.to_owned(),
+                step: trainer.state().position.step,
+                folder: self.folder.clone(),
+            });
+        }
+        Ok(trainer)
+    }
+
+    /// Folder of a variant: by its name, and by all that decides its numbers, so that another budget is another network.
+    fn key(&self, name: &str, config: &TrainConfig) -> Result<String, NetworksError> {
+        let mut hasher = blake3::Hasher::new();
+        hasher.update(format!("{config:?}").as_bytes());
+        if let Some(start) = &config.start_from {
+            hasher.update(&fs_err::read(start)?);
+        }
+        let hash = hasher.finalize().to_hex();
+        Ok(format!(
+            "{}-{}",
+            name.replace(' ', "_"),
+            &hash[..KEY_DIGITS]
+        ))
+    }
+
+    /// What the networks have in common, in words.
+    #[must_use]
+    pub fn describe(&self) -> String {
+        let length = self.config.steps.map_or_else(
+            || format!("{} minutes", self.config.minutes),
+            |steps| format!("{steps} steps of {} pairs", self.config.pairs_per_step),
+        );
+        let start = self.config.start_from.as_ref().map_or_else(
+            || "random numbers".to_owned(),
+            |path| {
+                path.file_name()
+                    .unwrap_or_default()
+                    .to_string_lossy()
+                    .into_owned()
+            },
+        );
+        format!(
+            "Each network ({}) was trained for {length}, starting from {start}: a small budget, from which only large differences can be read.",
+            self.config.network
+        )
+    }
+}

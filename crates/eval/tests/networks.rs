@@ -1,0 +1,76 @@
+//! Networks of an experiment: made once, gone on with after a stop, told apart by their budgets.
+
+#![cfg(feature = "train")]
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+
+use grimnet_eval::experiment::networks::{Networks, NetworksError};
+use grimnet_train::TrainConfig;
+use grimnet_train::data::{PairOptions, WorldOptions};
+
+/// Four short steps on one procedural world.
+fn budget() -> TrainConfig {
+    TrainConfig {
+        world_share: 1.0,
+        world: WorldOptions {
+            worlds: 1,
+            places: 2,
+        },
+        steps: Some(4),
+        pairs_per_step: 2,
+        memory_batches: 0,
+        pairs: PairOptions {
+            side_px: 64,
+            points: 12,
+            ..PairOptions::default()
+        },
+        ..TrainConfig::default()
+    }
+}
+
+/// Networks that count their steps and stop after `last`.
+fn stopping_after(last: u64, config: TrainConfig, folder: &Path) -> (Networks, Arc<AtomicU64>) {
+    let stop = Arc::new(AtomicBool::new(false));
+    let steps = Arc::new(AtomicU64::new(0));
+    let mut networks = Networks::new(config, folder, stop.clone()).unwrap();
+    let counted = steps.clone();
+    networks.on_progress(move |_, progress| {
+        counted.fetch_add(1, Ordering::Relaxed);
+        stop.store(progress.step >= last, Ordering::Relaxed);
+    });
+    (networks, steps)
+}
+
+#[test]
+fn a_stopped_network_is_gone_on_with_and_a_finished_one_is_not_made_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let (networks, steps) = stopping_after(1, budget(), folder.path());
+    let error = networks.get("joint", |_| {}).err().unwrap();
+    assert!(
+        matches!(&error, NetworksError::Stopped { step: 1, name, .. } if name == "joint"),
+        "{error}"
+    );
+    assert_eq!(steps.load(Ordering::Relaxed), 1);
+
+    let (networks, steps) = stopping_after(u64::MAX, budget(), folder.path());
+    let made = networks.get("joint", |_| {}).unwrap();
+    assert_eq!(steps.load(Ordering::Relaxed), 3, "one step was kept");
+    assert_eq!(made.card().steps, 4);
+    assert_eq!(networks.get("joint", |_| {}).unwrap().hash(), made.hash());
+    assert_eq!(steps.load(Ordering::Relaxed), 3, "nothing was trained");
+
+    let longer = TrainConfig {
+        steps: Some(5),
+        ..budget()
+    };
+    let (networks, steps) = stopping_after(u64::MAX, longer, folder.path());
+    assert_ne!(networks.get("joint", |_| {}).unwrap().hash(), made.hash());
+    assert_eq!(
+        steps.load(Ordering::Relaxed),
+        5,
+        "another budget, another network"
+    );
+}

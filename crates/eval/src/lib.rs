@@ -13,6 +13,7 @@ mod html;
 pub mod map_picture;
 pub mod metrics;
 pub mod plot;
+pub mod rank_distance;
 pub mod recall;
 pub mod report;
 pub mod risk_coverage;

@@ -11,6 +11,9 @@ use serde::Serialize;
 /// The K for which recall is reported.
 pub const RECALL_AT: [usize; 6] = [1, 2, 5, 10, 50, 100];
 
+/// The largest of them.
+pub const MOST_RANKS: usize = RECALL_AT[RECALL_AT.len() - 1];
+
 /// The paper's radius about the truth, pixels of the level (section 4.2).
 pub const PAPER_RADIUS_PX: f64 = 64.0;
 

@@ -5,6 +5,7 @@
 use std::path::Path;
 
 use grimnet_eval::metrics::{Frame, ScoredFix, Summary};
+use grimnet_eval::rank_distance::{FrameDistances, RankDistance, TileDistance};
 use grimnet_geo::{LonLat, destination};
 use grimnet_locate::covariance::radius95;
 use nalgebra::Matrix2;
@@ -59,4 +60,37 @@ fn figures_are_numpys() {
             None => assert!(found.is_null(), "{name}: {found}, numpy says none"),
         }
     }
+}
+
+#[test]
+fn distances_by_rank_are_numpys() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden");
+    let text = std::fs::read_to_string(folder.join("retrieval_figures.json")).unwrap();
+    let golden: serde_json::Value = serde_json::from_str(&text).unwrap();
+    let list = |name: &str| -> Vec<f64> { serde_json::from_value(golden[name].clone()).unwrap() };
+    let count = golden["frames"].as_u64().unwrap() as usize;
+    let mut frames = vec![FrameDistances::default(); count];
+    let mut reader = csv::Reader::from_path(folder.join("retrieval_tiles.csv")).unwrap();
+    for record in reader.deserialize() {
+        let (frame, tile_m, lon_deg, lat_deg): (usize, f64, f64, f64) = record.unwrap();
+        let tile = TileDistance::of(LonLat { lon_deg, lat_deg }, tile_m, TRUTH);
+        frames[frame].by_descriptor.push(tile);
+        // The other way round, so that one order cannot pass for the other.
+        frames[frame].by_vote.insert(0, tile);
+    }
+    let at: Vec<usize> = list("at").iter().map(|k| *k as usize).collect();
+    let found = RankDistance::of(&frames, &at);
+    for (name, found) in [
+        ("sdm", &found.sdm_by_descriptor),
+        ("pdm", &found.pdm_by_descriptor),
+    ] {
+        for (found, expected) in found.iter().zip(list(name)) {
+            // numpy's metres are of the tangent plane: some millimetres in 100 m.
+            assert!(
+                (found - expected).abs() < 1e-5,
+                "{name}: {found}, {expected}"
+            );
+        }
+    }
+    assert_ne!(found.sdm_by_vote, found.sdm_by_descriptor);
 }

@@ -6,12 +6,18 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use grimnet_eval::gallery::{Gallery, open_foreign};
-use grimnet_eval::recall::{FrameRecall, PAPER_RADIUS_PX, RECALL_AT, Recall, RightTile};
+use grimnet_eval::rank_distance::{FrameDistances, RankDistance};
+use grimnet_eval::recall::{
+    FrameRecall, MOST_RANKS, PAPER_RADIUS_PX, RECALL_AT, Recall, RightTile,
+};
 use grimnet_eval::truth::TruthFrame;
 use grimnet_geo::{LonLat, Raster};
 use grimnet_locate::Trace;
 use grimnet_pack::{Levels, Pack};
 use serde::Serialize;
+
+/// The K at which SDM@K and PDM@K are printed.
+const DISTANCE_AT: [usize; 3] = [1, 5, 10];
 
 /// What makes the gallery harder, and when a retrieved tile is right.
 #[derive(Debug, Clone, Args)]
@@ -71,6 +77,8 @@ pub struct RunRecall {
     pub near: Recall,
     /// Radius of `near`, pixels of the level.
     pub radius_px: f64,
+    /// SDM@K and PDM@K: how near the first K tiles lie to the true centre.
+    pub distance: RankDistance,
     /// Rank of the first covering tile, frame by frame.
     pub frames: Vec<FrameRecall>,
 }
@@ -94,24 +102,38 @@ impl RunRecall {
             .clone()
             .find_map(|(trace, _)| trace.rounds.first())
             .map_or(0, |round| round.level);
+        let distances: Vec<FrameDistances> = frames
+            .clone()
+            .map(|(trace, truth)| {
+                centre_of(truth).map_or_else(FrameDistances::default, |centre| {
+                    FrameDistances::of(pack, trace, centre, MOST_RANKS)
+                })
+            })
+            .collect();
         Self {
             run: run.to_owned(),
             gallery_tiles: pack.levels()[level].tile_count(),
             covers: Recall::of(&covering, &RECALL_AT),
             near: Recall::of(&ranks(RightTile::CentreWithinPx(radius_px)), &RECALL_AT),
             radius_px,
+            distance: RankDistance::of(&distances, &RECALL_AT),
             frames: covering,
         }
     }
 }
 
 fn frame_recall(pack: &Pack, trace: &Trace, truth: &TruthFrame, right: RightTile) -> FrameRecall {
-    match truth.centre_lat_lon_deg.or(truth.gps_lat_lon_deg) {
-        Some((lat_deg, lon_deg)) => {
-            FrameRecall::of(pack, trace, LonLat { lon_deg, lat_deg }, right)
-        }
-        None => FrameRecall::default(),
-    }
+    centre_of(truth).map_or_else(FrameRecall::default, |centre| {
+        FrameRecall::of(pack, trace, centre, right)
+    })
+}
+
+/// The image centre's true place, or the receiver's where no other is known.
+fn centre_of(truth: &TruthFrame) -> Option<LonLat> {
+    truth
+        .centre_lat_lon_deg
+        .or(truth.gps_lat_lon_deg)
+        .map(|(lat_deg, lon_deg)| LonLat { lon_deg, lat_deg })
 }
 
 /// Prints recall, a column a run.
@@ -144,6 +166,15 @@ pub fn print_recall(runs: &[RunRecall]) -> Result<()> {
         line(&format!("R@{k} after the vote"), &|r| r.covers.by_vote[i])?;
     }
     line("a right tile was matched", &|r| r.covers.matched)?;
+    for k in DISTANCE_AT {
+        let i = RECALL_AT.iter().position(|&at| at == k).unwrap_or(0);
+        line(&format!("SDM@{k} by descriptor"), &|r| {
+            r.distance.sdm_by_descriptor[i]
+        })?;
+        line(&format!("PDM@{k} by descriptor"), &|r| {
+            r.distance.pdm_by_descriptor[i]
+        })?;
+    }
     let five = RECALL_AT.iter().position(|&k| k == 5).unwrap_or(0);
     let radius = first.radius_px;
     line(&format!("R@5, centre within {radius:.0} px"), &|r| {

@@ -12,7 +12,8 @@ use grimnet_photo::{Metadata, Photo};
 use super::photometry::Photometry;
 use super::scene::{Scene, Shot};
 use crate::metrics::{Frame, ScoredFix};
-use crate::recall::{FrameRecall, RightTile};
+use crate::rank_distance::FrameDistances;
+use crate::recall::{FrameRecall, MOST_RANKS, RightTile};
 use crate::sift_map::{SiftMap, SiftMapError};
 
 /// What answers.
@@ -53,6 +54,8 @@ pub struct Measured {
     pub covers: Vec<FrameRecall>,
     /// Ranks of the first tile whose centre lies within the paper's radius of the truth.
     pub near: Vec<FrameRecall>,
+    /// Distances of the first tiles; empty for setups without a search.
+    pub distances: Vec<FrameDistances>,
 }
 
 /// A setup could not be run.
@@ -226,6 +229,12 @@ impl<'a> Bench<'a> {
                 ] {
                     ranks.push(FrameRecall::of(localizer.pack(), &trace, shot.truth, right));
                 }
+                measured.distances.push(FrameDistances::of(
+                    localizer.pack(),
+                    &trace,
+                    shot.truth,
+                    MOST_RANKS,
+                ));
                 frame_of(shot, &outcome)
             }
             Some(map) => {

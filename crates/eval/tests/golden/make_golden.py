@@ -1,4 +1,5 @@
-"""Makes metrics_frames.csv and metrics_figures.json: the figures of `Summary::of`, computed independently with numpy.
+"""Makes metrics_frames.csv and metrics_figures.json: the figures of `Summary::of`, computed independently with numpy; and
+retrieval_tiles.csv and retrieval_figures.json: those of `RankDistance::of`.
 
 Run: python make_golden.py (needs numpy). Inputs are made up: a fixed seed, errors drawn under their own covariance,
 some misses, some gross errors.
@@ -93,4 +94,36 @@ def main():
     (HERE / "metrics_figures.json").write_text(json.dumps(figures, indent=1) + "\n")
 
 
+def ranked_mean(scores):
+    return float(np.average(scores, weights=np.arange(len(scores), 0, -1))) if len(scores) else 0.0
+
+
+def retrieval():
+    """SDM@K and PDM@K of made-up searches: tiles about the truth, in no good order, of some frames fewer than K, of one none."""
+    rng = np.random.default_rng(20260511)
+    lon, lat = 13.4, 52.5
+    # Radii of curvature of the WGS 84 ellipsoid at the truth: metres per radian.
+    a, f = 6378137.0, 1 / 298.257223563
+    e2 = f * (2 - f)
+    w = math.sqrt(1 - e2 * math.sin(math.radians(lat)) ** 2)
+    east_m, north_m = a / w * math.cos(math.radians(lat)), a * (1 - e2) / w**3
+    rows, sdm, pdm = [], [], []
+    at = [1, 2, 5, 10]
+    for frame, (count, tile_m) in enumerate([(12, 128.0), (12, 64.0), (7, 200.0), (0, 64.0), (1, 30.0), (10, 512.0)]):
+        places = np.array([lon, lat]) + rng.normal(size=(count, 2)) * [9e-4, 6e-4] * rng.uniform(0, 1, (count, 1))
+        rows += [[frame, tile_m, *place] for place in places.tolist()]
+        off = places - [lon, lat]
+        degrees = np.hypot(off[:, 0], off[:, 1])
+        metres = np.hypot(np.radians(off[:, 0]) * east_m, np.radians(off[:, 1]) * north_m)
+        sdm.append([ranked_mean(np.exp(-5e3 * degrees[:k])) for k in at])
+        pdm.append([ranked_mean(1 / (1 + np.exp(6 * (metres[:k] / tile_m - 0.9)))) for k in at])
+    with open(HERE / "retrieval_tiles.csv", "w", newline="") as file:
+        out = csv.writer(file, lineterminator="\n")
+        out.writerow(["frame", "tile_m", "lon_deg", "lat_deg"])
+        out.writerows(rows)
+    figures = {"frames": len(sdm), "at": at, "sdm": np.mean(sdm, 0).tolist(), "pdm": np.mean(pdm, 0).tolist()}
+    (HERE / "retrieval_figures.json").write_text(json.dumps(figures, indent=1) + "\n")
+
+
 main()
+retrieval()

@@ -4,6 +4,7 @@
 //! [`metrics::Frame::score`] compares one answer with it, and [`metrics::Summary::of`] condenses all
 //! frames into the figures that the field uses; [`report::Report`] shows them on one page.
 
+pub mod anyvisloc;
 pub mod calibration;
 pub mod claims;
 pub mod experiment;
@@ -12,6 +13,9 @@ pub mod gallery;
 mod html;
 pub mod map_picture;
 pub mod metrics;
+pub mod msdi;
+mod npy;
+mod npz;
 pub mod plot;
 pub mod rank_distance;
 pub mod recall;

@@ -64,11 +64,13 @@ impl HeadingMode {
 /// Arguments of `grim eval`.
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// A folder with map.tif, photos/ and truth.csv, or a scene of UAV-VisLoc, or photos whose EXIF tells where they were
-    /// taken (with --map)
+    /// A folder with map.tif, photos/ and truth.csv, or a scene of UAV-VisLoc or AnyVisLoc, or photos whose EXIF tells where
+    /// they were taken, such as MSDI's (with --map)
     ///
     /// truth.csv has the columns photo, lat_deg, lon_deg (of the image centre; or centre_lat, centre_lon), and, where known,
-    /// heading_deg, gps_lat, gps_lon. Of UAV-VisLoc give the folder of one scene, such as UAV-VisLoc/03.
+    /// heading_deg, gps_lat, gps_lon. Of UAV-VisLoc give the folder of one scene, such as UAV-VisLoc/03, of
+    /// AnyVisLoc likewise, such as AnyVisLoc/Scene_01; --map satellite_map.png takes its satellite map. Of MSDI give the
+    /// whole or one scene of its calibrated_images.
     folder: Option<PathBuf>,
 
     /// Draw the procedural world of this seed and a flight over it, and localise that

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use grimnet_eval::truth::{self, TruthFrame};
-use grimnet_eval::visloc;
+use grimnet_eval::{anyvisloc, msdi, visloc};
 use grimnet_geo::{LonLat, MapOptions, Raster};
 use grimnet_photo::Metadata;
 
@@ -72,12 +72,17 @@ impl Layout {
         if visloc::is_scene(folder) {
             return Self::visloc(folder, choice);
         }
+        if anyvisloc::is_scene(folder) {
+            return Self::anyvisloc(folder, choice);
+        }
         Self::by_exif(folder, choice)
     }
 
     /// Whether a folder says by its files that it is a data set.
     pub fn is_told(folder: &Path) -> bool {
-        folder.join("truth.csv").is_file() || visloc::is_scene(folder)
+        folder.join("truth.csv").is_file()
+            || visloc::is_scene(folder)
+            || anyvisloc::is_scene(folder)
     }
 
     /// `map.tif`, `photos/`, `truth.csv`.
@@ -114,6 +119,24 @@ impl Layout {
         })
     }
 
+    /// A scene of AnyVisLoc, whose photos are written into the folder of results.
+    fn anyvisloc(folder: &Path, choice: &LayoutChoice<'_>) -> Result<Self> {
+        let photos = choice.out.join("photos");
+        let scene = anyvisloc::read(folder, choice.map, &photos)?;
+        for line in &scene.left_out {
+            tracing::warn!("{line}");
+        }
+        Ok(Self {
+            map: scene.map,
+            map_options: MapOptions {
+                corners: Some(scene.corners),
+                ..MapOptions::default()
+            },
+            truth: scorable(scene.frames, &photos)?,
+            data: format!("AnyVisLoc {}", name_of(folder)),
+        })
+    }
+
     /// Photos that tell themselves where they were taken: the receiver's place, not the image centre's.
     fn by_exif(folder: &Path, choice: &LayoutChoice<'_>) -> Result<Self> {
         let default = folder.join("map.tif");
@@ -121,19 +144,25 @@ impl Layout {
             .map
             .or_else(|| default.is_file().then_some(default.as_path()))
         else {
+            if msdi::scenes(folder).is_some() {
+                bail!(
+                    "{}: MSDI comes without a map of its flights; give one that covers them with --map",
+                    folder.display()
+                );
+            }
             bail!(
-                "{}: neither truth.csv nor a scene of UAV-VisLoc; for photos whose EXIF is the truth give the --map",
+                "{}: neither truth.csv nor a scene of UAV-VisLoc or AnyVisLoc; for photos whose EXIF is the truth give the --map",
                 folder.display()
             );
         };
         let inside = folder.join("photos");
-        let source = if inside.is_dir() {
-            inside
-        } else {
-            folder.to_owned()
+        let sources = match msdi::scenes(folder) {
+            Some(scenes) => scenes,
+            None if inside.is_dir() => vec![inside],
+            None => vec![folder.to_owned()],
         };
         let mut truth = Vec::new();
-        for path in photos::expand(&[source])? {
+        for path in photos::expand(&sources)? {
             let Ok(metadata) = Metadata::read(&path) else {
                 tracing::warn!("{}: cannot be read; left out", path.display());
                 continue;

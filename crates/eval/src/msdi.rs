@@ -1,0 +1,62 @@
+//! Manchester Surface Drone Imagery (MSDI, doi:10.5281/zenodo.6977602) as its publisher lays it out.
+//!
+//! Written from the readme and the code of github.com/scymz2/MSDI_TOOL, and tested on folders of that shape only. The photos to localise
+//! are those of `calibrated_images`, in the data set's folder or in its `data`, a folder a scene; where each was taken stands in its EXIF,
+//! which is where the receiver was. Raw pictures, forward views and checkerboards lie beside it and are left alone.
+//!
+//! The data set has no map. Its tool fetches a small one for each photo, centred on that photo's own place
+//! (`google_advance_static_images`, `bing_advance_static_images`), which gives the answer away: bring a map that covers the flight.
+
+use std::path::{Path, PathBuf};
+
+/// Name of the folder with the photos to localise.
+const PHOTOS: &str = "calibrated_images";
+
+/// The folders of photos, a scene each, of the data set in `folder`; or that folder itself where it is one scene of it. None where
+/// `folder` is neither.
+#[must_use]
+pub fn scenes(folder: &Path) -> Option<Vec<PathBuf>> {
+    if folder.parent().is_some_and(|above| above.ends_with(PHOTOS)) {
+        return Some(vec![folder.to_owned()]);
+    }
+    let photos = [PHOTOS.into(), Path::new("data").join(PHOTOS)]
+        .iter()
+        .map(|inside: &PathBuf| folder.join(inside))
+        .chain(folder.ends_with(PHOTOS).then(|| folder.to_owned()))
+        .find(|path| path.is_dir())?;
+    let entries = fs_err::read_dir(photos).ok()?;
+    let mut scenes: Vec<PathBuf> = entries
+        .flatten()
+        .map(|entry| entry.path())
+        .filter(|path| path.is_dir())
+        .collect();
+    scenes.sort();
+    (!scenes.is_empty()).then_some(scenes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scenes_are_found_from_the_data_set_down() {
+        let root = tempfile::tempdir().unwrap();
+        let photos = root.path().join("data").join(PHOTOS);
+        for inside in ["data/raw_images/museum", "data/checkboard_images"] {
+            fs_err::create_dir_all(root.path().join(inside)).unwrap();
+        }
+        assert_eq!(scenes(root.path()), None);
+        let all: Vec<PathBuf> = ["business_school", "museum"]
+            .iter()
+            .map(|scene| photos.join(scene))
+            .collect();
+        for scene in &all {
+            fs_err::create_dir_all(scene).unwrap();
+        }
+        for folder in [root.path(), &root.path().join("data"), &photos] {
+            assert_eq!(scenes(folder), Some(all.clone()), "{}", folder.display());
+        }
+        assert_eq!(scenes(&all[1]), Some(vec![all[1].clone()]));
+        assert_eq!(scenes(&root.path().join("data/raw_images/museum")), None);
+    }
+}

@@ -1,6 +1,8 @@
 //! Everything needed to go on training, in one safetensors file that is written aside and renamed.
 
 use crate::TrainError;
+use crate::aside::write_aside;
+use crate::config::Stage;
 use crate::optimiser::Adam;
 use crate::parameters::{Parameters, host};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -8,7 +10,6 @@ use grimnet_net::{Card, Model, NetSpec};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
-use std::io::Write;
 use std::path::Path;
 
 /// How far training has come.
@@ -20,6 +21,9 @@ pub struct Position {
     pub elapsed_s: f64,
     /// Whether NetVLAD has been started from clusters.
     pub centres_started: bool,
+    /// What the run trains.
+    #[serde(default)]
+    pub stage: Stage,
 }
 
 /// A training state.
@@ -78,6 +82,7 @@ impl Checkpoint {
                 serde_json::to_string(&self.position).map_err(json)?,
             ),
             ("updates".to_owned(), self.adam.updates.to_string()),
+            ("scenes".to_owned(), self.parameters.scenes().to_string()),
         ]);
         let views: Vec<(&str, TensorView<'_>)> = buffers
             .iter()
@@ -91,16 +96,7 @@ impl Checkpoint {
             .map_err(|error| wrong(error.to_string()))?;
         let bytes = safetensors::serialize(views, Some(metadata))
             .map_err(|error| wrong(error.to_string()))?;
-        let folder = path
-            .parent()
-            .filter(|p| !p.as_os_str().is_empty())
-            .unwrap_or(Path::new("."));
-        fs_err::create_dir_all(folder)?;
-        let mut aside = tempfile::NamedTempFile::new_in(folder)?;
-        aside.write_all(&bytes)?;
-        aside.as_file().sync_all()?;
-        aside.persist(path).map_err(|error| error.error)?;
-        Ok(())
+        write_aside(path, &bytes)
     }
 
     /// Reads a state back.
@@ -132,8 +128,10 @@ impl Checkpoint {
         let updates = field("updates")?
             .parse()
             .map_err(|_| wrong("`updates` is no number".into()))?;
-        let blank =
-            Parameters::of_model(&Model::random(&spec, 0)?.with_card(Card::default()), device);
+        let scenes = metadata.get("scenes").map_or(Ok(0), |n| n.parse());
+        let scenes = scenes.map_err(|_| wrong("`scenes` is no number".into()))?;
+        let model = Model::random(&spec, 0)?.with_card(Card::default());
+        let blank = Parameters::of_model(&model, device).with_classifier(scenes, device);
         let (mut parameters, mut average) = (blank.clone(), blank);
         let mut adam = Adam {
             updates,

@@ -1,6 +1,6 @@
 //! The training configuration, as written in a TOML file.
 
-use crate::data::{Folder, PairOptions, WorldOptions};
+use crate::data::{Folder, LabelOptions, PairOptions, WorldOptions};
 use crate::loss::{HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions};
 use crate::{Accelerator, Norms, TeacherOptions, TrainError};
 use grimnet_net::NetSpec;
@@ -11,6 +11,8 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
+    /// What is trained. Each stage has its own folder, and starts from the one before by `start_from`.
+    pub stage: Stage,
     /// Network preset: `compact` or `vgg16`.
     pub network: String,
     /// What computes.
@@ -52,6 +54,9 @@ pub struct TrainConfig {
     pub weights: Weights,
     /// A trained network to learn from, beside the other losses.
     pub teacher: Option<TeacherOptions>,
+    /// Keypoint labels by homographic adaptation; where absent, the labels of pictures are corners that survive both looks.
+    /// Procedural worlds always have the latter.
+    pub labels: Option<LabelOptions>,
     /// How pairs are made.
     pub pairs: PairOptions,
     /// What local descriptors are compared by.
@@ -84,6 +89,30 @@ pub struct TrainConfig {
     pub validate_minutes: f64,
     /// Steps between progress reports.
     pub report_steps: u64,
+}
+
+/// The stages of training.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Stage {
+    /// Keypoints, local and global descriptors, on pairs of views.
+    #[default]
+    Joint,
+    /// The keypoint head alone, or with the layers it stands on, on drawn figures whose corners are known (SuperPoint's first
+    /// stage; DeTone et al. 2018). Needs no pictures.
+    Shapes,
+    /// The encoder alone, by scene classes, on pictures in one folder a class.
+    Scenes,
+}
+
+impl std::fmt::Display for Stage {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Joint => "joint",
+            Self::Shapes => "shapes",
+            Self::Scenes => "scenes",
+        })
+    }
 }
 
 /// Weights of the losses in their sum.
@@ -141,6 +170,7 @@ impl Default for Weights {
 impl Default for TrainConfig {
     fn default() -> Self {
         Self {
+            stage: Stage::default(),
             network: "compact".into(),
             device: Accelerator::default(),
             out: "training".into(),
@@ -161,6 +191,7 @@ impl Default for TrainConfig {
             global_from: 0.1,
             weights: Weights::default(),
             teacher: None,
+            labels: None,
             pairs: PairOptions::default(),
             descriptor_loss: DescriptorLoss::default(),
             global_loss: GlobalLoss::default(),
@@ -228,6 +259,11 @@ impl TrainConfig {
         })
     }
 
+    /// The short side that a picture needs for a view to be cut from it, pixels.
+    pub fn least_picture_px(&self) -> u32 {
+        self.pairs.side_px * 3 / 4
+    }
+
     /// Checks what a run would stumble over.
     ///
     /// # Errors
@@ -252,13 +288,23 @@ impl TrainConfig {
         if !(self.minutes > 0.0 && self.learning_rate > 0.0 && self.clip > 0.0) {
             return wrong("`minutes`, `learning_rate` and `clip` must be positive");
         }
+        if let Some(labels) = &self.labels
+            && (labels.views == 0 || labels.side_px == 0 || !labels.side_px.is_multiple_of(32))
+        {
+            return wrong(
+                "`labels.views` must be at least 1 and `labels.side_px` a multiple of 32",
+            );
+        }
         if !(0.0..=1.0).contains(&self.world_share) {
             return wrong("`world_share` must be between 0 and 1");
         }
         if self.world_share > 0.0 && (self.world.worlds == 0 || self.world.places == 0) {
             return wrong("`world.worlds` and `world.places` must be at least 1");
         }
-        if self.data.is_empty() && self.world_share < 1.0 {
+        if self.stage == Stage::Scenes && self.world_share > 0.0 {
+            return wrong("procedural worlds have no scene classes: `world_share` must be 0");
+        }
+        if self.stage != Stage::Shapes && self.data.is_empty() && self.world_share < 1.0 {
             return wrong("no `[[data]]` folder is given, and `world_share` is below 1");
         }
         Ok(())

@@ -1,12 +1,18 @@
 //! How a run went: a CSV file that grows with every report, and the same as SVG.
 
 use crate::TrainError;
+use crate::objective::Losses;
 use crate::trainer::Progress;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Columns of the CSV file; those from the third to the fifth are drawn.
-const HEADER: &str = "step,elapsed_s,keypoint,descriptor,global,pairs_per_s,learning_rate,gradient";
+/// Columns before the losses, and after them.
+const BEFORE: [&str; 2] = ["step", "elapsed_s"];
+const AFTER: [&str; 3] = ["pairs_per_s", "learning_rate", "gradient"];
+/// Colours of the losses.
+const COLOURS: [&str; 8] = [
+    "#c33", "#36c", "#393", "#939", "#e90", "#099", "#666", "#630",
+];
 /// Size of the picture, pixels.
 const SIZE_PX: [f64; 2] = [900.0, 420.0];
 /// Space for the axes' numbers.
@@ -18,7 +24,37 @@ const POINTS: usize = 300;
 #[derive(Debug)]
 pub struct Curves {
     path: PathBuf,
-    rows: Vec<[f64; 8]>,
+    columns: Vec<String>,
+    /// As many values as columns.
+    rows: Vec<Vec<f64>>,
+}
+
+/// Names of the losses as columns.
+fn loss_columns() -> impl Iterator<Item = String> {
+    let names = Losses::default().terms().map(|(name, _)| name);
+    names
+        .into_iter()
+        .map(|name| name.trim_end_matches(" loss").replace(' ', "_"))
+}
+
+/// The rows of a file up to a step, in the order of `columns`; columns that it does not have are 0, and a line that a crash
+/// cut short is left out.
+fn rows_of(text: &str, columns: &[String], step: u64) -> Vec<Vec<f64>> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let row = |line: &str| {
+        let values: Vec<f64> = line.split(',').filter_map(|v| v.parse().ok()).collect();
+        let of = |column: &String| {
+            let at = header.iter().position(|name| name == column);
+            at.map_or(0.0, |at| values[at])
+        };
+        let whole = values.len() == header.len();
+        whole.then(|| columns.iter().map(of).collect::<Vec<_>>())
+    };
+    lines
+        .filter_map(row)
+        .filter(|row| row[0] <= step as f64)
+        .collect()
 }
 
 impl Curves {
@@ -28,19 +64,21 @@ impl Curves {
     /// A file that cannot be read.
     pub fn open(folder: &Path, step: u64) -> Result<Self, TrainError> {
         let path = folder.join("curves.csv");
-        let mut rows = Vec::new();
-        if step > 0 && path.exists() {
-            for line in fs_err::read_to_string(&path)?.lines().skip(1) {
-                let values: Vec<f64> = line.split(',').filter_map(|v| v.parse().ok()).collect();
-                // A line that a crash cut short is left out.
-                if let Ok(row) = <[f64; 8]>::try_from(values)
-                    && row[0] <= step as f64
-                {
-                    rows.push(row);
-                }
-            }
-        }
-        Ok(Self { path, rows })
+        let before = BEFORE.map(str::to_owned).into_iter();
+        let columns: Vec<String> = before
+            .chain(loss_columns())
+            .chain(AFTER.map(str::to_owned))
+            .collect();
+        let rows = if step > 0 && path.exists() {
+            rows_of(&fs_err::read_to_string(&path)?, &columns, step)
+        } else {
+            Vec::new()
+        };
+        Ok(Self {
+            path,
+            columns,
+            rows,
+        })
     }
 
     /// Adds a report and writes both files anew.
@@ -48,20 +86,15 @@ impl Curves {
     /// # Errors
     /// A folder that cannot be written to.
     pub fn add(&mut self, p: &Progress) -> Result<(), TrainError> {
-        self.rows.push([
-            p.step as f64,
-            p.elapsed_s,
-            f64::from(p.losses.keypoint),
-            f64::from(p.losses.descriptor),
-            f64::from(p.losses.global),
-            p.pairs_per_s,
-            p.learning_rate,
-            f64::from(p.gradient),
-        ]);
-        let mut text = format!("{HEADER}\n");
-        for r in &self.rows {
-            let line = r.map(|v| format!("{v:.6}")).join(",");
-            text.push_str(&line);
+        let losses = p.losses.terms().map(|(_, value)| f64::from(value));
+        let before = [p.step as f64, p.elapsed_s];
+        let after = [p.pairs_per_s, p.learning_rate, f64::from(p.gradient)];
+        self.rows.push([&before[..], &losses, &after].concat());
+        let mut text = self.columns.join(",");
+        text.push('\n');
+        for row in &self.rows {
+            let values: Vec<String> = row.iter().map(|v| format!("{v:.6}")).collect();
+            text.push_str(&values.join(","));
             text.push('\n');
         }
         if let Some(folder) = self.path.parent() {
@@ -72,68 +105,72 @@ impl Curves {
         Ok(())
     }
 
-    /// The losses over the steps; values of some reports are averaged where there are many.
+    /// The losses over the steps; values of some reports are averaged where there are many, and losses that were not trained
+    /// are left out.
     fn svg(&self) -> String {
         let [width, height] = SIZE_PX;
-        let (inner_w, inner_h) = (width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX);
+        let inner = [width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX];
         let last = self.rows.last().map_or(1.0, |r| r[0]).max(1.0);
+        let drawn: Vec<usize> = (BEFORE.len()..self.columns.len() - AFTER.len())
+            .filter(|column| self.rows.iter().any(|row| row[*column] != 0.0))
+            .collect();
         let top = self
             .rows
             .iter()
-            .flat_map(|r| &r[2..5])
-            .fold(0.0f64, |a, b| a.max(*b))
-            .max(1e-6);
+            .flat_map(|row| drawn.iter().map(|column| row[*column]))
+            .fold(1e-6f64, f64::max);
         let mut out = format!(
             "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\
              <rect width=\"100%\" height=\"100%\" fill=\"white\"/>"
         );
         for i in 0..=4 {
             let share = f64::from(i) / 4.0;
-            let y = MARGIN_PX + inner_h * (1.0 - share);
-            let x = MARGIN_PX + inner_w * share;
+            let y = MARGIN_PX + inner[1] * (1.0 - share);
+            let x = MARGIN_PX + inner[0] * share;
             let _ = write!(
                 out,
-                "<path d=\"M{MARGIN_PX} {y}h{inner_w}\" stroke=\"#ddd\"/><text x=\"8\" y=\"{y}\">{:.2}</text>\
+                "<path d=\"M{MARGIN_PX} {y}h{}\" stroke=\"#ddd\"/><text x=\"8\" y=\"{y}\">{:.2}</text>\
                  <text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{:.0}</text>",
+                inner[0],
                 top * share,
                 height - MARGIN_PX + 18.0,
                 last * share
             );
         }
-        let curves = [
-            ("keypoint", "#c33"),
-            ("descriptor", "#36c"),
-            ("global", "#393"),
-        ];
-        for (k, (name, colour)) in curves.into_iter().enumerate() {
-            let points: Vec<String> = self
-                .rows
-                .chunks(self.rows.len().div_ceil(POINTS).max(1))
-                .map(|rows| {
-                    let mean =
-                        |i: usize| rows.iter().map(|r| r[i]).sum::<f64>() / rows.len() as f64;
-                    let x = MARGIN_PX + inner_w * mean(0) / last;
-                    let y = MARGIN_PX + inner_h * (1.0 - mean(2 + k) / top);
-                    format!("{x:.1},{y:.1}")
-                })
-                .collect();
+        for (k, column) in drawn.into_iter().enumerate() {
+            let colour = COLOURS[k % COLOURS.len()];
             let _ = write!(
                 out,
                 "<polyline fill=\"none\" stroke=\"{colour}\" points=\"{}\"/>\
-                 <text x=\"{}\" y=\"24\" fill=\"{colour}\">{name}</text>",
-                points.join(" "),
-                MARGIN_PX + 110.0 * k as f64
+                 <text x=\"{}\" y=\"24\" fill=\"{colour}\">{}</text>",
+                self.points(column, inner, [last, top]),
+                MARGIN_PX + 110.0 * k as f64,
+                self.columns[column]
             );
         }
         out.push_str("</svg>\n");
         out
+    }
+
+    /// A column over the steps as points of a polyline.
+    fn points(&self, column: usize, inner: [f64; 2], [last, top]: [f64; 2]) -> String {
+        let points: Vec<String> = self
+            .rows
+            .chunks(self.rows.len().div_ceil(POINTS).max(1))
+            .map(|rows| {
+                let mean = |i: usize| rows.iter().map(|r| r[i]).sum::<f64>() / rows.len() as f64;
+                let x = MARGIN_PX + inner[0] * mean(0) / last;
+                let y = MARGIN_PX + inner[1] * (1.0 - mean(column) / top);
+                format!("{x:.1},{y:.1}")
+            })
+            .collect();
+        points.join(" ")
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Losses;
 
     fn progress(step: u64) -> Progress {
         Progress {
@@ -168,6 +205,14 @@ mod tests {
             .collect();
         assert_eq!(steps, ["50", "100", "160"]);
         let svg = fs_err::read_to_string(folder.path().join("curves.svg")).unwrap();
-        assert_eq!(svg.matches("<polyline").count(), 3);
+        assert_eq!(svg.matches("<polyline").count(), 2);
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let columns = ["step", "scene", "gradient"].map(str::to_owned);
+        let text = "gradient,step\n0.5,10\n0.25,20\n0.1\n0.1,30\n";
+        let rows = rows_of(text, &columns, 20);
+        assert_eq!(rows, [[10.0, 0.0, 0.5], [20.0, 0.0, 0.25]]);
     }
 }

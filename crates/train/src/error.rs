@@ -57,6 +57,12 @@ pub enum TrainError {
         /// What is wrong, and what to do.
         reason: String,
     },
+    /// Keypoint labels are missing or damaged.
+    #[error("keypoint labels: {reason}")]
+    Labels {
+        /// What is wrong, and what to do.
+        reason: String,
+    },
     /// A file of weights from another program cannot be used.
     #[error("weights {path}: {reason}")]
     Weights {

@@ -248,8 +248,13 @@ fn notes(
         checkpoint.position.elapsed_s / 60.0,
     );
     if let Some(path) = &config.start_from {
-        let name = path.file_name().unwrap_or_default().to_string_lossy();
-        out.push_str(&format!(" Started from {name}."));
+        // A checkpoint's own name tells nothing; its folder's does.
+        let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
+        let name = Path::new(folder).join(path.file_name().unwrap_or_default());
+        out.push_str(&format!(" Started from {}.", name.display()));
+    }
+    if config.labels.is_some() {
+        out.push_str(" Keypoint labels by homographic adaptation.");
     }
     for (name, v) in measured {
         out.push_str(&format!(

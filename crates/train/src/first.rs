@@ -10,22 +10,28 @@ use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::Model;
 use std::path::Path;
 
-/// The first state of a run.
+/// The first state of a run, with a classifier of that many scenes.
 ///
 /// # Errors
 /// `start_from` that cannot be read, or holds another network.
-pub(crate) fn first_state(config: &TrainConfig, device: &Device) -> Result<Checkpoint, TrainError> {
+pub(crate) fn first_state(
+    config: &TrainConfig,
+    scenes: usize,
+    device: &Device,
+) -> Result<Checkpoint, TrainError> {
     let random = Parameters::of_model(&Model::random(&config.spec()?, config.seed)?, device);
     let (parameters, centres_started) = match &config.start_from {
         None => (random, false),
         Some(path) => started_from(path, random, config, device)?,
     };
+    let parameters = parameters.with_classifier(scenes, device);
     Ok(Checkpoint {
         average: parameters.clone(),
         parameters,
         adam: Adam::default(),
         position: Position {
             centres_started,
+            stage: config.stage,
             ..Position::default()
         },
     })
@@ -40,11 +46,14 @@ fn started_from(
     device: &Device,
 ) -> Result<(Parameters, bool), TrainError> {
     fs_err::metadata(path)?;
-    let found = match Checkpoint::open(path, device) {
-        Ok(checkpoint) => checkpoint.average,
+    let (found, centres_started) = match Checkpoint::open(path, device) {
+        Ok(checkpoint) => (
+            checkpoint.average.with_classifier(0, device),
+            checkpoint.position.centres_started,
+        ),
         Err(error @ TrainError::Io(_)) => return Err(error),
         Err(_) => match Model::open(path) {
-            Ok(model) => Parameters::of_model(&model, device),
+            Ok(model) => (Parameters::of_model(&model, device), true),
             Err(_) => return Ok((with_encoder(path, random, device)?, false)),
         },
     };
@@ -57,7 +66,7 @@ fn started_from(
             ),
         });
     }
-    Ok((found, true))
+    Ok((found, centres_started))
 }
 
 /// The parameters with torchvision's encoder.

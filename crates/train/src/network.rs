@@ -9,7 +9,7 @@ use burn::tensor::activation::softmax;
 use burn::tensor::module::{conv_transpose2d, max_pool2d};
 use burn::tensor::ops::{ConvTransposeOptions, MaxPoolOptions};
 use burn::tensor::{Device, Tensor, TensorData};
-use grimnet_net::{Decoder, Domain, Downsample, KeypointHead, VladInput};
+use grimnet_net::{Decoder, Domain, Downsample, KeypointHead, NetSpec, VladInput};
 use std::sync::Arc;
 
 /// As in `grimnet-net` (paper, eq. 3).
@@ -88,10 +88,73 @@ impl<'a> Network<'a> {
     /// # Errors
     /// Where the parameters are not those of their spec.
     pub fn forward(&mut self, input: &Input, with_global: bool) -> Result<Output, TrainError> {
-        let spec = self.parameters.spec().clone();
+        let stages = self.encode(input)?;
+        let features = self.decode(&stages, &input.parts)?;
+        let descriptors = match self.spec().decoder {
+            Decoder::Lateral { .. } => self.linear("descriptor", features.clone())?,
+            Decoder::Transposed { .. } => self.conv_with_bias("descriptor", features.clone())?,
+        };
+        let keypoints = match self.spec().keypoints {
+            KeypointHead::FromGrey { layers, .. } => self.keypoints_from_grey(input, layers)?,
+            KeypointHead::FromDecoder => self.conv_with_bias("keypoint", features)?,
+        };
+        let [n, h, w, _] = keypoints.dims();
+        let (vectors, seen) = match self.spec().vlad.input {
+            VladInput::Descriptors => (descriptors.clone(), input.seen.clone()),
+            VladInput::Deepest => (deepest(stages)?, coarse_seen(&input.seen, n, h, w)),
+        };
+        let vectors = if with_global {
+            vectors
+        } else {
+            vectors.detach()
+        };
+        Ok(Output {
+            keypoints: cells(keypoints),
+            global: self.vlad(vectors.clone(), seen)?,
+            aggregated: vectors,
+            descriptors,
+        })
+    }
+
+    /// The keypoint logits alone, as [`Output::keypoints`]: only what they need is computed.
+    ///
+    /// # Errors
+    /// As [`Network::forward`].
+    pub fn keypoints(&mut self, input: &Input) -> Result<Tensor<2>, TrainError> {
+        let logits = match self.spec().keypoints {
+            KeypointHead::FromGrey { layers, .. } => self.keypoints_from_grey(input, layers)?,
+            KeypointHead::FromDecoder => {
+                let stages = self.encode(input)?;
+                let features = self.decode(&stages, &input.parts)?;
+                self.conv_with_bias("keypoint", features)?
+            }
+        };
+        Ok(cells(logits))
+    }
+
+    /// Scene logits `[n, scenes]`: a linear classifier on the mean of the deepest features (global average pooling; Lin,
+    /// Chen and Yan 2014).
+    ///
+    /// # Errors
+    /// As [`Network::forward`]; where the parameters have no classifier.
+    pub fn scenes(&mut self, input: &Input) -> Result<Tensor<2>, TrainError> {
+        let features = deepest(self.encode(input)?)?;
+        let [n, h, w, c] = features.dims();
+        let pooled = features.reshape([n, h * w, c]).mean_dim(1).reshape([n, c]);
+        let weight = self.parameters.shaped::<2>("classifier.weight")?;
+        let bias = self.parameters.flat("classifier.bias")?;
+        Ok(pooled.matmul(weight.transpose()) + bias.unsqueeze::<2>())
+    }
+
+    fn spec(&self) -> &'a NetSpec {
+        self.parameters.spec()
+    }
+
+    /// The features after each stage, `[n, h / 2^(stage + 1), w / 2^(stage + 1), c]`.
+    fn encode(&mut self, input: &Input) -> Result<Vec<Tensor<4>>, TrainError> {
         let mut x = input.pictures.clone();
-        let mut stages = Vec::with_capacity(spec.stages.len());
-        for (s, stage) in spec.stages.iter().enumerate() {
+        let mut stages = Vec::with_capacity(self.spec().stages.len());
+        for (s, stage) in self.spec().stages.iter().enumerate() {
             for c in 0..stage.widths.len() {
                 let stride = if c == 0 && stage.downsample == Downsample::StrideFirst {
                     2
@@ -112,61 +175,47 @@ impl<'a> Network<'a> {
             }
             stages.push(x.clone());
         }
-        let deepest = x;
-        let features = match spec.decoder {
+        Ok(stages)
+    }
+
+    /// What keypoints and descriptors are made from, `[n, h / 8, w / 8, c]`.
+    fn decode(&mut self, stages: &[Tensor<4>], parts: &[Part]) -> Result<Tensor<4>, TrainError> {
+        let [_, _, h8, h16, h32] = stages else {
+            return Err(not_five_stages());
+        };
+        match self.spec().decoder {
             Decoder::Lateral { .. } => {
-                let [_, _, h8, h16, h32] =
-                    <[Tensor<4>; 5]>::try_from(stages).map_err(|_| TrainError::Config {
-                        reason: "the encoder has not five stages".into(),
-                    })?;
-                let coarse = upsample_twice(self.linear("lateral.h32", h32)?);
-                let middle = upsample_twice(self.linear("lateral.h16", h16)? + coarse);
-                let fused = conv3x3(h8 + middle, self.parameters.shaped::<4>("fuse.weight")?, 1);
-                self.norm("fuse", fused, &input.parts)?
+                let coarse = upsample_twice(self.linear("lateral.h32", h32.clone())?);
+                let middle = upsample_twice(self.linear("lateral.h16", h16.clone())? + coarse);
+                let weight = self.parameters.shaped::<4>("fuse.weight")?;
+                let fused = conv3x3(h8.clone() + middle, weight, 1);
+                self.norm("fuse", fused, parts)
             }
             Decoder::Transposed { .. } => {
-                let mut x = deepest.clone();
+                let mut x = h32.clone();
                 for name in ["upsample.0", "upsample.1"] {
                     let weight = self.parameters.shaped::<4>(&format!("{name}.weight"))?;
                     let options = ConvTransposeOptions::new([2, 2], [1, 1], [0, 0], [1, 1], 1);
                     let y = conv_transpose2d(x.permute([0, 3, 1, 2]), weight, None, options);
-                    x = self.norm(name, y.permute([0, 2, 3, 1]), &input.parts)?;
+                    x = self.norm(name, y.permute([0, 2, 3, 1]), parts)?;
                 }
-                x
+                Ok(x)
             }
-        };
-        let descriptors = match spec.decoder {
-            Decoder::Lateral { .. } => self.linear("descriptor", features.clone())?,
-            Decoder::Transposed { .. } => self.conv_with_bias("descriptor", features.clone())?,
-        };
-        let logits = match spec.keypoints {
-            KeypointHead::FromGrey { layers, .. } => {
-                let mut x = input.grey_cells.clone();
-                for i in 0..layers {
-                    let name = format!("keypoint.{i}");
-                    let y = self.product(&name, x)?;
-                    x = self.norm(&name, y, &input.parts)?;
-                }
-                self.linear("keypoint.out", x)?
-            }
-            KeypointHead::FromDecoder => self.conv_with_bias("keypoint", features)?,
-        };
-        let [n, h, w, classes] = logits.dims();
-        let (vectors, seen) = match spec.vlad.input {
-            VladInput::Descriptors => (descriptors.clone(), input.seen.clone()),
-            VladInput::Deepest => (deepest, coarse_seen(&input.seen, n, h, w)),
-        };
-        let vectors = if with_global {
-            vectors
-        } else {
-            vectors.detach()
-        };
-        Ok(Output {
-            keypoints: logits.reshape([n * h * w, classes]),
-            global: self.vlad(vectors.clone(), seen)?,
-            aggregated: vectors,
-            descriptors,
-        })
+        }
+    }
+
+    fn keypoints_from_grey(
+        &mut self,
+        input: &Input,
+        layers: usize,
+    ) -> Result<Tensor<4>, TrainError> {
+        let mut x = input.grey_cells.clone();
+        for i in 0..layers {
+            let name = format!("keypoint.{i}");
+            let y = self.product(&name, x)?;
+            x = self.norm(&name, y, &input.parts)?;
+        }
+        self.linear("keypoint.out", x)
     }
 
     /// 1x1 convolution without bias.
@@ -272,6 +321,23 @@ impl<'a> Network<'a> {
         let rows = unit_rows(residuals.reshape([n * k, d])).reshape([n, k * d]);
         Ok(unit_rows(rows))
     }
+}
+
+fn not_five_stages() -> TrainError {
+    TrainError::Config {
+        reason: "the encoder has not five stages".into(),
+    }
+}
+
+/// The features of the last stage.
+fn deepest(mut stages: Vec<Tensor<4>>) -> Result<Tensor<4>, TrainError> {
+    stages.pop().ok_or_else(not_five_stages)
+}
+
+/// `[n, h, w, c]` to `[n * h * w, c]`.
+fn cells(x: Tensor<4>) -> Tensor<2> {
+    let [n, h, w, c] = x.dims();
+    x.reshape([n * h * w, c])
 }
 
 /// Each row to unit length.

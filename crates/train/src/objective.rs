@@ -1,15 +1,15 @@
 //! What a step lowers: the weighted sum of the losses (paper, section 3.6).
 
 use crate::TrainError;
-use crate::config::{DescriptorLoss, GlobalLoss, TrainConfig};
-use crate::data::{Batch, LABEL_NONE, Pair};
+use crate::config::{DescriptorLoss, GlobalLoss, Stage, TrainConfig};
+use crate::data::{Batch, LABEL_NONE, Pair, Scene};
 use crate::loss::{
     Correspondences, constant, descriptor_contrast, descriptor_distillation, descriptor_hinge,
     global_contrast, homography_reprojection, keypoint_cross_entropy, keypoint_distillation,
-    multi_similarity, sample_descriptors, similarity_distillation, triplet,
+    multi_similarity, sample_descriptors, scene_cross_entropy, similarity_distillation, triplet,
 };
 use crate::memory::{Memory, overlaps_within};
-use crate::network::Output;
+use crate::network::{Input, Network, Output};
 use crate::parameters::host;
 use crate::teacher::Teacher;
 use burn::tensor::{Device, Tensor};
@@ -32,11 +32,13 @@ pub struct Losses {
     pub taught_descriptor: f32,
     /// The teacher's similarities of global descriptors.
     pub taught_global: f32,
+    /// Cross-entropy over scene classes.
+    pub scene: f32,
 }
 
 impl Losses {
     /// The losses by name.
-    pub fn terms(&self) -> [(&'static str, f32); 7] {
+    pub fn terms(&self) -> [(&'static str, f32); 8] {
         [
             ("keypoint loss", self.keypoint),
             ("descriptor loss", self.descriptor),
@@ -45,10 +47,11 @@ impl Losses {
             ("taught keypoint loss", self.taught_keypoint),
             ("taught descriptor loss", self.taught_descriptor),
             ("taught global loss", self.taught_global),
+            ("scene loss", self.scene),
         ]
     }
 
-    fn slots(&mut self) -> [&mut f32; 7] {
+    fn slots(&mut self) -> [&mut f32; 8] {
         [
             &mut self.keypoint,
             &mut self.descriptor,
@@ -57,6 +60,7 @@ impl Losses {
             &mut self.taught_keypoint,
             &mut self.taught_descriptor,
             &mut self.taught_global,
+            &mut self.scene,
         ]
     }
 
@@ -149,30 +153,71 @@ impl Objective {
         })
     }
 
-    /// The sum, to be descended, and the values of its terms.
+    /// Runs what the stage trains of the network, and gives the sum to be descended with the values of its terms.
     ///
     /// # Errors
-    /// Where the device does not give values back.
+    /// Where the device does not give values back, or nothing is weighted.
     pub fn of(
         &mut self,
-        output: Output,
+        network: &mut Network<'_>,
+        input: &Input,
         batch: &Batch,
         turn: Turn,
     ) -> Result<(Tensor<1>, Losses), TrainError> {
         let (mut sum, mut losses) = (Sum::default(), Losses::default());
-        if turn.matching {
-            self.add_matching(&output, batch, &mut sum, &mut losses)?;
-        }
-        if self.teacher.is_some() {
-            self.add_teacher(&output, batch, turn, &mut sum, &mut losses)?;
-        }
-        if turn.retrieval {
-            self.add_retrieval(output, batch, &mut sum, &mut losses)?;
+        match self.config.stage {
+            Stage::Shapes => {
+                let logits = network.keypoints(input)?;
+                self.add_keypoints(logits, batch, &mut sum, &mut losses)?;
+            }
+            Stage::Scenes => {
+                let loss = scene_cross_entropy(network.scenes(input)?, &scenes_of(batch));
+                losses.scene = sum.add(loss, 1.0)?;
+            }
+            Stage::Joint => {
+                let output = network.forward(input, turn.retrieval)?;
+                self.add_joint(output, batch, turn, &mut sum, &mut losses)?;
+            }
         }
         let total = sum.total.ok_or_else(|| TrainError::Config {
             reason: "all `weights` are 0: there is nothing to train".into(),
         })?;
         Ok((total, losses))
+    }
+
+    fn add_joint(
+        &mut self,
+        output: Output,
+        batch: &Batch,
+        turn: Turn,
+        sum: &mut Sum,
+        losses: &mut Losses,
+    ) -> Result<(), TrainError> {
+        if turn.matching {
+            self.add_matching(&output, batch, sum, losses)?;
+        }
+        if self.teacher.is_some() {
+            self.add_teacher(&output, batch, turn, sum, losses)?;
+        }
+        if turn.retrieval {
+            self.add_retrieval(output, batch, sum, losses)?;
+        }
+        Ok(())
+    }
+
+    fn add_keypoints(
+        &self,
+        logits: Tensor<2>,
+        batch: &Batch,
+        sum: &mut Sum,
+        losses: &mut Losses,
+    ) -> Result<(), TrainError> {
+        let weights = &self.config.weights;
+        let labels = labels_of(batch);
+        let shares = cell_weights(batch, &labels, weights.dustbin);
+        let loss = keypoint_cross_entropy(logits, &labels, &shares);
+        losses.keypoint = sum.add(loss, weights.keypoint)?;
+        Ok(())
     }
 
     fn add_matching(
@@ -183,10 +228,7 @@ impl Objective {
         losses: &mut Losses,
     ) -> Result<(), TrainError> {
         let weights = &self.config.weights;
-        let labels = labels_of(batch);
-        let shares = cell_weights(batch, &labels, weights.dustbin);
-        let keypoint = keypoint_cross_entropy(output.keypoints.clone(), &labels, &shares);
-        losses.keypoint = sum.add(keypoint, weights.keypoint)?;
+        self.add_keypoints(output.keypoints.clone(), batch, sum, losses)?;
         let points = points_of(batch);
         let (n, half) = (batch.len(), points.len() / 2);
         let sampled = sample_descriptors(output.descriptors.clone(), &points);
@@ -266,6 +308,12 @@ impl Objective {
         }
         Ok(())
     }
+}
+
+/// Scenes of all views: the map views', then the photos'.
+fn scenes_of(batch: &Batch) -> Vec<Option<&Scene>> {
+    let once = || batch.iter().map(|pair| pair.scene.as_ref());
+    once().chain(once()).collect()
 }
 
 /// Keypoint labels of all cells: the map views', then the photos'.

@@ -20,6 +20,9 @@ struct Entry {
     trained: bool,
 }
 
+/// The scene classifier: `[scenes, width of the deepest features]` and `[scenes]`. It is no part of the model file.
+const CLASSIFIER: [&str; 2] = ["classifier.weight", "classifier.bias"];
+
 /// Whether the optimiser moves a tensor: statistics and whitening are estimated, not descended to.
 fn is_trained(name: &str) -> bool {
     !(name.ends_with(".mean") || name.ends_with(".var") || name.starts_with("whitening."))
@@ -67,6 +70,45 @@ impl Parameters {
     /// The network that the numbers belong to; never whitened.
     pub fn spec(&self) -> &NetSpec {
         &self.spec
+    }
+
+    /// The same with a scene classifier that knows nothing yet, or with 0 scenes without one. Pre-training needs it and throws
+    /// it away.
+    #[must_use]
+    pub fn with_classifier(mut self, scenes: usize, device: &Device) -> Self {
+        self.values
+            .retain(|name, _| !CLASSIFIER.contains(&name.as_str()));
+        if scenes > 0 {
+            let width = self.spec.stage_width(self.spec.stages.len() - 1);
+            for (name, shape) in CLASSIFIER
+                .into_iter()
+                .zip([vec![scenes, width], vec![scenes]])
+            {
+                let length: usize = shape.iter().product();
+                let value = Tensor::zeros([length], &device.clone().without_autodiff());
+                let entry = Entry {
+                    shape,
+                    value,
+                    trained: true,
+                };
+                self.values.insert(name.to_owned(), entry);
+            }
+        }
+        self
+    }
+
+    /// Number of scenes that the classifier tells apart; 0 where there is none.
+    pub fn scenes(&self) -> usize {
+        let bias = self.values.get(CLASSIFIER[1]);
+        bias.map_or(0, |entry| entry.shape.iter().product())
+    }
+
+    /// Where the numbers are, without gradients.
+    ///
+    /// # Errors
+    /// Where there are none.
+    pub fn device(&self) -> Result<Device, TrainError> {
+        Ok(self.flat("descriptor.bias")?.device().without_autodiff())
     }
 
     /// Names of all tensors, sorted.
@@ -155,15 +197,13 @@ impl Parameters {
             .collect()
     }
 
-    /// The model as it is now, without whitening.
+    /// The model as it is now, without whitening and classifier.
     ///
     /// # Errors
     /// Where the device does not give the numbers back, or one is not finite.
     pub fn to_model(&self, card: Card) -> Result<Model, TrainError> {
-        Ok(Model::from_values(
-            self.spec.clone(),
-            card,
-            self.to_host()?,
-        )?)
+        let mut values = self.to_host()?;
+        values.retain(|(name, _)| !CLASSIFIER.contains(&name.as_str()));
+        Ok(Model::from_values(self.spec.clone(), card, values)?)
     }
 }

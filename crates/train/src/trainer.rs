@@ -4,7 +4,7 @@ use crate::TrainError;
 use crate::batch::input_of;
 use crate::centres::start_centres;
 use crate::checkpoint::Checkpoint;
-use crate::config::TrainConfig;
+use crate::config::{Stage, TrainConfig};
 use crate::data::{Batch, Sources, Stream, batch_of};
 use crate::first::first_state;
 use crate::network::{Network, Statistics, unit_rows};
@@ -66,22 +66,11 @@ impl Trainer {
         resume: bool,
     ) -> Result<Self, TrainError> {
         config.validate()?;
-        let path = checkpoint_path(&config);
+        let scenes = scenes_of(&config, &sources)?;
         let state = if resume {
-            let state = Checkpoint::open(&path, device)?;
-            let wanted = Parameters::of_model(&Model::random(&config.spec()?, 0)?, device);
-            if state.parameters.spec() != wanted.spec() {
-                return Err(TrainError::Checkpoint {
-                    path,
-                    reason: format!(
-                        "it holds another network than `{}`; train into another folder",
-                        config.network
-                    ),
-                });
-            }
-            state
+            resumed(&config, scenes, device)?
         } else {
-            first_state(&config, device)?
+            first_state(&config, scenes, device)?
         };
         Ok(Self {
             objective: Objective::new(&config, state.parameters.spec(), device)?,
@@ -129,7 +118,8 @@ impl Trainer {
             if done >= 1.0 || self.stop.load(Ordering::Relaxed) {
                 break;
             }
-            if !self.state.position.centres_started && done >= config.global_from {
+            let in_use = config.stage == Stage::Joint && done >= config.global_from;
+            if in_use && !self.state.position.centres_started {
                 self.start_centres()?;
             }
             let batch = enough(
@@ -180,9 +170,8 @@ impl Trainer {
             self.state.position.centres_started,
         );
         let mut network = Network::new(&tracked, Statistics::Batch);
-        let output = network.forward(&input, turn.retrieval)?;
+        let (total, losses) = self.objective.of(&mut network, &input, batch, turn)?;
         let running = network.into_running();
-        let (total, losses) = self.objective.of(output, batch, turn)?;
         let mut gradients = total.backward();
         let encoder = (rate * config.encoder_rate) as f32;
         let length = self.state.adam.step(
@@ -278,6 +267,47 @@ impl Trainer {
         tracing::info!("NetVLAD starts from clusters of what it aggregates");
         Ok(())
     }
+}
+
+/// Number of scenes to tell apart.
+fn scenes_of(config: &TrainConfig, sources: &Sources) -> Result<usize, TrainError> {
+    if config.stage != Stage::Scenes {
+        return Ok(0);
+    }
+    let counts = sources.iter().map(|(_, source)| source.scenes());
+    match counts.max() {
+        Some(count) if count > 1 => Ok(count),
+        _ => Err(TrainError::Config {
+            reason: "`stage = \"scenes\"` needs `[[data]]` of `layout = \"classes\"`".into(),
+        }),
+    }
+}
+
+/// The state that a run goes on from.
+fn resumed(config: &TrainConfig, scenes: usize, device: &Device) -> Result<Checkpoint, TrainError> {
+    let path = checkpoint_path(config);
+    let state = Checkpoint::open(&path, device)?;
+    let wanted = Parameters::of_model(&Model::random(&config.spec()?, 0)?, device);
+    let other = |reason: String| Err(TrainError::Checkpoint { path, reason });
+    if state.parameters.spec() != wanted.spec() {
+        let network = &config.network;
+        return other(format!(
+            "it holds another network than `{network}`; train into another folder"
+        ));
+    }
+    let (theirs, ours) = (state.position.stage, config.stage);
+    if theirs != ours {
+        return other(format!(
+            "it is of the stage `{theirs}`, not `{ours}`; give each stage its own `out`, and name this file as the next one's `start_from`"
+        ));
+    }
+    let known = state.parameters.scenes();
+    if known != scenes {
+        return other(format!(
+            "it tells {known} scenes apart, and the data have {scenes}; begin anew, or give the data it began with"
+        ));
+    }
+    Ok(state)
 }
 
 /// A batch that a step can be made of.

@@ -4,11 +4,12 @@
 
 use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::{Model, NetSpec};
+use grimnet_train::data::Scene;
 use grimnet_train::loss::{
     Correspondences, HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions,
     descriptor_contrast, descriptor_distillation, descriptor_hinge, global_contrast,
     homography_reprojection, keypoint_cross_entropy, keypoint_distillation, multi_similarity,
-    similarity_distillation, triplet,
+    scene_cross_entropy, similarity_distillation, triplet,
 };
 use grimnet_train::ops::{Group, follow_moments, norm_relu};
 use grimnet_train::{Adam, Parameters};
@@ -25,6 +26,10 @@ fn numbers(value: &Value) -> Vec<f32> {
         Value::Array(values) => values.iter().flat_map(numbers).collect(),
         other => vec![other.as_f64().unwrap() as f32],
     }
+}
+
+fn numbers_or_none(value: &Value) -> Option<Vec<f32>> {
+    (!value.is_null()).then(|| numbers(value))
 }
 
 fn flags(value: &Value) -> Vec<bool> {
@@ -183,6 +188,27 @@ fn homography_reprojection_is_a_dense_solvers() {
             unit_px: 8.0,
         };
         homography_reprojection(x[0].clone(), x[1].clone(), &points, &options)
+    });
+}
+
+#[test]
+fn scenes_compete_within_their_data_set() {
+    check::<2>("scenes", &["logits"], |x, case, _| {
+        let scene = |value: &Value| match numbers_or_none(value)?[..] {
+            [class, first, end] => Some(Scene {
+                class: class as usize,
+                among: first as usize..end as usize,
+            }),
+            _ => None,
+        };
+        let scenes: Vec<Option<Scene>> = case["scenes"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(scene)
+            .collect();
+        let scenes: Vec<Option<&Scene>> = scenes.iter().map(Option::as_ref).collect();
+        scene_cross_entropy(x[0].clone(), &scenes)
     });
 }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 #[cfg(feature = "train")]
+mod labels;
+#[cfg(feature = "train")]
 mod session;
 #[cfg(feature = "train")]
 pub use session::run;
@@ -18,6 +20,11 @@ pub struct TrainArgs {
     /// Go on from the last checkpoint
     #[arg(long)]
     resume: bool,
+
+    /// Train nothing: find keypoints in the pictures by homographic adaptation, as the [labels] table says; what was found by
+    /// an earlier run is kept
+    #[arg(long, conflicts_with_all = ["resume", "export"])]
+    labels: bool,
 
     /// Train no more: make the model file of the last checkpoint
     #[arg(long, conflicts_with = "resume")]

@@ -1,9 +1,12 @@
 //! Corners after Shi and Tomasi (1994): the labels that the keypoint head starts from.
 
+use super::peaks::peaks;
 use image::RgbImage;
 
 /// Corners weaker than this share of the strongest do not count.
 const QUALITY: f32 = 0.01;
+/// Nearer to the edge the structure tensor is not known.
+const MARGIN_PX: usize = 3;
 
 /// Corners of a picture, strongest first: local maxima, within `radius_px`, of the smaller eigenvalue of the structure
 /// tensor over 5 x 5 pixels (binomial weights).
@@ -47,29 +50,7 @@ pub fn corners(image: &RgbImage, radius_px: usize, most: usize) -> Vec<[usize; 2
         strength[i] = s;
         best = best.max(s);
     }
-    let floor = best * QUALITY;
-    let mut found = Vec::new();
-    let margin = 3;
-    for y in margin..h - margin {
-        'next: for x in margin..w - margin {
-            let s = strength[y * w + x];
-            if s <= floor {
-                continue;
-            }
-            let (left, right) = (x.saturating_sub(radius_px), (x + radius_px).min(w - 1));
-            for yy in y.saturating_sub(radius_px)..=(y + radius_px).min(h - 1) {
-                for xx in left..=right {
-                    let other = strength[yy * w + xx];
-                    // Of equals the first in reading order stays.
-                    if other > s || (other == s && (yy, xx) < (y, x)) {
-                        continue 'next;
-                    }
-                }
-            }
-            found.push((s, [x, y]));
-        }
-    }
-    found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    let mut found = peaks(&strength, w, radius_px, MARGIN_PX, best * QUALITY);
     found.truncate(most);
     found.into_iter().map(|(_, at)| at).collect()
 }

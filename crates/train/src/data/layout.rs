@@ -12,10 +12,12 @@ pub enum Layout {
     /// Any pictures, read recursively.
     #[default]
     Pictures,
+    /// One folder of pictures a scene class, named after it.
+    Classes,
     /// VTRN, the UAV data of the ICRA 2022 General Place Recognition Competition (a part of ALTO), after its readme:
     /// `Train` and `Val`, each with `query_images` and `reference_images/offset_0_None`. `Val` is kept aside whole.
     Vtrn,
-    /// RSSDIVCS (Li et al. 2021): one folder of pictures a scene class.
+    /// RSSDIVCS (Li et al. 2021), which is laid out as [`Layout::Classes`].
     Rssdivcs,
     /// Manchester Surface Drone Imagery (doi:10.5281/zenodo.6977602), after its tool's readme: `calibrated_images`, in the
     /// folder itself or under `data`, and, where they were fetched, the stitched maps beside it. The checkerboards, the raw
@@ -23,10 +25,11 @@ pub enum Layout {
     Msdi,
 }
 
-/// A picture file, and the fold that the publisher put it in.
+/// A picture file, the fold that the publisher put it in, and the scene class.
 pub(super) struct Listed {
     pub(super) path: PathBuf,
     pub(super) fold: Option<Fold>,
+    pub(super) class: Option<String>,
 }
 
 /// The picture files of a folder, sorted.
@@ -46,7 +49,7 @@ pub(super) fn files_of(folder: &Folder) -> Result<Vec<Listed>, TrainError> {
             }
             Ok(out)
         }
-        Layout::Rssdivcs => {
+        Layout::Classes | Layout::Rssdivcs => {
             let mut classes = Vec::new();
             for entry in fs_err::read_dir(root)? {
                 let path = entry?.path();
@@ -58,8 +61,17 @@ pub(super) fn files_of(folder: &Folder) -> Result<Vec<Listed>, TrainError> {
                 return Err(wrong(folder, "a folder for each scene class"));
             }
             classes.sort();
-            let files: Result<Vec<_>, _> = classes.iter().map(|path| listed(path, None)).collect();
-            Ok(files?.into_iter().flatten().collect())
+            let mut out = Vec::new();
+            for path in classes {
+                let class = path
+                    .file_name()
+                    .map(|name| name.to_string_lossy().into_owned());
+                out.extend(listed(&path, None)?.into_iter().map(|file| Listed {
+                    class: class.clone(),
+                    ..file
+                }));
+            }
+            Ok(out)
         }
         Layout::Msdi => {
             let photos = needed(folder, &["calibrated_images", "data/calibrated_images"])?;
@@ -97,7 +109,11 @@ fn listed(root: &Path, fold: Option<Fold>) -> Result<Vec<Listed>, TrainError> {
     files_under(root, &mut files)?;
     Ok(files
         .into_iter()
-        .map(|path| Listed { path, fold })
+        .map(|path| Listed {
+            path,
+            fold,
+            class: None,
+        })
         .collect())
 }
 

@@ -1,10 +1,14 @@
 //! Folders of pictures, read recursively, and their resolution pyramids.
 
+use super::label_cache::LabelCache;
+use super::labels::Labels;
 use super::layout::{Layout, Listed, files_of};
+use super::scene::Scene;
 use crate::TrainError;
 use image::RgbImage;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -45,6 +49,8 @@ const CACHE_BYTES: usize = 1_200_000_000;
 #[derive(Debug)]
 pub struct Picture {
     levels: Vec<RgbImage>,
+    /// Known keypoints by level; of further levels those of the last one.
+    keypoints: Vec<Vec<[f32; 2]>>,
 }
 
 impl Picture {
@@ -58,7 +64,28 @@ impl Picture {
             let half = halved(last);
             levels.push(half);
         }
-        Self { levels }
+        Self {
+            levels,
+            keypoints: Vec::new(),
+        }
+    }
+
+    /// The same with known keypoints, the strongest first, in pixels of the picture (pixel centres at integers): those of
+    /// each level, or one list for all.
+    #[must_use]
+    pub fn with_keypoints(self, keypoints: Vec<Vec<[f32; 2]>>) -> Self {
+        Self { keypoints, ..self }
+    }
+
+    /// The keypoints that are known at a level, or at the smallest of which any are; `None` where none are known at all.
+    pub fn keypoints(&self, level: usize) -> Option<&[[f32; 2]]> {
+        let last = self.keypoints.len().checked_sub(1)?;
+        self.keypoints.get(level.min(last)).map(Vec::as_slice)
+    }
+
+    /// Number of levels, the picture itself among them.
+    pub fn levels(&self) -> usize {
+        self.levels.len()
     }
 
     /// The picture at 1 / 2^`level`, or the smallest there is.
@@ -73,7 +100,13 @@ impl Picture {
     }
 
     fn bytes(&self) -> usize {
-        self.levels.iter().map(|level| level.as_raw().len()).sum()
+        let labels: usize = self.keypoints.iter().map(|points| 8 * points.len()).sum();
+        labels
+            + self
+                .levels
+                .iter()
+                .map(|level| level.as_raw().len())
+                .sum::<usize>()
     }
 }
 
@@ -102,6 +135,9 @@ struct Entry {
     fold: Fold,
     /// The short side.
     side_px: u32,
+    scene: Option<Scene>,
+    /// Where its keypoint labels are kept, where it has some.
+    labels: Option<PathBuf>,
 }
 
 /// A set of pictures to draw from.
@@ -112,6 +148,7 @@ pub struct Pictures {
     training: Vec<usize>,
     validation: Vec<usize>,
     unreadable: usize,
+    scenes: usize,
     cache: Mutex<(HashMap<usize, Arc<Picture>>, usize)>,
 }
 
@@ -125,6 +162,17 @@ fn hash_of(path: &str) -> u64 {
     })
 }
 
+/// The fold of a picture whose publisher made no choice: its path below the folder decides, so that moving the folder moves
+/// nothing between the folds.
+fn drawn_fold(path: &Path, folder: &Folder) -> Fold {
+    let inside = path.strip_prefix(&folder.path).unwrap_or(path);
+    if hash_of(&inside.to_string_lossy()).is_multiple_of(VALIDATION_ONE_IN) {
+        Fold::Validation
+    } else {
+        Fold::Training
+    }
+}
+
 impl Pictures {
     /// Lists the pictures of the folders; those whose header cannot be read, or whose short side is below `least_side_px`,
     /// are counted and left out.
@@ -134,45 +182,7 @@ impl Pictures {
     pub fn scan(folders: &[Folder], least_side_px: u32) -> Result<Self, TrainError> {
         let mut out = Self::default();
         for folder in folders {
-            for Listed { path, fold } in files_of(folder)? {
-                let Ok((width, height)) = image::image_dimensions(&path) else {
-                    tracing::warn!(path = %path.display(), "unreadable picture left out");
-                    out.unreadable += 1;
-                    continue;
-                };
-                if width.min(height) < least_side_px {
-                    out.unreadable += 1;
-                    continue;
-                }
-                // The path below the folder decides, so that moving the folder moves nothing between the folds.
-                let inside = path
-                    .strip_prefix(&folder.path)
-                    .unwrap_or(&path)
-                    .to_string_lossy()
-                    .into_owned();
-                let drawn = if hash_of(&inside).is_multiple_of(VALIDATION_ONE_IN) {
-                    Fold::Validation
-                } else {
-                    Fold::Training
-                };
-                let fold = fold.unwrap_or(drawn);
-                let aside = fold == Fold::Validation;
-                let index = out.entries.len();
-                let list = if aside {
-                    &mut out.validation
-                } else {
-                    &mut out.training
-                };
-                list.extend(std::iter::repeat_n(
-                    index,
-                    if aside { 1 } else { folder.repeat },
-                ));
-                out.entries.push(Entry {
-                    path,
-                    fold,
-                    side_px: width.min(height),
-                });
-            }
+            out.add_folder(folder, least_side_px)?;
         }
         if out.training.len() < 8 {
             return Err(TrainError::TooFewPictures {
@@ -189,12 +199,75 @@ impl Pictures {
         Ok(out)
     }
 
+    fn add_folder(&mut self, folder: &Folder, least_side_px: u32) -> Result<(), TrainError> {
+        let files = files_of(folder)?;
+        let classes: BTreeSet<&String> = files.iter().flat_map(|file| &file.class).collect();
+        let among = self.scenes..self.scenes + classes.len();
+        self.scenes = among.end;
+        let numbers: HashMap<&String, usize> = classes.into_iter().zip(among.clone()).collect();
+        for Listed { path, fold, class } in &files {
+            let Ok((width, height)) = image::image_dimensions(path) else {
+                tracing::warn!(path = %path.display(), "unreadable picture left out");
+                self.unreadable += 1;
+                continue;
+            };
+            if width.min(height) < least_side_px {
+                self.unreadable += 1;
+                continue;
+            }
+            let fold = fold.unwrap_or_else(|| drawn_fold(path, folder));
+            let index = self.entries.len();
+            match fold {
+                Fold::Training => self
+                    .training
+                    .extend(std::iter::repeat_n(index, folder.repeat)),
+                Fold::Validation => self.validation.push(index),
+            }
+            let class = class.as_ref().and_then(|class| numbers.get(class));
+            self.entries.push(Entry {
+                path: path.clone(),
+                fold,
+                side_px: width.min(height),
+                scene: class.map(|class| Scene {
+                    class: *class,
+                    among: among.clone(),
+                }),
+                labels: None,
+            });
+        }
+        Ok(())
+    }
+
+    /// The same, where the pictures to train on have the keypoint labels of a cache.
+    ///
+    /// # Errors
+    /// [`TrainError::Labels`] where some have none yet.
+    pub fn with_labels(mut self, cache: &LabelCache) -> Result<Self, TrainError> {
+        let training = self.entries.par_iter_mut();
+        let training = training.filter(|entry| entry.fold == Fold::Training);
+        let missing: usize = training
+            .map(|entry| {
+                let file = cache.file_of(&entry.path)?;
+                let missing = usize::from(!file.exists());
+                entry.labels = Some(file);
+                Ok(missing)
+            })
+            .sum::<Result<usize, TrainError>>()?;
+        if missing > 0 {
+            return Err(cache.incomplete(missing, self.training_count()));
+        }
+        Ok(self)
+    }
+
+    /// Indices of the pictures to train on, each once.
+    pub fn training_indices(&self) -> Vec<usize> {
+        let training = |index: &usize| self.entries[*index].fold == Fold::Training;
+        (0..self.entries.len()).filter(training).collect()
+    }
+
     /// Pictures to train on, each counted once.
     pub fn training_count(&self) -> usize {
-        self.entries
-            .iter()
-            .filter(|entry| entry.fold == Fold::Training)
-            .count()
+        self.training_indices().len()
     }
 
     /// Indices of a fold, repeated as often as each picture counts.
@@ -208,6 +281,16 @@ impl Pictures {
     /// Files that were left out.
     pub fn unreadable(&self) -> usize {
         self.unreadable
+    }
+
+    /// Number of scene classes, those of all folders together.
+    pub fn scenes(&self) -> usize {
+        self.scenes
+    }
+
+    /// The scene class of a picture, where its folder has classes.
+    pub fn scene(&self, index: usize) -> Option<Scene> {
+        self.entries[index].scene.clone()
     }
 
     /// The short side of a picture.
@@ -231,20 +314,34 @@ impl Pictures {
         {
             return Some(picture.clone());
         }
-        let path = &self.entries[index].path;
-        let image = match image::ImageReader::open(path).map(image::ImageReader::decode) {
-            Ok(Ok(image)) => image.into_rgb8(),
-            _ => {
-                tracing::warn!(path = %path.display(), "picture cannot be decoded; another is taken");
-                return None;
+        let mut picture = self.decode(index)?;
+        if let Some(labels) = &self.entries[index].labels {
+            match Labels::open(labels) {
+                Ok(labels) => picture = picture.with_keypoints(labels.into_points()),
+                Err(error) => {
+                    tracing::warn!(%error, "picture without its labels; another is taken");
+                    return None;
+                }
             }
-        };
-        let picture = Arc::new(Picture::new(image));
+        }
+        let picture = Arc::new(picture);
         let mut cache = self.cache.lock().unwrap_or_else(PoisonError::into_inner);
         if cache.1 + picture.bytes() <= CACHE_BYTES {
             cache.1 += picture.bytes();
             cache.0.insert(index, picture.clone());
         }
         Some(picture)
+    }
+
+    /// Decodes a picture; `None` where it cannot be decoded.
+    pub fn decode(&self, index: usize) -> Option<Picture> {
+        let path = &self.entries[index].path;
+        match image::ImageReader::open(path).map(image::ImageReader::decode) {
+            Ok(Ok(image)) => Some(Picture::new(image.into_rgb8())),
+            _ => {
+                tracing::warn!(path = %path.display(), "picture cannot be decoded; another is taken");
+                None
+            }
+        }
     }
 }

@@ -4,6 +4,21 @@ use super::pictures::Picture;
 use image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
 
+/// The halvings of a picture whose pixels are nearest in size to the pixels of a square view, from the area of the view's
+/// central pixel; for small pictures more than there are.
+pub fn pyramid_level(picture_from_view: &Matrix3<f64>, side_px: f64) -> usize {
+    let c = side_px / 2.0;
+    let at = |x: f64, y: f64| {
+        let p = picture_from_view * Vector3::new(x, y, 1.0);
+        (p.x / p.z, p.y / p.z)
+    };
+    let (o, u, v) = (at(c, c), at(c + 1.0, c), at(c, c + 1.0));
+    let scale = ((u.0 - o.0) * (v.1 - o.1) - (u.1 - o.1) * (v.0 - o.0))
+        .abs()
+        .sqrt();
+    scale.max(1.0).log2().round() as usize
+}
+
 /// Resamples a square view, bilinear, from the pyramid level whose pixels are nearest in size to the view's.
 ///
 /// `picture_from_view` takes pixels of the view to pixels of the picture (pixel centres at integers). Returns the view and,
@@ -13,17 +28,7 @@ pub fn warp(
     picture_from_view: &Matrix3<f64>,
     side_px: u32,
 ) -> (RgbImage, Vec<bool>) {
-    let c = f64::from(side_px) / 2.0;
-    // Pixels of the picture per pixel of the view, from the area of the central pixel.
-    let at = |x: f64, y: f64| {
-        let p = picture_from_view * Vector3::new(x, y, 1.0);
-        (p.x / p.z, p.y / p.z)
-    };
-    let (o, u, v) = (at(c, c), at(c + 1.0, c), at(c, c + 1.0));
-    let scale = ((u.0 - o.0) * (v.1 - o.1) - (u.1 - o.1) * (v.0 - o.0))
-        .abs()
-        .sqrt();
-    let wanted = scale.max(1.0).log2().round() as usize;
+    let wanted = pyramid_level(picture_from_view, f64::from(side_px));
     let (image, level) = picture.level(wanted);
     let shrink = 1.0 / f64::from(1u32 << level);
     // Pixel centres: level pixel = (picture pixel + 0.5) * shrink - 0.5.

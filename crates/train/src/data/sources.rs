@@ -1,11 +1,15 @@
 //! What a configuration trains on, and what it keeps aside.
 
+use super::label_cache::LabelCache;
 use super::pair::Source;
 use super::pictures::{Aside, Fold, Pictures};
+use super::shapes::Shapes;
 use super::stream::Sources;
 use super::worlds::Worlds;
 use crate::TrainError;
-use crate::config::TrainConfig;
+use crate::config::{Stage, TrainConfig};
+use crate::detector::Detector;
+use burn::tensor::Device;
 use std::sync::Arc;
 
 /// The data of a run.
@@ -33,8 +37,22 @@ impl Data {
             pictures: 0,
             unreadable: 0,
         };
+        if config.stage == Stage::Shapes {
+            out.training.push((1.0, Arc::new(Shapes)));
+            out.aside.push(("shapes", Arc::new(Shapes)));
+            return Ok(out);
+        }
         if !config.data.is_empty() {
-            let pictures = Arc::new(Pictures::scan(&config.data, config.pairs.side_px * 3 / 4)?);
+            let mut pictures = Pictures::scan(&config.data, config.least_picture_px())?;
+            if let Some(options) = config
+                .labels
+                .as_ref()
+                .filter(|_| config.stage == Stage::Joint)
+            {
+                let detector = Detector::open(options.detector.as_deref(), &Device::flex())?;
+                pictures = pictures.with_labels(&LabelCache::new(options, detector.hash())?)?;
+            }
+            let pictures = Arc::new(pictures);
             out.pictures = pictures.training_count();
             out.unreadable = pictures.unreadable();
             if !pictures.fold(Fold::Validation).is_empty() {

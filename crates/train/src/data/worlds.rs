@@ -1,9 +1,10 @@
 //! Pairs from procedural worlds: two renderings of one place, each under its own season, sun, camera and moment, with real
 //! parallax and shadows, and exact correspondences.
 
+use super::cuts::{cut_corners, random_turn};
 use super::homography::random_homography;
 use super::mapping::Mapping;
-use super::pair::{Pair, PairOptions, Place, Source, cut_corners, finish, random_turn};
+use super::pair::{Keypoints, Pair, PairOptions, Place, Source, Views};
 use super::photometric::Look;
 use super::pictures::Fold;
 use super::piece::{PIECE_PX, Piece};
@@ -199,15 +200,16 @@ impl Worlds {
             },
             ..options.clone()
         };
-        finish(
-            [sat, uav],
+        Views {
+            plain: [sat, uav],
             seen,
             uav_from_sat,
             mapping,
             place,
-            &options,
-            random,
-        )
+            scene: None,
+            keypoints: Keypoints::Corners,
+        }
+        .finish(&options, random)
     }
 }
 

@@ -6,6 +6,7 @@ mod hinge;
 mod homography;
 mod keypoint;
 mod multi_similarity;
+mod scene;
 mod triplet;
 
 pub use contrast::{descriptor_contrast, global_contrast, sample_descriptors};
@@ -17,6 +18,7 @@ pub use homography::{
 };
 pub use keypoint::keypoint_cross_entropy;
 pub use multi_similarity::{MultiSimilarityOptions, multi_similarity};
+pub use scene::scene_cross_entropy;
 pub use triplet::{TripletOptions, triplet};
 
 use burn::tensor::{Device, Tensor, TensorData};

@@ -7,12 +7,12 @@ use std::sync::atomic::Ordering;
 use anyhow::{Context as _, Result};
 use grimnet_train::data::Data;
 use grimnet_train::{
-    Checkpoint, Curves, Device, ExportOptions, Progress, TrainConfig, Trainer, Validation,
-    Validator, checkpoint_path, export, save_model,
+    Checkpoint, Curves, Device, ExportOptions, Progress, Stage, TrainConfig, Trainer, Validator,
+    checkpoint_path, export, save_model,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::TrainArgs;
+use super::{TrainArgs, labels};
 use crate::exit::Exit;
 use crate::interrupt;
 
@@ -25,6 +25,9 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
         "name a configuration, as in: grim train training.toml (TRAINING.md shows what to write in it)",
     )?;
     let config = TrainConfig::open(path)?;
+    if arguments.labels {
+        return labels::run(path, &config);
+    }
     let data = Data::open(&config)?;
     if data.unreadable > 0 {
         tracing::warn!(
@@ -77,7 +80,7 @@ fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()>
         match noted {
             Ok(measured) => {
                 for (name, v) in measured.unwrap_or_default() {
-                    bar.suspend(|| tracing::info!("{name}: {}", figures(&v)));
+                    bar.suspend(|| tracing::info!("{name}: {v}"));
                 }
             }
             Err(error) => failed = Some(error),
@@ -89,7 +92,7 @@ fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()>
 }
 
 /// A bar over the run, in thousandths.
-fn share_bar() -> Result<ProgressBar> {
+pub(super) fn share_bar() -> Result<ProgressBar> {
     let bar = ProgressBar::new(1000);
     bar.set_style(
         ProgressStyle::with_template("{wide_bar} {percent:>3} % {msg}")?.progress_chars("━╸ "),
@@ -115,20 +118,13 @@ fn line(p: &Progress) -> String {
     )
 }
 
-/// A validation in words.
-fn figures(v: &Validation) -> String {
-    let percent = |share: f64| (share * 100.0).round();
-    format!(
-        "repeatability {} %, matching score {} %, homography within 3 px {} %, place first {} %",
-        percent(v.repeatability),
-        percent(v.matching_score),
-        percent(v.homography_accuracy[1]),
-        percent(v.recall[0])
-    )
-}
-
-/// Makes the model file and says what it is worth.
+/// Makes the model file and says what it is worth. The earlier stages make none: the next one reads their checkpoint.
 fn finish(state: &Checkpoint, config: &TrainConfig, data: &Data, device: &Device) -> Result<Exit> {
+    if config.stage != Stage::Joint {
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{}", checkpoint_path(config).display())?;
+        return Ok(Exit::Done);
+    }
     let exported = export(state, config, data, &ExportOptions::default(), device)?;
     let path = config.out.join("model.safetensors");
     save_model(&exported.model, &path)?;

@@ -1,0 +1,47 @@
+//! `grim train CONFIG --labels`. It may be killed at any moment: each picture's labels are kept when they are found.
+
+use std::io::Write as _;
+use std::path::Path;
+
+use anyhow::Result;
+use grimnet_train::{LabelProgress, TrainConfig, label_pictures};
+
+use super::session::share_bar;
+use crate::exit::Exit;
+
+/// Labels the pictures of a configuration.
+///
+/// # Errors
+/// No `[labels]` in it, no pictures, a detector that cannot be opened, a folder that cannot be written to.
+pub fn run(config_path: &Path, config: &TrainConfig) -> Result<Exit> {
+    let bar = share_bar()?;
+    let done = label_pictures(config, &config.device.device()?, &mut |progress| {
+        bar.set_position((1000 * progress.labelled / progress.pictures.max(1)) as u64);
+        bar.set_message(line(progress));
+        if bar.is_hidden() {
+            tracing::info!("{}", line(progress));
+        }
+        true
+    })?;
+    bar.finish_and_clear();
+    let mut out = std::io::stdout().lock();
+    writeln!(
+        out,
+        "{} pictures have labels, {} of them new; train with: grim train {}",
+        done.labelled,
+        done.of_this_run,
+        config_path.display()
+    )?;
+    Ok(Exit::Done)
+}
+
+/// One report in words.
+fn line(p: &LabelProgress) -> String {
+    format!(
+        "{} of {} pictures, {:.0} keypoints a picture, {:.0} min left",
+        p.labelled,
+        p.pictures,
+        p.keypoints as f64 / p.of_this_run.max(1) as f64,
+        p.remaining_s / 60.0
+    )
+}

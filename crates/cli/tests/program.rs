@@ -271,6 +271,11 @@ fn wrong_use_and_unreadable_input_end_with_2_and_say_what_to_do() {
     fails(&["locate", "--pack", pack, photo, "--hfov", "200"], "hfov");
     fails(&["model", "info", photo], photo);
     fails(&["demo", "--photos", "0"], "at least one");
+    #[cfg(not(feature = "train"))]
+    fails(
+        &["eval", "--experiment", "loss-weights", "--out", out],
+        "--features train",
+    );
     assert!(!Path::new(out).exists());
 }
 
@@ -392,4 +397,40 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
         .assert()
         .code(2)
         .stderr(contains("no such folder"));
+}
+
+#[test]
+fn published_data_sets_are_told_by_their_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let eval = |data: &Path, out: &str| {
+        let mut command = grim();
+        command.arg("eval").arg(data).args(["--heading", "exif"]);
+        command.arg("--out").arg(folder.path().join(out));
+        command
+    };
+    let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../eval/tests/golden/anyvisloc");
+    eval(&golden.join("Scene_07"), "anyvisloc")
+        .assert()
+        .success()
+        .stderr(contains("L07_0003.npz: the camera looks 88 degrees off"));
+    let summary = json(&folder.path().join("anyvisloc/summary.json"));
+    assert_eq!(summary["about"]["data"], "AnyVisLoc Scene_07");
+    assert_eq!(summary["heading_from_the_photo"]["frames"], 2);
+
+    let msdi = folder.path().join("msdi");
+    let scene = msdi.join("data/calibrated_images/museum");
+    std::fs::create_dir_all(&scene).unwrap();
+    std::fs::copy(photo(1), scene.join("a.jpg")).unwrap();
+    eval(&msdi, "none")
+        .assert()
+        .code(2)
+        .stderr(contains("MSDI comes without a map"));
+    eval(&msdi, "flight")
+        .arg("--map")
+        .arg(demo().join("map.tif"))
+        .assert()
+        .success();
+    let summary = json(&folder.path().join("flight/summary.json"));
+    assert_eq!(summary["heading_from_the_photo"]["frames"], 1);
+    assert_eq!(summary["heading_from_the_photo"]["fixes"], 1, "{summary}");
 }

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use grimnet_train::data::{Data, PairOptions};
+use grimnet_train::data::{Data, PairOptions, WorldOptions};
 use grimnet_train::{Device, Norms, Parameters, TrainConfig, Trainer, with_fresh_statistics};
 
 /// Trains a few steps on procedural worlds, and takes the statistics anew.
@@ -12,6 +12,10 @@ fn trained(folder: &Path, norms: Norms) -> Parameters {
     let config = TrainConfig {
         out: folder.join(format!("{norms:?}")),
         world_share: 1.0,
+        world: WorldOptions {
+            worlds: 1,
+            places: 4,
+        },
         norms,
         steps: Some(2),
         pairs_per_step: 2,

@@ -21,7 +21,7 @@ pub struct TrainArgs {
     #[arg(long)]
     resume: bool,
 
-    /// Train nothing: find keypoints in the pictures by homographic adaptation, as the [labels] table says; what was found by
+    /// Train nothing: find keypoints in the pictures by homographic adaptation, as the table `labels` says; what was found by
     /// an earlier run is kept
     #[arg(long, conflicts_with_all = ["resume", "export"])]
     labels: bool,

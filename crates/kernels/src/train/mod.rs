@@ -11,7 +11,7 @@ use std::sync::{Mutex, PoisonError};
 use crate::buffer::AlignedBuffer;
 use crate::winograd::{Direction, WinogradWeights, convolve};
 use crate::{Isa, Workspace};
-use tiles::{BatchShape, BatchSink, BatchSource, GradientSource};
+use tiles::{Batch, BatchShape, BatchSink};
 
 /// Sizes of a 3x3 convolution over a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -98,7 +98,7 @@ fn convolve_batch(
         Direction::Forward => (spec.in_channels, spec.out_channels),
         Direction::Backward => (spec.out_channels, spec.in_channels),
     };
-    let source = BatchSource::new(spec.of_channels(inputs), from);
+    let source = Batch::new(spec.of_channels(inputs), from);
     let sink = BatchSink::new(spec.of_channels(outputs), to);
     with_memory(
         |Memory {
@@ -128,8 +128,8 @@ pub fn conv3x3_grad_weight(
         spec.weight_len(),
         "elements of the weight"
     );
-    let x = BatchSource::new(spec.of_channels(spec.in_channels), x);
-    let grad_y = GradientSource::new(spec.of_channels(spec.out_channels), grad_y);
+    let x = Batch::new(spec.of_channels(spec.in_channels), x);
+    let grad_y = Batch::new(spec.of_channels(spec.out_channels), grad_y);
     if x.shape().tiles() == 0 {
         grad_weight.fill(0.0);
         return;

@@ -49,14 +49,75 @@ struct Square {
     pixel_stride: usize,
 }
 
-/// Pixels of a batch in memory.
+impl Square {
+    /// # Safety
+    /// The pixel must lie in the square.
+    #[inline(always)]
+    unsafe fn at(&self, row: usize, column: usize) -> *const f32 {
+        // SAFETY: the caller's promise.
+        unsafe {
+            self.from
+                .add(row * self.row_stride + column * self.pixel_stride)
+        }
+    }
+}
+
+/// A batch in memory: the windows of an input, or the output's gradients.
 #[derive(Clone, Copy)]
-struct Pixels<'a> {
+pub(super) struct Batch<'a> {
     shape: BatchShape,
     data: &'a [f32],
 }
 
-impl Pixels<'_> {
+impl<'a> Batch<'a> {
+    pub(super) fn new(shape: BatchShape, data: &'a [f32]) -> Self {
+        assert_eq!(data.len(), shape.len(), "elements of the batch");
+        Self { shape, data }
+    }
+
+    pub(super) fn shape(&self) -> BatchShape {
+        self.shape
+    }
+
+    /// Floats of scratch that [`Batch::gather_gradients`] needs.
+    pub(super) fn gradients_scratch(&self) -> usize {
+        TILE * TILE * CHANNEL_BLOCK
+    }
+
+    /// Transforms the output gradients of `tiles` into `block`, the first at row 0.
+    ///
+    /// # Safety
+    /// The tiles must exist; `block` must have room for them and be written by nobody else meanwhile.
+    #[inline(always)]
+    pub(super) unsafe fn gather_gradients<S: Simd>(
+        &self,
+        simd: S,
+        tiles: Range<usize>,
+        block: Product,
+        scratch: &mut [f32],
+    ) {
+        for (index, tile) in tiles.enumerate() {
+            let (picture, y, x) = self.shape.corner(tile);
+            let corner = (y as isize, x as isize);
+            for channel in (0..self.shape.channels).step_by(CHANNEL_BLOCK) {
+                let square = self.square(picture, corner, TILE, channel, scratch);
+                for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
+                    let to = block.offset(index, channel + lane);
+                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has room.
+                    unsafe {
+                        output_gradient(
+                            simd,
+                            |r, c| simd.load(square.at(r, c).add(lane)),
+                            |point, value| {
+                                simd.store(block.at(point * block.point_stride() + to), value)
+                            },
+                        );
+                    }
+                }
+            }
+        }
+    }
+
     /// 16 channels of `side x side` pixels from `(y, x)` on: where they lie, or, where the square reaches over an edge or the last
     /// channel, a copy in `scratch` with zeros outside.
     #[inline(always)]
@@ -103,21 +164,7 @@ impl Pixels<'_> {
     }
 }
 
-/// Windows of a batch.
-pub(super) struct BatchSource<'a>(Pixels<'a>);
-
-impl<'a> BatchSource<'a> {
-    pub(super) fn new(shape: BatchShape, data: &'a [f32]) -> Self {
-        assert_eq!(data.len(), shape.len(), "elements of the batch");
-        Self(Pixels { shape, data })
-    }
-
-    pub(super) fn shape(&self) -> BatchShape {
-        self.0.shape
-    }
-}
-
-impl TileSource for BatchSource<'_> {
+impl TileSource for Batch<'_> {
     fn scratch(&self, _tiles: usize) -> usize {
         WINDOW * WINDOW * CHANNEL_BLOCK
     }
@@ -131,22 +178,17 @@ impl TileSource for BatchSource<'_> {
         scratch: &mut [f32],
     ) {
         for (index, tile) in tiles.enumerate() {
-            let (picture, y, x) = self.shape().corner(tile);
+            let (picture, y, x) = self.shape.corner(tile);
             let corner = (y as isize - 1, x as isize - 1);
-            for channel in (0..self.shape().channels).step_by(CHANNEL_BLOCK) {
-                let Square {
-                    from,
-                    row_stride,
-                    pixel_stride,
-                } = self.0.square(picture, corner, WINDOW, channel, scratch);
+            for channel in (0..self.shape.channels).step_by(CHANNEL_BLOCK) {
+                let square = self.square(picture, corner, WINDOW, channel, scratch);
                 for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
                     let to = block.offset(index, channel + lane);
-                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has
-                    // room.
+                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has room.
                     unsafe {
                         input(
                             simd,
-                            |r, c| simd.load(from.add(r * row_stride + c * pixel_stride + lane)),
+                            |r, c| simd.load(square.at(r, c).add(lane)),
                             |point, value| {
                                 simd.store(block.at(point * block.point_stride() + to), value)
                             },
@@ -215,64 +257,6 @@ impl TileSink for BatchSink {
                             }
                         },
                     );
-                }
-            }
-        }
-    }
-}
-
-/// Output gradients of a batch, taken back to the points.
-pub(super) struct GradientSource<'a>(Pixels<'a>);
-
-impl<'a> GradientSource<'a> {
-    pub(super) fn new(shape: BatchShape, data: &'a [f32]) -> Self {
-        assert_eq!(data.len(), shape.len(), "elements of the batch");
-        Self(Pixels { shape, data })
-    }
-
-    pub(super) fn shape(&self) -> BatchShape {
-        self.0.shape
-    }
-
-    /// Floats of scratch that `gather` needs.
-    pub(super) fn scratch(&self) -> usize {
-        TILE * TILE * CHANNEL_BLOCK
-    }
-
-    /// Transforms the gradients of `tiles` into `block`, the first at row 0.
-    ///
-    /// # Safety
-    /// The tiles must exist; `block` must have room for them and be written by nobody else meanwhile.
-    #[inline(always)]
-    pub(super) unsafe fn gather<S: Simd>(
-        &self,
-        simd: S,
-        tiles: Range<usize>,
-        block: Product,
-        scratch: &mut [f32],
-    ) {
-        for (index, tile) in tiles.enumerate() {
-            let (picture, y, x) = self.shape().corner(tile);
-            let corner = (y as isize, x as isize);
-            for channel in (0..self.shape().channels).step_by(CHANNEL_BLOCK) {
-                let Square {
-                    from,
-                    row_stride,
-                    pixel_stride,
-                } = self.0.square(picture, corner, TILE, channel, scratch);
-                for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
-                    let to = block.offset(index, channel + lane);
-                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has
-                    // room.
-                    unsafe {
-                        output_gradient(
-                            simd,
-                            |r, c| simd.load(from.add(r * row_stride + c * pixel_stride + lane)),
-                            |point, value| {
-                                simd.store(block.at(point * block.point_stride() + to), value)
-                            },
-                        );
-                    }
                 }
             }
         }

@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::tiles::{BatchSource, GradientSource};
+use super::tiles::Batch;
 use crate::buffer::AlignedBuffer;
 use crate::layout::block_channels;
 use crate::panel::{Finish, PanelRun, PanelShape, Taps};
@@ -27,8 +27,8 @@ const PIECE: usize = 16;
 /// `grad_weight[out, in, 3, 3]` from the input and the gradient of the output, summed over the batch.
 pub(super) fn grad_weight(
     isa: Isa,
-    x: &BatchSource<'_>,
-    grad_y: &GradientSource<'_>,
+    x: &Batch<'_>,
+    grad_y: &Batch<'_>,
     grad_weight: &mut [f32],
     points: &mut AlignedBuffer,
     workspace: &mut Workspace,
@@ -64,7 +64,7 @@ pub(super) fn grad_weight(
     for first in (0..tiles).step_by(capacity) {
         let count = capacity.min(tiles - first);
         let pieces = count.div_ceil(PIECE);
-        let scratch_floats = x.scratch(PIECE).max(grad_y.scratch());
+        let scratch_floats = x.scratch(PIECE).max(grad_y.gradients_scratch());
         for_each(scratch, scratch_floats, 2 * pieces, |scratch, unit| {
             let rows = unit / 2 * PIECE..(unit / 2 * PIECE + PIECE).min(count);
             let tiles = first + rows.start..first + rows.end;
@@ -178,7 +178,7 @@ impl Sums {
 }
 
 struct GatherWindows<'a> {
-    x: &'a BatchSource<'a>,
+    x: &'a Batch<'a>,
     tiles: Range<usize>,
     block: Gathered,
     scratch: &'a mut [f32],
@@ -194,7 +194,7 @@ impl Kernel for GatherWindows<'_> {
 }
 
 struct GatherGradients<'a> {
-    grad_y: &'a GradientSource<'a>,
+    grad_y: &'a Batch<'a>,
     tiles: Range<usize>,
     block: Product,
     scratch: &'a mut [f32],
@@ -207,7 +207,7 @@ impl Kernel for GatherGradients<'_> {
         // SAFETY: as for `GatherWindows`.
         unsafe {
             self.grad_y
-                .gather(simd, self.tiles, self.block, self.scratch)
+                .gather_gradients(simd, self.tiles, self.block, self.scratch)
         }
     }
 }

@@ -10,15 +10,11 @@ use grimnet_eval::experiment::scene::{Scene, Shot};
 use grimnet_eval::recall::{RECALL_AT, RightTile, rank_of_right};
 use grimnet_eval::truth;
 use grimnet_geo::{MapOptions, MapPx, Raster, WindowPx, open_map};
+use grimnet_locate::Options;
 use grimnet_net::{Domain, Extractor, Model};
 use grimnet_pack::{BuildOptions, Level, Levels, Pack, build};
 use grimnet_photo::{Metadata, Photo, Query, QueryOptions};
 use rayon::prelude::*;
-
-/// As in `grimnet_locate::Options::default`.
-const HEADINGS: usize = 12;
-const QUERY_SIDE_PX: u32 = 384;
-const QUERY_WIDTH_PX: f64 = 448.0;
 
 /// Global descriptors, one after the other.
 struct Descriptors {
@@ -118,11 +114,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let footprint_width_m = arguments.next().map(|width| width.parse()).transpose()?;
     let scene = scene(Path::new(&folder), footprint_width_m)?;
     let width_m = scene.ground_width_m().ok_or("no photo's width is known")?;
+    let as_used = Options::default();
     let model = Model::bundled()?;
     let work = tempfile::tempdir()?;
     let path = work.path().join("area.grim");
     let options = BuildOptions {
-        levels: Levels::Gsd(vec![width_m / QUERY_WIDTH_PX]),
+        levels: Levels::Gsd(vec![width_m / as_used.query_width_px]),
         ..BuildOptions::standard()
     };
     build(scene.map.as_ref(), &model, &options, &path, &mut |_| ())?;
@@ -142,12 +139,12 @@ fn main() -> Result<(), Box<dyn Error>> {
             .collect()
     };
     println!("{} photos, {} tiles", scene.shots.len(), level.tile_count());
-    for (name, photo_turns, tile_turns) in [
-        ("photo turned", HEADINGS, 1),
-        ("tiles turned", 1, HEADINGS),
-        ("neither", 1, 1),
+    let (upright, turned_tiles) = (tiles(1)?, tiles(as_used.headings)?);
+    for (name, photo_turns, tiles) in [
+        ("photo turned", as_used.headings, &upright),
+        ("tiles turned", 1, &turned_tiles),
+        ("neither", 1, &upright),
     ] {
-        let tiles = tiles(tile_turns)?;
         let mut ranks = Vec::new();
         for shot in &scene.shots {
             let view = shot.photo.view(&shot.prior(false).overrides());
@@ -158,15 +155,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 &shot.photo,
                 width_m,
                 level.gsd_m(),
-                QUERY_SIDE_PX,
+                as_used.hypothesis_side_px,
                 photo_turns,
             )?;
-            ranks.push(rank(
-                level,
-                shot,
-                &Descriptors::of(&uav, &queries)?,
-                &tiles,
-            )?);
+            ranks.push(rank(level, shot, &Descriptors::of(&uav, &queries)?, tiles)?);
         }
         let within = |k: usize| {
             let found = ranks.iter().filter(|rank| rank.is_some_and(|r| r <= k));

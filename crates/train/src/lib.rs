@@ -24,6 +24,8 @@ mod parameters;
 mod scene_accuracy;
 mod schedule;
 mod teacher;
+#[cfg(test)]
+mod test_numbers;
 mod trainer;
 mod validation;
 mod validator;

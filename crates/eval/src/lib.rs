@@ -9,6 +9,7 @@ pub mod calibration;
 pub mod claims;
 pub mod experiment;
 pub mod experiment_table;
+pub mod flight;
 pub mod gallery;
 mod html;
 pub mod map_picture;

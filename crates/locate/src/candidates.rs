@@ -34,6 +34,7 @@ pub(crate) struct Candidate {
 pub(crate) struct Desk {
     pub matcher: Matcher,
     pub matches: Vec<Match>,
+    pub guided: Vec<Match>,
     pub histogram: Histogram,
     pub points: Vec<Point2<f32>>,
 }
@@ -49,6 +50,7 @@ impl Desks {
         let mut desk = free.unwrap_or_else(|| Desk {
             matcher: Matcher::new(Isa::detect()),
             matches: Vec::new(),
+            guided: Vec::new(),
             histogram: Histogram::default(),
             points: Vec::new(),
         });

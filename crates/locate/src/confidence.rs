@@ -22,7 +22,7 @@ pub struct Support {
 }
 
 /// Inliers that chance gives at some place of any map; a weaker runner-up says nothing.
-const CHANCE_INLIERS: usize = 6;
+const CHANCE_INLIERS: usize = 10;
 /// Below this the inliers lie on a line; keeps the logarithm finite.
 const MIN_SPREAD: f64 = 1e-3;
 
@@ -62,7 +62,7 @@ mod tests {
             inliers: 20,
             places: 15,
             matches: 40,
-            runner_up_inliers: 8,
+            runner_up_inliers: 16,
             spread: 0.5,
             inlier_covariance_en_m2: [1.0, 0.0, 1.0],
         };
@@ -74,15 +74,15 @@ mod tests {
             log_spread: 0.1,
             needed: 0.5,
         };
-        // -3 + ln 15 + 2 ln 2.5 + 0.5 ln 0.5 + 0.1 ln 0.5 = 1.124743
-        let by_hand = 1.0 / (1.0 + (-1.124_743_f64).exp());
+        // -3 + ln 15 + 2 ln 1.25 + 0.5 ln 0.5 + 0.1 ln 0.5 = -0.261552
+        let by_hand = 1.0 / (1.0 + (0.261_552_f64).exp());
         assert!((support.confidence(&model) - by_hand).abs() < 1e-6);
         let alone = Support {
             runner_up_inliers: 0,
             ..support
         };
         assert!(
-            (alone.evidence()[1] - (20.0 / 6.0f64).ln()).abs() < 1e-12,
+            (alone.evidence()[1] - (20.0 / 10.0f64).ln()).abs() < 1e-12,
             "no runner-up counts as chance"
         );
     }

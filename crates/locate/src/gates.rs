@@ -35,7 +35,7 @@ pub struct Gates {
 impl Default for Gates {
     fn default() -> Self {
         Self {
-            min_inliers: 12,
+            min_inliers: 20,
             max_scale_change: 0.35,
             max_shear: 0.25,
             max_perspective_per_px: 1e-3,

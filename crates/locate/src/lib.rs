@@ -34,6 +34,7 @@ pub mod covariance;
 pub mod draw;
 mod error;
 pub mod gates;
+mod guided;
 pub mod homography;
 pub mod hypotheses;
 mod localizer;

@@ -49,11 +49,27 @@ pub enum MatchingError {
 #[derive(Debug)]
 pub struct Matcher {
     isa: Isa,
-    f32_scores: Vec<f32>,
-    f32_best: Vec<f32>,
-    i32_scores: Vec<i32>,
-    i32_best: Vec<i32>,
+    f32: Buffers<f32>,
+    i32: Buffers<i32>,
+}
+
+/// What matching writes on the way, by kind of similarity.
+#[derive(Debug, Default)]
+struct Buffers<S> {
+    scores: Vec<S>,
+    row_best: Vec<Option<(usize, S)>>,
+    column_best: Vec<S>,
     taken: Vec<bool>,
+}
+
+/// Two pictures whose descriptors have all been compared.
+#[derive(Debug)]
+pub struct Compared<'a>(Tables<'a>);
+
+#[derive(Debug)]
+enum Tables<'a> {
+    F32(Table<'a, f32>),
+    I32(Table<'a, i32>),
 }
 
 impl Matcher {
@@ -61,21 +77,15 @@ impl Matcher {
     pub fn new(isa: Isa) -> Self {
         Self {
             isa,
-            f32_scores: Vec::new(),
-            f32_best: Vec::new(),
-            i32_scores: Vec::new(),
-            i32_best: Vec::new(),
-            taken: Vec::new(),
+            f32: Buffers::default(),
+            i32: Buffers::default(),
         }
     }
 
-    /// Mutual nearest neighbours of unit descriptors of `dim` numbers, by row of the query, into `matches`.
-    ///
-    /// With `max_ratio`, a match stays if its distance is below that many times the distance to the second nearest keypoint of
-    /// the tile; a tile with one keypoint has no second, and the match stays. Of equal similarities the first row wins.
+    /// Mutual nearest neighbours, see [`Compared::mutual`].
     ///
     /// # Errors
-    /// Where the two sides are not of the same kind or length.
+    /// As [`Matcher::compare`].
     pub fn mutual(
         &mut self,
         query: Descriptors<'_>,
@@ -84,7 +94,20 @@ impl Matcher {
         max_ratio: Option<f32>,
         matches: &mut Vec<Match>,
     ) -> Result<(), MatchingError> {
-        matches.clear();
+        self.compare(query, tile, dim)?.mutual(max_ratio, matches);
+        Ok(())
+    }
+
+    /// Compares all unit descriptors of `dim` numbers of one picture with all of the other.
+    ///
+    /// # Errors
+    /// Where the two sides are not of the same kind or length.
+    pub fn compare(
+        &mut self,
+        query: Descriptors<'_>,
+        tile: Descriptors<'_>,
+        dim: usize,
+    ) -> Result<Compared<'_>, MatchingError> {
         let rows = |length: usize| match length.checked_rem(dim) {
             Some(0) => Ok(length / dim),
             _ => Err(MatchingError::Length { length, dim }),
@@ -92,22 +115,16 @@ impl Matcher {
         match (query, tile) {
             (Descriptors::F32(query), Descriptors::F32(tile)) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
+                self.f32.scores.resize(m * n, 0.0);
                 if m > 0 && n > 0 {
-                    self.f32_scores.resize(m * n, 0.0);
-                    matmul_nt(self.isa, m, n, dim, query, tile, &mut self.f32_scores);
-                    let table = Table {
-                        scores: &self.f32_scores,
-                        columns: n,
-                        to_cosine: 1.0,
-                        max_ratio,
-                    };
-                    table.mutual(
-                        f32::NEG_INFINITY,
-                        &mut self.f32_best,
-                        &mut self.taken,
-                        matches,
-                    );
+                    matmul_nt(self.isa, m, n, dim, query, tile, &mut self.f32.scores);
                 }
+                Ok(Compared(Tables::F32(Table {
+                    buffers: &mut self.f32,
+                    columns: n,
+                    to_cosine: 1.0,
+                    least: f32::NEG_INFINITY,
+                })))
             }
             (
                 Descriptors::I8 {
@@ -120,30 +137,57 @@ impl Matcher {
                 },
             ) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
+                self.i32.scores.resize(m * n, 0);
                 if m > 0 && n > 0 {
-                    self.i32_scores.resize(m * n, 0);
-                    matmul_nt_i8(self.isa, m, n, dim, query, tile, &mut self.i32_scores);
-                    let table = Table {
-                        scores: &self.i32_scores,
-                        columns: n,
-                        to_cosine: from * to,
-                        max_ratio,
-                    };
-                    table.mutual(i32::MIN, &mut self.i32_best, &mut self.taken, matches);
+                    matmul_nt_i8(self.isa, m, n, dim, query, tile, &mut self.i32.scores);
                 }
+                Ok(Compared(Tables::I32(Table {
+                    buffers: &mut self.i32,
+                    columns: n,
+                    to_cosine: from * to,
+                    least: i32::MIN,
+                })))
             }
-            _ => return Err(MatchingError::Kinds),
+            _ => Err(MatchingError::Kinds),
         }
-        Ok(())
+    }
+}
+
+impl Compared<'_> {
+    /// Mutual nearest neighbours, by row of the query, into `matches`.
+    ///
+    /// With `max_ratio`, a match stays if its distance is below that many times the distance to the second nearest keypoint of
+    /// the tile; a tile with one keypoint has no second, and the match stays. Of equal similarities the first row wins.
+    pub fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {
+        match &mut self.0 {
+            Tables::F32(table) => table.mutual(max_ratio, matches),
+            Tables::I32(table) => table.mutual(max_ratio, matches),
+        }
+    }
+
+    /// Mutual nearest neighbours among the pairs that `near` allows, by row of the query, into `matches`: guided matching, see
+    /// [`crate::guided`]. `near` writes the rows of the tile that a row of the query may be matched with. A match stays if at
+    /// most `max_closer` keypoints of the whole tile are more similar.
+    pub fn guided(
+        &mut self,
+        near: impl FnMut(usize, &mut Vec<usize>),
+        max_closer: usize,
+        matches: &mut Vec<Match>,
+    ) {
+        match &mut self.0 {
+            Tables::F32(table) => table.guided(near, max_closer, matches),
+            Tables::I32(table) => table.guided(near, max_closer, matches),
+        }
     }
 }
 
 /// Similarities of all pairs, one row a query keypoint.
+#[derive(Debug)]
 struct Table<'a, S> {
-    scores: &'a [S],
+    buffers: &'a mut Buffers<S>,
     columns: usize,
     to_cosine: f32,
-    max_ratio: Option<f32>,
+    least: S,
 }
 
 /// A similarity before scaling.
@@ -165,30 +209,30 @@ impl Similarity for i32 {
 
 impl<S: Similarity> Table<'_, S> {
     /// Two passes without branches in the inner loop, so that the compiler makes vector code of them.
-    fn mutual(
-        &self,
-        least: S,
-        column_best: &mut Vec<S>,
-        taken: &mut Vec<bool>,
-        matches: &mut Vec<Match>,
-    ) {
-        column_best.clear();
-        column_best.resize(self.columns, least);
-        taken.clear();
-        taken.resize(self.columns, false);
-        for row in self.scores.chunks_exact(self.columns) {
+    fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {
+        matches.clear();
+        let (columns, least) = (self.columns, self.least);
+        self.forget();
+        let Buffers {
+            scores,
+            column_best,
+            taken,
+            ..
+        } = &mut *self.buffers;
+        for row in scores.chunks_exact(columns.max(1)) {
             for (best, &score) in column_best.iter_mut().zip(row) {
                 *best = if score > *best { score } else { *best };
             }
         }
-        for (index, row) in self.scores.chunks_exact(self.columns).enumerate() {
+        for (index, row) in scores.chunks_exact(columns.max(1)).enumerate() {
             let best = greatest(row, least);
             let Some(column) = row.iter().position(|&score| score == best) else {
                 continue;
             };
             if column_best[column] != best
                 || taken[column]
-                || !self.passes_ratio(row, column, best, least)
+                || !max_ratio
+                    .is_none_or(|most| passes_ratio(row, column, least, self.to_cosine, most))
             {
                 continue;
             }
@@ -201,22 +245,80 @@ impl<S: Similarity> Table<'_, S> {
         }
     }
 
-    fn passes_ratio(&self, row: &[S], column: usize, best: S, least: S) -> bool {
-        let Some(max_ratio) = self.max_ratio else {
-            return true;
-        };
-        if self.columns < 2 {
-            return true;
+    fn guided(
+        &mut self,
+        mut near: impl FnMut(usize, &mut Vec<usize>),
+        max_closer: usize,
+        matches: &mut Vec<Match>,
+    ) {
+        matches.clear();
+        self.forget();
+        let Buffers {
+            scores,
+            row_best,
+            column_best,
+            taken,
+        } = &mut *self.buffers;
+        let mut allowed = Vec::new();
+        row_best.clear();
+        for (index, row) in scores.chunks_exact(self.columns.max(1)).enumerate() {
+            allowed.clear();
+            near(index, &mut allowed);
+            let mut best: Option<(usize, S)> = None;
+            for &column in &allowed {
+                let score = row[column];
+                if best.is_none_or(|(_, best)| score > best) {
+                    best = Some((column, score));
+                }
+                if score > column_best[column] {
+                    column_best[column] = score;
+                }
+            }
+            row_best.push(best);
         }
-        let (before, after) = (
-            greatest(&row[..column], least),
-            greatest(&row[column + 1..], least),
-        );
-        let second = if before > after { before } else { after };
-        // Unit vectors: the squared distance is 2 - 2 cos. Rounding may take cos a little above one.
-        let squared = |score: S| (2.0 - 2.0 * score.as_f32() * self.to_cosine).max(0.0);
-        squared(best) < max_ratio * max_ratio * squared(second)
+        for (index, row) in scores.chunks_exact(self.columns.max(1)).enumerate() {
+            let Some((column, best)) = row_best[index] else {
+                continue;
+            };
+            let is_mutual = column_best[column] == best && !taken[column];
+            if !is_mutual || row.iter().filter(|&&score| score > best).count() > max_closer {
+                continue;
+            }
+            taken[column] = true;
+            matches.push(Match {
+                query: index as u32,
+                tile: column as u32,
+                similarity: best.as_f32() * self.to_cosine,
+            });
+        }
     }
+
+    fn forget(&mut self) {
+        self.buffers.column_best.clear();
+        self.buffers.column_best.resize(self.columns, self.least);
+        self.buffers.taken.clear();
+        self.buffers.taken.resize(self.columns, false);
+    }
+}
+
+fn passes_ratio<S: Similarity>(
+    row: &[S],
+    column: usize,
+    least: S,
+    to_cosine: f32,
+    max_ratio: f32,
+) -> bool {
+    if row.len() < 2 {
+        return true;
+    }
+    let (before, after) = (
+        greatest(&row[..column], least),
+        greatest(&row[column + 1..], least),
+    );
+    let second = if before > after { before } else { after };
+    // Unit vectors: the squared distance is 2 - 2 cos. Rounding may take cos a little above one.
+    let squared = |score: S| (2.0 - 2.0 * score.as_f32() * to_cosine).max(0.0);
+    squared(row[column]) < max_ratio * max_ratio * squared(second)
 }
 
 fn greatest<S: Similarity>(row: &[S], least: S) -> S {

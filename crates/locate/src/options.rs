@@ -124,6 +124,8 @@ pub struct Options {
     pub seed: u64,
     /// The transform.
     pub geometry: GeometryModel,
+    /// Looks for more matches near where the transform puts each keypoint, and fits it to them.
+    pub guided: bool,
     /// Refines the transform with each pair weighted by its keypoint's probability.
     pub refine: bool,
     /// Which candidate wins.
@@ -171,7 +173,7 @@ impl Default for Options {
             stages: vec![64, 448],
             max_matched: 12,
             min_matched: 3,
-            clear_inliers: 30,
+            clear_inliers: 45,
             max_ratio: None,
             ransac: Ransac {
                 threshold_px: 5.0,
@@ -182,6 +184,7 @@ impl Default for Options {
             },
             seed: 1,
             geometry: GeometryModel::SimilarityThenHomography,
+            guided: true,
             refine: true,
             choice: Choice::Inliers,
             gates: Some(Gates::default()),
@@ -221,6 +224,7 @@ impl Options {
             choice: Choice::InlierRatio,
             gates: None,
             coordinates: Coordinates::PaperCorners,
+            guided: false,
             realign: false,
             ..Self::default()
         }

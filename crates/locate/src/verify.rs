@@ -1,5 +1,7 @@
 //! Full matching of one candidate: matches, transform, gates, and how far its centre may be off.
 
+use std::collections::HashSet;
+
 use grimnet_pack::Level;
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -9,11 +11,12 @@ use crate::{
     covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
     error::Result,
     gates::Rejection,
+    guided::{MAX_CLOSER, Places},
     homography::Homography,
-    matching::Descriptors,
+    matching::{Descriptors, Match},
     options::Options,
     query_features::{PIXEL_CENTRE, QueryFeatures},
-    solve::{Expected, solve},
+    solve::{Expected, solve, solve_from},
     transform::Transform,
 };
 
@@ -36,6 +39,9 @@ pub(crate) struct Verified {
     pub rejection: Option<Rejection>,
 }
 
+/// How far from its place a keypoint is looked for, once and then again from the transform that this gave, thresholds of RANSAC.
+const GUIDED_REACH: [f64; 2] = [2.0, 1.0];
+
 /// The frame of a tile at the query's resolution.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TileFrame {
@@ -52,6 +58,11 @@ impl TileFrame {
             origin_px: Vector2::new(x as f64, y as f64),
             level_px_per_query_px: level_px_per_query_px(level),
         }
+    }
+
+    /// Continuous pixel of the tile at the query's resolution, of a keypoint's integer one at the level's.
+    pub fn query_px(&self, keypoint_px: Point2<f32>) -> Point2<f64> {
+        keypoint_px.map(|along| f64::from(along + PIXEL_CENTRE) / self.level_px_per_query_px)
     }
 
     /// Continuous level pixel of a pixel of the tile at the query's resolution.
@@ -80,35 +91,53 @@ pub(crate) fn verify(
         values: &tile.descriptors,
         scale: tile.scale,
     };
+    let tile_points: Vec<Point2<f64>> = tile
+        .xy_px
+        .iter()
+        .map(|&[x, y]| frame.query_px(Point2::new(x, y)))
+        .collect();
     let whole = query.strongest(usize::MAX);
-    desk.matcher.mutual(
-        whole,
-        tile_descriptors,
-        query.dim,
-        options.max_ratio,
-        &mut desk.matches,
-    )?;
+    let mut compared = desk.matcher.compare(whole, tile_descriptors, query.dim)?;
+    compared.mutual(options.max_ratio, &mut desk.matches);
     // Best first, as the progressive sampler wants them.
     desk.matches.sort_by(|a, b| {
         b.similarity
             .total_cmp(&a.similarity)
             .then(a.query.cmp(&b.query))
     });
-    let pairs: Vec<Correspondence> = desk
-        .matches
-        .iter()
-        .map(|found| {
-            let [x, y] = tile.xy_px[found.tile as usize]
-                .map(|along| f64::from(along + PIXEL_CENTRE) / frame.level_px_per_query_px);
-            let from = query.points[found.query as usize].cast::<f64>();
-            Correspondence::weighted(
-                from,
-                Point2::new(x, y),
-                f64::from(query.scores[found.query as usize]),
-            )
-        })
-        .collect();
-    let solved = solve(&pairs, expected, options);
+    let pair = |found: &Match| {
+        Correspondence::weighted(
+            query.points[found.query as usize].cast::<f64>(),
+            tile_points[found.tile as usize],
+            f64::from(query.scores[found.query as usize]),
+        )
+    };
+    let mut pairs: Vec<Correspondence> = desk.matches.iter().map(pair).collect();
+    let mut solved = solve(&pairs, expected, options);
+    if let (Some(found), true) = (&mut solved, options.guided) {
+        let places = Places::new(&tile_points);
+        for reach in GUIDED_REACH {
+            let transform = found.homography;
+            compared.guided(
+                |row, near| {
+                    let from = query.points[row].cast::<f64>();
+                    places.near(&transform, from, reach * options.ransac.threshold_px, near);
+                },
+                MAX_CLOSER,
+                &mut desk.guided,
+            );
+            let near: Vec<Correspondence> = desk.guided.iter().map(pair).collect();
+            let Some(again) = solve_from(found, &near, expected, options) else {
+                break;
+            };
+            *found = again;
+            pairs = near;
+        }
+        // Those that disagree stay, after those that guidance found.
+        let taken: HashSet<u32> = desk.guided.iter().map(|found| found.query).collect();
+        let others = desk.matches.iter().filter(|m| !taken.contains(&m.query));
+        pairs.extend(others.map(pair));
+    }
     let mut verified = Verified {
         candidate,
         pairs,

@@ -248,6 +248,57 @@ fn quantised_matches_are_nearly_the_same() {
 }
 
 #[test]
+fn guided_matches_are_mutual_among_the_allowed_pairs_and_nearly_the_best_of_all() {
+    let golden = golden().matching;
+    let dim = golden.dim;
+    let (n, m) = (golden.query.len() / dim, golden.tile.len() / dim);
+    let similarity = |i: usize, j: usize| -> f32 {
+        let (a, b) = (
+            &golden.query[i * dim..][..dim],
+            &golden.tile[j * dim..][..dim],
+        );
+        a.iter().zip(b).map(|(x, y)| x * y).sum()
+    };
+    let is_near = |i: usize, j: usize| (i * 7 + j * 5) % 11 < 2;
+    let closer = |i: usize, j: usize| {
+        let all = (0..m).map(|other| similarity(i, other));
+        all.filter(|&other| other > similarity(i, j) + 1e-6).count()
+    };
+    for max_closer in [0, 1, 5, usize::MAX] {
+        let mut expected = Vec::new();
+        for i in 0..n {
+            let best = (0..m)
+                .filter(|&j| is_near(i, j))
+                .max_by(|&a, &b| similarity(i, a).total_cmp(&similarity(i, b)));
+            let Some(j) = best else { continue };
+            let rival = (0..n)
+                .filter(|&other| is_near(other, j))
+                .max_by(|&a, &b| similarity(a, j).total_cmp(&similarity(b, j)));
+            if rival == Some(i) && closer(i, j) <= max_closer {
+                expected.push((i as u32, j as u32));
+            }
+        }
+        let mut matcher = Matcher::new(Isa::detect());
+        let mut compared = matcher
+            .compare(
+                Descriptors::F32(&golden.query),
+                Descriptors::F32(&golden.tile),
+                dim,
+            )
+            .unwrap();
+        let mut matches = Vec::new();
+        compared.guided(
+            |i, near| near.extend((0..m).filter(|&j| is_near(i, j))),
+            max_closer,
+            &mut matches,
+        );
+        let found: Vec<(u32, u32)> = matches.iter().map(|m| (m.query, m.tile)).collect();
+        assert!(max_closer == 0 || !expected.is_empty());
+        assert_eq!(found, expected, "at most {max_closer} closer");
+    }
+}
+
+#[test]
 fn matching_refuses_what_it_cannot_compare() {
     let mut matcher = Matcher::new(Isa::detect());
     let mut matches = Vec::new();

@@ -171,6 +171,33 @@ const PLACES: [(MapPx, f64); 3] = [
 ];
 
 #[test]
+fn guidance_finds_more_matches_of_the_same_place() {
+    let [guided, plain] = [true, false].map(|guided| {
+        localizer(Options {
+            guided,
+            ..Options::default()
+        })
+    });
+    let (mut more, mut before) = (0, 0);
+    for (place, heading_deg) in PLACES {
+        let photo = photo(&scene().picture, place, heading_deg);
+        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
+        let prior = Prior::none()
+            .with_gsd_m(PHOTO_GSD_M)
+            .with_heading(heading_deg + north_deg, 3.0);
+        let outcome = guided.locate(&photo, &prior).unwrap();
+        assert!(error_m(&outcome, place) < 1.0);
+        more += outcome.fix().unwrap().inliers;
+        before += plain
+            .locate(&photo, &prior)
+            .unwrap()
+            .fix()
+            .map_or(0, |fix| fix.inliers);
+    }
+    assert!(more > before, "{more} after {before}");
+}
+
+#[test]
 fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
     let localizer = localizer(Options {
         keep_matches: true,

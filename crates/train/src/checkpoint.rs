@@ -10,6 +10,7 @@ use grimnet_net::{Card, Model, NetSpec};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
+use std::io::Read as _;
 use std::path::Path;
 
 /// How far training has come.
@@ -50,6 +51,9 @@ fn values_of(bytes: &[u8]) -> Vec<f32> {
         .map(|b| f32::from_le_bytes(*b))
         .collect()
 }
+
+/// Longer than any description that safetensors allows, bytes.
+const LONGEST_HEADER: u64 = 100_000_000;
 
 impl Checkpoint {
     /// Writes the state beside `path`, syncs it and renames it over `path`.
@@ -97,6 +101,24 @@ impl Checkpoint {
         let bytes = safetensors::serialize(views, Some(metadata))
             .map_err(|error| wrong(error.to_string()))?;
         write_aside(path, &bytes)
+    }
+
+    /// Whether a file says of itself that it is a checkpoint, damaged or not. Its numbers are not read.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`].
+    pub fn is_one(path: &Path) -> Result<bool, TrainError> {
+        let mut file = fs_err::File::open(path)?;
+        let mut length = [0; 8];
+        if file.read_exact(&mut length).is_err() {
+            return Ok(false);
+        }
+        // The library reads the description of whole files only.
+        let mut header = Vec::new();
+        let most = u64::from_le_bytes(length).min(LONGEST_HEADER);
+        file.take(most).read_to_end(&mut header)?;
+        let described: Option<serde_json::Value> = serde_json::from_slice(&header).ok();
+        Ok(described.is_some_and(|header| header["__metadata__"]["position"].is_string()))
     }
 
     /// Reads a state back.

@@ -29,13 +29,10 @@ impl Detector {
     pub fn open(path: Option<&Path>, device: &Device) -> Result<Self, TrainError> {
         let model = match path {
             None => Model::bundled()?,
-            Some(path) => {
-                fs_err::metadata(path)?;
-                match Checkpoint::open(path, device) {
-                    Ok(checkpoint) => checkpoint.average.to_model(Card::default())?,
-                    Err(_) => Model::open(path)?,
-                }
-            }
+            Some(path) if Checkpoint::is_one(path)? => Checkpoint::open(path, device)?
+                .average
+                .to_model(Card::default())?,
+            Some(path) => Model::open(path)?,
         };
         let device = device.clone().without_autodiff();
         Ok(Self {

@@ -45,17 +45,16 @@ fn started_from(
     config: &TrainConfig,
     device: &Device,
 ) -> Result<(Parameters, bool), TrainError> {
-    fs_err::metadata(path)?;
-    let (found, centres_started) = match Checkpoint::open(path, device) {
-        Ok(checkpoint) => (
+    let (found, centres_started) = if Checkpoint::is_one(path)? {
+        let checkpoint = Checkpoint::open(path, device)?;
+        (
             checkpoint.average.with_classifier(0, device),
             checkpoint.position.centres_started,
-        ),
-        Err(error @ TrainError::Io(_)) => return Err(error),
-        Err(_) => match Model::open(path) {
-            Ok(model) => (Parameters::of_model(&model, device), true),
-            Err(_) => return Ok((with_encoder(path, random, device)?, false)),
-        },
+        )
+    } else if let Ok(model) = Model::open(path) {
+        (Parameters::of_model(&model, device), true)
+    } else {
+        return Ok((with_encoder(path, random, device)?, false));
     };
     if found.spec() != random.spec() {
         return Err(TrainError::Checkpoint {

@@ -3,7 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use grimnet_train::data::{Data, Folder, Layout, PairOptions};
-use grimnet_train::{Checkpoint, Device, TrainConfig, TrainError, Trainer, checkpoint_path};
+use grimnet_train::{
+    Checkpoint, Detector, Device, TrainConfig, TrainError, Trainer, checkpoint_path,
+};
 use image::{Rgb, RgbImage};
 use std::path::Path;
 
@@ -177,6 +179,21 @@ fn a_damaged_checkpoint_is_named() {
         .unwrap();
     let path = checkpoint_path(&config);
     let bytes = std::fs::read(&path).unwrap();
+    // Cut short, it still says what it is: whoever would start from it, or detect with it, learns what is wrong.
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    let from = TrainConfig {
+        out: folder.path().join("next"),
+        start_from: Some(path.clone()),
+        ..config.clone()
+    };
+    let start = trainer(&from, false).err().unwrap();
+    let detector = Detector::open(Some(&path), &Device::flex()).err().unwrap();
+    for error in [start, detector] {
+        assert!(
+            matches!(&error, TrainError::Checkpoint { path: named, .. } if *named == path),
+            "{error}"
+        );
+    }
     for bytes in [&bytes[..bytes.len() / 2], b"", b"short"] {
         std::fs::write(&path, bytes).unwrap();
         let error = trainer(&config, true).err().unwrap();

@@ -25,6 +25,8 @@ pub(crate) struct GroundSurface {
 #[derive(Debug)]
 pub(crate) struct Ground {
     pub(crate) warp: Warp,
+    /// Where in the endless noise this world lies, metres: no two worlds have the same soil.
+    soil_m: V2,
     pub(crate) roads: Vec<Road>,
     road_grid: BucketGrid,
     /// Parcels and districts, in layout coordinates.
@@ -40,6 +42,7 @@ impl Ground {
         low: f32,
         high: f32,
         warp: Warp,
+        soil_m: V2,
         roads: Vec<Road>,
         parcels: Vec<Patch>,
     ) -> Self {
@@ -49,6 +52,7 @@ impl Ground {
             road_grid: BucketGrid::build(l, h, &roads),
             parcel_grid: BucketGrid::build(l, h, &parcels),
             warp,
+            soil_m,
             roads,
             parcels,
             patches: Vec::new(),
@@ -84,7 +88,8 @@ impl Ground {
     /// Colour at a world point for pixels of `pixel_m` on the ground.
     #[inline]
     pub(crate) fn surface(&self, p: V2, season: Season, pixel_m: f32) -> GroundSurface {
-        let noise = GroundNoise::at(p, pixel_m);
+        let soil = p + self.soil_m;
+        let noise = GroundNoise::at(soil, pixel_m);
         let patch = Self::topmost(&self.patches, self.patch_grid.at(p), p);
         let colour_of = |patch: &Patch, at: &Inside, q: V2| {
             let (albedo, kind) = patch_albedo(patch, at, q, &noise, season, pixel_m);
@@ -94,7 +99,7 @@ impl Ground {
                 _ => 0.24,
             };
             let litter = if strength > 0.0 {
-                specks(p, strength)
+                specks(soil, strength)
             } else {
                 1.0
             };
@@ -111,7 +116,7 @@ impl Ground {
         let q = self.warp.layout_from_world(p);
         if let Some(road) = road_surface(&self.roads, self.road_grid.at(q), q, &noise, season) {
             return GroundSurface {
-                albedo: road.albedo * specks(p, 0.2),
+                albedo: road.albedo * specks(soil, 0.2),
                 id: road.id,
             };
         }

@@ -136,6 +136,9 @@ const STYLES: [Style; 5] = [
     },
 ];
 
+/// Worlds lie anywhere on a square of this side of the noise of the ground; further out single precision would show.
+const SOILS_M: f32 = 4096.0;
+
 pub(crate) fn populate(
     config: &WorldConfig,
     low: f32,
@@ -149,6 +152,8 @@ pub(crate) fn populate(
         0.05 + 0.16 * config.bend,
         &mut random.fork(1),
     );
+    let mut soil = Stream::new(config.seed).fork(5);
+    let soil_m = V2::new(soil.range(0.0, SOILS_M), soil.range(0.0, SOILS_M));
     let mut plan = random.fork(2);
     let town = Town {
         middle: V2::new(plan.range(0.3, 0.7), plan.range(0.3, 0.7)) * size,
@@ -178,7 +183,7 @@ pub(crate) fn populate(
         .collect::<Vec<_>>();
     let side = (high - low) as usize + 1;
     let mut builder = Builder {
-        ground: Ground::new(low, high, warp, roads, Vec::new()),
+        ground: Ground::new(low, high, warp, soil_m, roads, Vec::new()),
         solids: Vec::new(),
         trees: Vec::new(),
         patches: Vec::new(),
@@ -210,7 +215,7 @@ pub(crate) fn populate(
         ..
     } = builder;
     let Ground { warp, roads, .. } = ground;
-    let mut ground = Ground::new(low, high, warp, roads, parcels);
+    let mut ground = Ground::new(low, high, warp, soil_m, roads, parcels);
     ground.set_patches(low, high, patches);
     Populated {
         ground,

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use clap::Args;
 
 #[cfg(feature = "train")]
+mod flight_log;
+#[cfg(feature = "train")]
 mod labels;
 #[cfg(feature = "train")]
 mod session;

@@ -57,17 +57,7 @@ pub fn observe(
 ) -> Result<Vec<Observation>, TrialError> {
     let mut observations = Vec::new();
     for (index, scene) in scenes.iter().enumerate() {
-        let map = open_map(&scene.map, &MapOptions::default())?;
-        let path = folder.join(format!("scene_{index}.grim"));
-        build(
-            map.as_ref(),
-            model,
-            &BuildOptions::standard(),
-            &path,
-            &mut |_| {},
-        )?;
-        let localizer =
-            Localizer::new(model.clone(), Pack::open(&path)?)?.with_options(observing());
+        let localizer = localizer(model, scene, &folder.join(format!("scene_{index}.grim")))?;
         let other = (index + 1) % scenes.len();
         for (from, elsewhere) in [(index, false), (other, true)] {
             if elsewhere && other == index {
@@ -103,7 +93,31 @@ pub fn count(scenes: &[Scene]) -> usize {
     shots.sum::<usize>() * places
 }
 
-fn answer(
+/// The localiser of a scene's map, whose pack is written to `pack`, under the settings of an observation.
+///
+/// # Errors
+/// The map or the pack is refused.
+pub(crate) fn localizer(
+    model: &Model,
+    scene: &Scene,
+    pack: &Path,
+) -> Result<Localizer, TrialError> {
+    let map = open_map(&scene.map, &MapOptions::default())?;
+    build(
+        map.as_ref(),
+        model,
+        &BuildOptions::standard(),
+        pack,
+        &mut |_| {},
+    )?;
+    Ok(Localizer::new(model.clone(), Pack::open(pack)?)?.with_options(observing()))
+}
+
+/// What comes of a photo.
+///
+/// # Errors
+/// The localiser refuses.
+pub(crate) fn answer(
     localizer: &Localizer,
     shot: &Shot,
     heading_known: bool,

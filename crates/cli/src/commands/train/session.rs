@@ -12,6 +12,7 @@ use grimnet_train::{
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
+use super::flight_log::FlightLog;
 use super::{TrainArgs, labels};
 use crate::exit::Exit;
 use crate::interrupt;
@@ -65,6 +66,7 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
 fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()> {
     let mut curves = Curves::open(&config.out, trainer.state().position.step)?;
     let mut validator = Validator::new(config, data);
+    let flight = FlightLog::of(config)?;
     let bar = share_bar()?;
     let mut failed = None;
     trainer.run(&mut |progress, state| {
@@ -78,17 +80,21 @@ fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()>
             .add(progress)
             .and_then(|()| validator.measure_if_due(state));
         match noted {
-            Ok(measured) => {
-                for (name, v) in measured.unwrap_or_default() {
+            Ok(Some(measured)) => {
+                for (name, v) in measured {
                     bar.suspend(|| tracing::info!("{name}: {v}"));
                 }
+                if let Some(Err(error)) = flight.as_ref().map(|flight| flight.add(state)) {
+                    failed = Some(error);
+                }
             }
-            Err(error) => failed = Some(error),
+            Ok(None) => {}
+            Err(error) => failed = Some(error.into()),
         }
         failed.is_none()
     })?;
     bar.finish_and_clear();
-    failed.map_or(Ok(()), |error| Err(error.into()))
+    failed.map_or(Ok(()), Err)
 }
 
 /// A bar over the run, in thousandths.

@@ -1,0 +1,73 @@
+//! How far a training run has come in metres: a procedural flight, localised now and then, a line in `flight.csv` each time.
+
+use std::io::Write as _;
+use std::path::PathBuf;
+
+use anyhow::Result;
+use grimnet_eval::flight::Flight;
+use grimnet_net::Card;
+use grimnet_train::{Checkpoint, Stage, TrainConfig};
+
+/// The flight's world: training draws few worlds, from multiples of 1,000,003 upwards.
+const WORLD_SEED: u64 = 900_001;
+/// Its photos.
+const PHOTOS: usize = 16;
+
+/// The flight and where its figures go.
+pub(super) struct FlightLog {
+    flight: Flight,
+    path: PathBuf,
+}
+
+impl FlightLog {
+    /// Draws the flight; none where the run does not localise yet, or is not to be measured.
+    pub(super) fn of(config: &TrainConfig) -> Result<Option<Self>> {
+        if config.stage != Stage::Joint || config.validate_minutes <= 0.0 {
+            return Ok(None);
+        }
+        Ok(Some(Self {
+            flight: Flight::draw(WORLD_SEED, PHOTOS, &config.out.join("flight"))?,
+            path: config.out.join("flight.csv"),
+        }))
+    }
+
+    /// Localises the flight with the averaged parameters and adds a line for each heading mode.
+    pub(super) fn add(&self, state: &Checkpoint) -> Result<()> {
+        let model = state.average.to_model(Card::default())?;
+        let mut file = fs_err::OpenOptions::new()
+            .create(true)
+            .append(true)
+            .open(&self.path)?;
+        if file.metadata()?.len() == 0 {
+            writeln!(
+                file,
+                "step,heading_known,photos,within_5_m,within_20_m,median_m"
+            )?;
+        }
+        for figures in self.flight.measure(&model)? {
+            let median_m = figures
+                .median_m
+                .map_or(String::new(), |m| format!("{m:.2}"));
+            writeln!(
+                file,
+                "{},{},{},{:.3},{:.3},{median_m}",
+                state.position.step,
+                figures.heading_known,
+                figures.photos,
+                figures.within_5_m,
+                figures.within_20_m,
+            )?;
+            tracing::info!(
+                "flight, heading {}: {:.0} % within 5 m, {:.0} % within 20 m",
+                if figures.heading_known {
+                    "known"
+                } else {
+                    "unknown"
+                },
+                100.0 * figures.within_5_m,
+                100.0 * figures.within_20_m
+            );
+        }
+        Ok(())
+    }
+}

@@ -1,4 +1,5 @@
-//! Our SIFT beside OpenCV's, on a drawn pair of pictures and on a rendered map and photo (`golden/sift/make_golden.py`).
+//! Our SIFT beside OpenCV's, on a drawn and a photographed pair of pictures and on a rendered map and photo
+//! (`golden/sift/make_golden.py`).
 
 #![allow(clippy::unwrap_used)]
 
@@ -47,6 +48,8 @@ fn keypoints_and_descriptors_are_those_of_opencv() {
     for (pair, name) in [
         ("drawn", "a"),
         ("drawn", "b"),
+        ("photographed", "a"),
+        ("photographed", "b"),
         ("rendered", "a"),
         ("rendered", "b"),
     ] {
@@ -120,7 +123,7 @@ fn matches_shared(pair: &str) -> (usize, usize, usize) {
 #[test]
 fn pairs_are_matched_as_by_opencv() {
     // OpenCV's matches are not asked to be mutual, ours are: some of theirs are missing, more where few are right.
-    for (pair, least_of_theirs) in [("drawn", 0.85), ("rendered", 0.5)] {
+    for (pair, least_of_theirs) in [("drawn", 0.85), ("photographed", 0.85), ("rendered", 0.5)] {
         let (ours, shared, theirs) = matches_shared(pair);
         assert!(
             shared as f32 > 0.97 * ours as f32,

@@ -1,10 +1,12 @@
-"""Keypoints, descriptors and matches of OpenCV's SIFT on two pairs of pictures.
+"""Keypoints, descriptors and matches of OpenCV's SIFT on three pairs of pictures.
 
 Run in this folder with numpy and opencv-python (4.10 or later): for each pair it reads or makes PAIR_a.png and PAIR_b.png, and writes
 PAIR_keypoints_{a,b}.csv, PAIR_descriptors_{a,b}.bin and PAIR_matches.csv.
 
 - `drawn`: boxes and texture; the second picture is the first, turned by 35 degrees and reduced to 0.8 about the centre, with other light
   and noise.
+- `photographed`: a part of NASA's portrait of Eileen Collins (public domain; `skimage.data.astronaut()`), and the same turned, reduced and
+  in other light. The first picture is kept; where it is missing, scikit-image is needed.
 - `rendered`: a place of the procedural world, in its map and in a photo of a flight over it, with parallax, other light and JPEG. The
   pictures are kept; to cut them anew (rasterio needed): `grim demo --photos 3 -o DEMO`, then `python make_golden.py DEMO`.
 """
@@ -33,12 +35,25 @@ def draw():
         cv2.fillConvexPoly(picture, np.round(box).astype(np.int32), float(rng.uniform(20, 235)))
     texture = cv2.GaussianBlur(rng.normal(0, 60, picture.shape).astype(np.float32), (0, 0), 2.5)
     first = cv2.GaussianBlur(picture, (0, 0), 0.8) + texture
+    cv2.imwrite("drawn_a.png", grey(first))
+    cv2.imwrite("drawn_b.png", grey(turned(first, rng)))
+
+
+def turned(picture, rng):
     centre = ((SIDE - 1) / 2, (SIDE - 1) / 2)
     turn = cv2.getRotationMatrix2D(centre, 35, 0.8)
-    second = cv2.warpAffine(first, turn, (SIDE, SIDE), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REFLECT_101)
-    second = second * 0.85 + 20 + rng.normal(0, 2, second.shape)
-    cv2.imwrite("drawn_a.png", grey(first))
-    cv2.imwrite("drawn_b.png", grey(second))
+    second = cv2.warpAffine(picture, turn, (SIDE, SIDE), flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REFLECT_101)
+    return second * 0.85 + 20 + rng.normal(0, 2, second.shape)
+
+
+def photograph():
+    if not pathlib.Path("photographed_a.png").exists():
+        from skimage import data
+
+        whole = cv2.cvtColor(data.astronaut(), cv2.COLOR_RGB2GRAY)
+        cv2.imwrite("photographed_a.png", whole[:SIDE, 140 : 140 + SIDE])
+    first = cv2.imread("photographed_a.png", cv2.IMREAD_GRAYSCALE).astype(np.float32)
+    cv2.imwrite("photographed_b.png", grey(turned(first, np.random.default_rng(1999))))
 
 
 def cut(demo):
@@ -91,8 +106,9 @@ def oracle(pair):
 
 
 draw()
+photograph()
 if len(sys.argv) > 1:
     cut(pathlib.Path(sys.argv[1]))
-for pair in ("drawn", "rendered"):
+for pair in ("drawn", "photographed", "rendered"):
     oracle(pair)
 print("OpenCV", cv2.__version__)

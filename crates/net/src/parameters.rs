@@ -118,7 +118,7 @@ mod tests {
 
     #[test]
     fn parameter_names_are_unique() {
-        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+        for spec in NetSpec::presets() {
             let mut names: Vec<_> = spec
                 .parameters()
                 .into_iter()

@@ -197,13 +197,24 @@ impl NetSpec {
         }
     }
 
+    /// The paper's network with the lateral decoder: detail need not pass the deepest stage, so that it trains from random
+    /// numbers.
+    pub fn vgg16_lateral() -> Self {
+        Self {
+            preset: "vgg16-lateral".into(),
+            decoder: Decoder::Lateral { width: 256 },
+            ..Self::vgg16()
+        }
+    }
+
+    /// Every preset, the default one first.
+    pub fn presets() -> [Self; 3] {
+        [Self::compact(), Self::vgg16(), Self::vgg16_lateral()]
+    }
+
     /// The preset of that name, if there is one.
     pub fn preset(name: &str) -> Option<Self> {
-        match name {
-            "compact" => Some(Self::compact()),
-            "vgg16" => Some(Self::vgg16()),
-            _ => None,
-        }
+        Self::presets().into_iter().find(|spec| spec.preset == name)
     }
 
     /// Channels of the encoder's output after stage `index` (0 to 4), at 1/2^(index+1) of the picture's side.
@@ -348,7 +359,7 @@ mod tests {
 
     #[test]
     fn presets_are_valid_and_have_the_published_sizes() {
-        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+        for spec in NetSpec::presets() {
             spec.validate().unwrap();
             assert_eq!(NetSpec::preset(&spec.preset).as_ref(), Some(&spec));
             assert_eq!(spec.global_len(), 512);
@@ -386,7 +397,7 @@ mod tests {
 
     #[test]
     fn descriptions_survive_json() {
-        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+        for spec in NetSpec::presets() {
             let text = serde_json::to_string(&spec).unwrap();
             assert_eq!(serde_json::from_str::<NetSpec>(&text).unwrap(), spec);
         }

@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct TrainConfig {
     /// What is trained. Each stage has its own folder, and starts from the one before by `start_from`.
     pub stage: Stage,
-    /// Network preset: `compact` or `vgg16`.
+    /// Network preset: `compact`, `vgg16` or `vgg16-lateral`.
     pub network: String,
     /// What computes.
     pub device: Accelerator,
@@ -253,7 +253,7 @@ impl TrainConfig {
     pub fn spec(&self) -> Result<NetSpec, TrainError> {
         NetSpec::preset(&self.network).ok_or_else(|| TrainError::Config {
             reason: format!(
-                "`network = \"{}\"` is no preset; write compact or vgg16",
+                "`network = \"{}\"` is no preset; write compact, vgg16 or vgg16-lateral",
                 self.network
             ),
         })

@@ -96,7 +96,7 @@ mod tests {
         });
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.safetensors");
-        for spec in [NetSpec::compact(), NetSpec::vgg16()] {
+        for spec in NetSpec::presets() {
             let model = Model::random(&spec, 3).unwrap();
             model.save(&path).unwrap();
             let detector = Detector::open(Some(&path), &Device::flex()).unwrap();

@@ -7,7 +7,7 @@ use crate::import::{encoder_from_torchvision, read_tensors};
 use crate::optimiser::Adam;
 use crate::parameters::Parameters;
 use burn::tensor::{Device, Tensor, TensorData};
-use grimnet_net::Model;
+use grimnet_net::{Model, NetSpec};
 use std::path::Path;
 
 /// The first state of a run, with a classifier of that many scenes.
@@ -79,9 +79,9 @@ fn with_encoder(
         reason,
     };
     let encoder = encoder_from_torchvision(&read_tensors(path)?).map_err(wrong)?;
-    if parameters.spec().preset != "vgg16" {
+    if parameters.spec().stages != NetSpec::vgg16().stages {
         return Err(wrong(
-            "it fits `network = \"vgg16\"` only, as it comes from torchvision".into(),
+            "it fits `network = \"vgg16\"` and `\"vgg16-lateral\"` only, as it comes from torchvision".into(),
         ));
     }
     for (name, values) in encoder {

@@ -85,6 +85,7 @@ fn heatmap(probabilities: &[f32]) -> Vec<f32> {
 #[rstest]
 #[case::compact(NetSpec::compact())]
 #[case::vgg16(NetSpec::vgg16())]
+#[case::vgg16_lateral(NetSpec::vgg16_lateral())]
 fn both_domains_are_the_engines(#[case] spec: NetSpec) {
     let device = Device::flex();
     let start = Model::random(&spec, 3).unwrap();

@@ -165,9 +165,9 @@ impl Compared<'_> {
         }
     }
 
-    /// Mutual nearest neighbours among the pairs that `near` allows, by row of the query, into `matches`: guided matching, see
-    /// [`crate::guided`]. `near` writes the rows of the tile that a row of the query may be matched with. A match stays if at
-    /// most `max_closer` keypoints of the whole tile are more similar.
+    /// Mutual nearest neighbours among the pairs that `near` allows, by row of the query, into `matches`: guided matching (Hartley &
+    /// Zisserman 2004, section 4.7.1). `near` writes the rows of the tile that a row of the query may be matched with. A match
+    /// stays if at most `max_closer` keypoints of the whole tile are more similar.
     pub fn guided(
         &mut self,
         near: impl FnMut(usize, &mut Vec<usize>),

@@ -2,15 +2,79 @@
 //! with those of the map near the place that the transform gives it. A right transform finds many more matches so, spread over
 //! the whole photo; a wrong one finds hardly any.
 
+use std::collections::HashSet;
+
 use nalgebra::Point2;
 
-use crate::{homography::Homography, transform::Transform as _};
+use crate::{
+    correspondence::Correspondence,
+    homography::Homography,
+    matching::{Compared, Match},
+    options::Options,
+    query_features::QueryFeatures,
+    solve::{Expected, Solved, solve_from},
+    transform::Transform as _,
+};
 
 /// Matches that guidance adds may have this many keypoints of the tile that are more similar.
-pub(crate) const MAX_CLOSER: usize = 1;
+const MAX_CLOSER: usize = 1;
+/// How far from its place a keypoint is looked for, once and then again from the transform that this gave, thresholds of RANSAC.
+const REACH: [f64; 2] = [2.0, 1.0];
+
+/// What is matched: a query, and a tile's keypoints at the query's resolution.
+pub(crate) struct Sides<'a> {
+    pub query: &'a QueryFeatures,
+    pub tile_points: &'a [Point2<f64>],
+}
+
+impl Sides<'_> {
+    /// The matched points, each pair weighted by the probability of the query's keypoint.
+    pub fn pairs<'m>(&self, matches: impl IntoIterator<Item = &'m Match>) -> Vec<Correspondence> {
+        let pair = |found: &Match| {
+            Correspondence::weighted(
+                self.query.points[found.query as usize].cast::<f64>(),
+                self.tile_points[found.tile as usize],
+                f64::from(self.query.scores[found.query as usize]),
+            )
+        };
+        matches.into_iter().map(pair).collect()
+    }
+}
+
+/// Matches anew about the transform of `start`, and fits it to what is found; the pairs to which its inliers belong. Those of
+/// `plain`, matched without guidance, that found no place among them come last. `None` where no transform fits.
+pub(crate) fn guide(
+    compared: &mut Compared<'_>,
+    sides: &Sides<'_>,
+    plain: &[Match],
+    start: &Solved,
+    expected: Expected,
+    options: &Options,
+    guided: &mut Vec<Match>,
+) -> Option<(Solved, Vec<Correspondence>)> {
+    let places = Places::new(sides.tile_points);
+    let mut solved = start.clone();
+    let mut pairs = Vec::new();
+    for reach in REACH {
+        let reach_px = reach * options.ransac.threshold_px;
+        compared.guided(
+            |row, near| {
+                let from = sides.query.points[row].cast::<f64>();
+                places.near(&solved.homography, from, reach_px, near);
+            },
+            MAX_CLOSER,
+            guided,
+        );
+        pairs = sides.pairs(&*guided);
+        solved = solve_from(&solved, &pairs, expected, options)?;
+    }
+    let taken: HashSet<u32> = guided.iter().map(|found| found.query).collect();
+    pairs.extend(sides.pairs(plain.iter().filter(|found| !taken.contains(&found.query))));
+    Some((solved, pairs))
+}
 
 /// Keypoints of a tile by place.
-pub(crate) struct Places<'a> {
+struct Places<'a> {
     points: &'a [Point2<f64>],
     /// Indices of the points from top to bottom.
     by_y: Vec<usize>,
@@ -18,14 +82,14 @@ pub(crate) struct Places<'a> {
 
 impl<'a> Places<'a> {
     /// Sorts the points.
-    pub fn new(points: &'a [Point2<f64>]) -> Self {
+    fn new(points: &'a [Point2<f64>]) -> Self {
         let mut by_y: Vec<usize> = (0..points.len()).collect();
         by_y.sort_by(|&a, &b| points[a].y.total_cmp(&points[b].y));
         Self { points, by_y }
     }
 
     /// Appends the points within `reach_px` of the place that `transform` gives `from`.
-    pub fn near(
+    fn near(
         &self,
         transform: &Homography,
         from: Point2<f64>,

@@ -208,41 +208,27 @@ impl Similarity for i32 {
 }
 
 impl<S: Similarity> Table<'_, S> {
-    /// Two passes without branches in the inner loop, so that the compiler makes vector code of them.
+    /// Without branches in the inner loops, so that the compiler makes vector code of them.
     fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {
-        matches.clear();
-        let (columns, least) = (self.columns, self.least);
         self.forget();
+        let (least, to_cosine) = (self.least, self.to_cosine);
         let Buffers {
             scores,
+            row_best,
             column_best,
-            taken,
             ..
         } = &mut *self.buffers;
-        for row in scores.chunks_exact(columns.max(1)) {
+        for row in scores.chunks_exact(self.columns.max(1)) {
             for (best, &score) in column_best.iter_mut().zip(row) {
                 *best = if score > *best { score } else { *best };
             }
-        }
-        for (index, row) in scores.chunks_exact(columns.max(1)).enumerate() {
             let best = greatest(row, least);
-            let Some(column) = row.iter().position(|&score| score == best) else {
-                continue;
-            };
-            if column_best[column] != best
-                || taken[column]
-                || !max_ratio
-                    .is_none_or(|most| passes_ratio(row, column, least, self.to_cosine, most))
-            {
-                continue;
-            }
-            taken[column] = true;
-            matches.push(Match {
-                query: index as u32,
-                tile: column as u32,
-                similarity: best.as_f32() * self.to_cosine,
-            });
+            let column = row.iter().position(|&score| score == best);
+            row_best.push(column.map(|column| (column, best)));
         }
+        self.keep_mutual(matches, |row, column, _| {
+            max_ratio.is_none_or(|most| passes_ratio(row, column, least, to_cosine, most))
+        });
     }
 
     fn guided(
@@ -251,16 +237,14 @@ impl<S: Similarity> Table<'_, S> {
         max_closer: usize,
         matches: &mut Vec<Match>,
     ) {
-        matches.clear();
         self.forget();
         let Buffers {
             scores,
             row_best,
             column_best,
-            taken,
+            ..
         } = &mut *self.buffers;
         let mut allowed = Vec::new();
-        row_best.clear();
         for (index, row) in scores.chunks_exact(self.columns.max(1)).enumerate() {
             allowed.clear();
             near(index, &mut allowed);
@@ -276,12 +260,40 @@ impl<S: Similarity> Table<'_, S> {
             }
             row_best.push(best);
         }
-        for (index, row) in scores.chunks_exact(self.columns.max(1)).enumerate() {
-            let Some((column, best)) = row_best[index] else {
+        self.keep_mutual(matches, |row, _, best| {
+            row.iter().filter(|&&score| score > best).count() <= max_closer
+        });
+    }
+
+    /// Empties what the passes over a table write.
+    fn forget(&mut self) {
+        let buffers = &mut *self.buffers;
+        buffers.row_best.clear();
+        buffers.column_best.clear();
+        buffers.column_best.resize(self.columns, self.least);
+        buffers.taken.clear();
+        buffers.taken.resize(self.columns, false);
+    }
+
+    /// The best of each row that is the best of its column, too, and that `keep` lets stay, given its row, column and similarity.
+    fn keep_mutual(
+        &mut self,
+        matches: &mut Vec<Match>,
+        mut keep: impl FnMut(&[S], usize, S) -> bool,
+    ) {
+        matches.clear();
+        let Buffers {
+            scores,
+            row_best,
+            column_best,
+            taken,
+        } = &mut *self.buffers;
+        let rows = scores.chunks_exact(self.columns.max(1));
+        for (index, (row, best)) in rows.zip(row_best).enumerate() {
+            let Some((column, best)) = *best else {
                 continue;
             };
-            let is_mutual = column_best[column] == best && !taken[column];
-            if !is_mutual || row.iter().filter(|&&score| score > best).count() > max_closer {
+            if column_best[column] != best || taken[column] || !keep(row, column, best) {
                 continue;
             }
             taken[column] = true;
@@ -291,13 +303,6 @@ impl<S: Similarity> Table<'_, S> {
                 similarity: best.as_f32() * self.to_cosine,
             });
         }
-    }
-
-    fn forget(&mut self) {
-        self.buffers.column_best.clear();
-        self.buffers.column_best.resize(self.columns, self.least);
-        self.buffers.taken.clear();
-        self.buffers.taken.resize(self.columns, false);
     }
 }
 

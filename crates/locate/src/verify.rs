@@ -1,7 +1,5 @@
 //! Full matching of one candidate: matches, transform, gates, and how far its centre may be off.
 
-use std::collections::HashSet;
-
 use grimnet_pack::Level;
 use nalgebra::{Matrix2, Point2, Vector2};
 
@@ -11,12 +9,12 @@ use crate::{
     covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
     error::Result,
     gates::Rejection,
-    guided::{MAX_CLOSER, Places},
+    guided::{Sides, guide},
     homography::Homography,
-    matching::{Descriptors, Match},
+    matching::Descriptors,
     options::Options,
     query_features::{PIXEL_CENTRE, QueryFeatures},
-    solve::{Expected, solve, solve_from},
+    solve::{Expected, solve},
     transform::Transform,
 };
 
@@ -38,9 +36,6 @@ pub(crate) struct Verified {
     /// The first gate that it did not pass.
     pub rejection: Option<Rejection>,
 }
-
-/// How far from its place a keypoint is looked for, once and then again from the transform that this gave, thresholds of RANSAC.
-const GUIDED_REACH: [f64; 2] = [2.0, 1.0];
 
 /// The frame of a tile at the query's resolution.
 #[derive(Debug, Clone, Copy)]
@@ -105,38 +100,27 @@ pub(crate) fn verify(
             .total_cmp(&a.similarity)
             .then(a.query.cmp(&b.query))
     });
-    let pair = |found: &Match| {
-        Correspondence::weighted(
-            query.points[found.query as usize].cast::<f64>(),
-            tile_points[found.tile as usize],
-            f64::from(query.scores[found.query as usize]),
-        )
+    let sides = Sides {
+        query,
+        tile_points: &tile_points,
     };
-    let mut pairs: Vec<Correspondence> = desk.matches.iter().map(pair).collect();
+    let mut pairs = sides.pairs(&desk.matches);
     let mut solved = solve(&pairs, expected, options);
-    if let (Some(found), true) = (&mut solved, options.guided) {
-        let places = Places::new(&tile_points);
-        for reach in GUIDED_REACH {
-            let transform = found.homography;
-            compared.guided(
-                |row, near| {
-                    let from = query.points[row].cast::<f64>();
-                    places.near(&transform, from, reach * options.ransac.threshold_px, near);
-                },
-                MAX_CLOSER,
-                &mut desk.guided,
-            );
-            let near: Vec<Correspondence> = desk.guided.iter().map(pair).collect();
-            let Some(again) = solve_from(found, &near, expected, options) else {
-                break;
-            };
-            *found = again;
-            pairs = near;
-        }
-        // Those that disagree stay, after those that guidance found.
-        let taken: HashSet<u32> = desk.guided.iter().map(|found| found.query).collect();
-        let others = desk.matches.iter().filter(|m| !taken.contains(&m.query));
-        pairs.extend(others.map(pair));
+    let start = solved.as_ref().filter(|_| options.guided);
+    let again = start.and_then(|start| {
+        let guided = &mut desk.guided;
+        guide(
+            &mut compared,
+            &sides,
+            &desk.matches,
+            start,
+            expected,
+            options,
+            guided,
+        )
+    });
+    if let Some((by_guidance, near)) = again {
+        (solved, pairs) = (Some(by_guidance), near);
     }
     let mut verified = Verified {
         candidate,

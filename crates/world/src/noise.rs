@@ -134,6 +134,17 @@ fn corners(x: f32, y: f32) -> Corners {
     }
 }
 
+impl Corners {
+    /// Between the values at the four corners.
+    #[inline]
+    fn blend(&self, f: impl Fn(usize) -> f32) -> f32 {
+        let [a, b, c, d] = self.at.map(f);
+        let top = a + (b - a) * self.u;
+        let bottom = c + (d - c) * self.u;
+        top + (bottom - top) * self.v
+    }
+}
+
 /// Fractal value noise, about -1 to 1 (deviation about 0.35); features from 2 to 64 units. The octaves are independent, so that
 /// no place within many thousand units looks like another.
 #[inline]
@@ -142,15 +153,16 @@ pub(crate) fn fbm(x: f32, y: f32) -> f32 {
     let mut sum = 0.0;
     for octave in &OCTAVES {
         let [c, s] = octave.along;
-        let Corners { at, u, v } = corners(
+        let linear = corners(
             x * c - y * s + octave.start[0],
             x * s + y * c + octave.start[1],
         );
-        let (u, v) = (smooth(u), smooth(v));
-        let f = |i: usize| f32::from(t[at[i]]);
-        let top = f(0) + (f(1) - f(0)) * u;
-        let bottom = f(2) + (f(3) - f(2)) * u;
-        sum += octave.weight * (top + (bottom - top) * v);
+        let smoothed = Corners {
+            u: smooth(linear.u),
+            v: smooth(linear.v),
+            ..linear
+        };
+        sum += octave.weight * smoothed.blend(|i| f32::from(t[i]));
     }
     sum.clamp(-1.0, 1.0)
 }
@@ -158,14 +170,9 @@ pub(crate) fn fbm(x: f32, y: f32) -> f32 {
 /// Foliage clumps, period 512 along each axis; balls of 9 to 30 units radius.
 #[inline]
 pub(crate) fn clump(x: f32, y: f32) -> Clump {
-    let Corners { at, u, v } = corners(x, y);
+    let corners = corners(x, y);
     let t = &TABLES.clump;
-    let f = |i: usize, k: usize| f32::from(t[at[i]][k]);
-    let lerp = |k: usize| {
-        let top = f(0, k) + (f(1, k) - f(0, k)) * u;
-        let bottom = f(2, k) + (f(3, k) - f(2, k)) * u;
-        (top + (bottom - top) * v) * (1.0 / 127.0)
-    };
+    let lerp = |k: usize| corners.blend(|i| f32::from(t[i][k])) * (1.0 / 127.0);
     Clump {
         height: lerp(0),
         slope: [lerp(1), lerp(2)],

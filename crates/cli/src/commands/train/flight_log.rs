@@ -13,38 +13,40 @@ const WORLD_SEED: u64 = 900_001;
 /// Its photos.
 const PHOTOS: usize = 16;
 
-/// The flight and where its figures go.
+/// The flight, drawn when it is first needed, and where it and its figures go.
 pub(super) struct FlightLog {
-    flight: Flight,
-    path: PathBuf,
+    out: PathBuf,
+    flight: Option<Flight>,
 }
 
 impl FlightLog {
-    /// Draws the flight; none where the run does not localise yet, or is not to be measured.
-    pub(super) fn of(config: &TrainConfig) -> Result<Option<Self>> {
-        if config.stage != Stage::Joint || config.validate_minutes <= 0.0 {
-            return Ok(None);
-        }
-        Ok(Some(Self {
-            flight: Flight::draw(WORLD_SEED, PHOTOS, &config.out.join("flight"))?,
-            path: config.out.join("flight.csv"),
-        }))
+    /// None where the run does not localise yet, or is not to be measured.
+    pub(super) fn of(config: &TrainConfig) -> Option<Self> {
+        let is_measured = config.stage == Stage::Joint && config.validate_minutes > 0.0;
+        is_measured.then(|| Self {
+            out: config.out.clone(),
+            flight: None,
+        })
     }
 
     /// Localises the flight with the averaged parameters and adds a line for each heading mode.
-    pub(super) fn add(&self, state: &Checkpoint) -> Result<()> {
+    pub(super) fn add(&mut self, state: &Checkpoint) -> Result<()> {
+        let flight = match &mut self.flight {
+            Some(flight) => flight,
+            none => none.insert(Flight::draw(WORLD_SEED, PHOTOS, &self.out.join("flight"))?),
+        };
         let model = state.average.to_model(Card::default())?;
         let mut file = fs_err::OpenOptions::new()
             .create(true)
             .append(true)
-            .open(&self.path)?;
+            .open(self.out.join("flight.csv"))?;
         if file.metadata()?.len() == 0 {
             writeln!(
                 file,
                 "step,heading_known,photos,within_5_m,within_20_m,median_m"
             )?;
         }
-        for figures in self.flight.measure(&model)? {
+        for figures in flight.measure(&model)? {
             let median_m = figures
                 .median_m
                 .map_or(String::new(), |m| format!("{m:.2}"));

@@ -66,7 +66,7 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
 fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()> {
     let mut curves = Curves::open(&config.out, trainer.state().position.step)?;
     let mut validator = Validator::new(config, data);
-    let flight = FlightLog::of(config)?;
+    let mut flight = FlightLog::of(config);
     let bar = share_bar()?;
     let mut failed = None;
     trainer.run(&mut |progress, state| {
@@ -84,7 +84,7 @@ fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()>
                 for (name, v) in measured {
                     bar.suspend(|| tracing::info!("{name}: {v}"));
                 }
-                if let Some(Err(error)) = flight.as_ref().map(|flight| flight.add(state)) {
+                if let Some(Err(error)) = flight.as_mut().map(|flight| flight.add(state)) {
                     failed = Some(error);
                 }
             }

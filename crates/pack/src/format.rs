@@ -12,7 +12,7 @@
 //! | `L/features` | blobs, each at a multiple of 64: descriptors `i8 [n][dim]`, padding to 4, positions `u16 [n][2]`, scores `f16 [n]` |
 //! | `L/units` | one [`UnitEntry`] per feature unit (cell or paper tile), row by row |
 //! | `L/tiles` | one [`TileEntry`] per tile that has a descriptor, row by row |
-//! | `L/globals` | `i8 [tiles][global_dim]` |
+//! | `L/globals` | `i8 [tiles][global_dim]`, unit rows; default mode: without what the level's tiles have in common |
 //! | `L/global_scales` | `f32 [tiles]`, what one step of the row is worth |
 //! | `L/statistics` | adapted normalisation statistics, if any |
 //! | `L/ivf.*` | the IVF-PQ index, if any |
@@ -23,7 +23,7 @@ use bytemuck::{Pod, Zeroable};
 pub const MAGIC: [u8; 8] = *b"GRIMPACK";
 
 /// Version of the layout described above; another version is refused.
-pub const FORMAT_VERSION: u32 = 1;
+pub const FORMAT_VERSION: u32 = 2;
 
 /// Sections and feature blobs start at multiples of this many bytes (a cache line).
 pub const ALIGNMENT: u64 = 64;

@@ -2,7 +2,7 @@
 
 use crate::TrainError;
 use crate::parameters::{Parameters, host};
-use burn::tensor::{Tensor, TensorData};
+use burn::tensor::Tensor;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 
@@ -56,18 +56,11 @@ pub fn start_centres(
     vectors: Tensor<2>,
     seed: u64,
 ) -> Result<(), TrainError> {
-    let device = vectors.device().without_autodiff();
     let dim = vectors.dims()[1];
     let clusters = parameters.spec().vlad.clusters;
     let centres = unit_clusters(&host(vectors)?, dim, clusters, seed);
-    let tensor = |values: Vec<f32>| {
-        let length = values.len();
-        Tensor::<1>::from_data(TensorData::new(values, [length]), &device)
-    };
-    parameters.set(
-        "netvlad.assign.weight",
-        tensor(centres.iter().map(|v| v * SHARPNESS).collect()),
-    )?;
-    parameters.set("netvlad.assign.bias", tensor(vec![0.0; clusters]))?;
-    parameters.set("netvlad.centres", tensor(centres))
+    let sharp = centres.iter().map(|v| v * SHARPNESS).collect();
+    parameters.set_from_host("netvlad.assign.weight", sharp)?;
+    parameters.set_from_host("netvlad.assign.bias", vec![0.0; clusters])?;
+    parameters.set_from_host("netvlad.centres", centres)
 }

@@ -25,8 +25,9 @@ pub struct TrainConfig {
     pub world_share: f64,
     /// Those worlds.
     pub world: WorldOptions,
-    /// A model file, or a checkpoint of another run, whose numbers the network starts with; or torchvision's `vgg16` or
-    /// `vgg16_bn` weights (`.pth` or safetensors), whose convolutions `vgg16` starts with.
+    /// A model file, or a checkpoint of another run, whose numbers the network starts with; of a smaller network, from which
+    /// the encoder grows (`compact` fits into `vgg16`); or torchvision's `vgg16` or `vgg16_bn` weights (`.pth` or
+    /// safetensors), whose convolutions `vgg16` starts with.
     pub start_from: Option<PathBuf>,
     /// Length of the run; the schedule ends here. Time in which the process was stopped does not count.
     pub minutes: f64,

@@ -3,10 +3,11 @@
 use crate::TrainError;
 use crate::checkpoint::{Checkpoint, Position};
 use crate::config::TrainConfig;
+use crate::grow::grow_encoder;
 use crate::import::{encoder_from_torchvision, read_tensors};
 use crate::optimiser::Adam;
 use crate::parameters::Parameters;
-use burn::tensor::{Device, Tensor, TensorData};
+use burn::tensor::Device;
 use grimnet_net::{Model, NetSpec};
 use std::path::Path;
 
@@ -37,8 +38,8 @@ pub(crate) fn first_state(
     })
 }
 
-/// The averaged numbers of a checkpoint, those of a model file, or random ones with another program's encoder; and whether
-/// NetVLAD's centres are among them.
+/// The averaged numbers of a checkpoint or those of a model file, random ones with an encoder that grows from either, or with
+/// another program's encoder; and whether NetVLAD's centres are among them.
 fn started_from(
     path: &Path,
     random: Parameters,
@@ -54,13 +55,21 @@ fn started_from(
     } else if let Ok(model) = Model::open(path) {
         (Parameters::of_model(&model, device), true)
     } else {
-        return Ok((with_encoder(path, random, device)?, false));
+        return Ok((with_encoder(path, random)?, false));
     };
     if found.spec() != random.spec() {
+        if let Some(grown) = grow_encoder(&found, random)? {
+            tracing::info!(
+                "{}: the encoder of `{}` grows from it; the rest starts from random numbers",
+                path.display(),
+                config.network
+            );
+            return Ok((grown, false));
+        }
         return Err(TrainError::Checkpoint {
             path: path.to_owned(),
             reason: format!(
-                "it holds another network than `{}`; leave `start_from` out, or name a file of this network",
+                "it holds another network than `{}`, and not a smaller one that this could grow from; leave `start_from` out, or name a file of this network",
                 config.network
             ),
         });
@@ -69,11 +78,7 @@ fn started_from(
 }
 
 /// The parameters with torchvision's encoder.
-fn with_encoder(
-    path: &Path,
-    mut parameters: Parameters,
-    device: &Device,
-) -> Result<Parameters, TrainError> {
+fn with_encoder(path: &Path, mut parameters: Parameters) -> Result<Parameters, TrainError> {
     let wrong = |reason: String| TrainError::Weights {
         path: path.to_owned(),
         reason,
@@ -85,12 +90,7 @@ fn with_encoder(
         ));
     }
     for (name, values) in encoder {
-        let length = values.len();
-        let data = TensorData::new(values, [length]);
-        parameters.set(
-            &name,
-            Tensor::from_data(data, &device.clone().without_autodiff()),
-        )?;
+        parameters.set_from_host(&name, values)?;
     }
     Ok(parameters)
 }

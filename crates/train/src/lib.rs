@@ -12,6 +12,7 @@ mod device;
 mod error;
 mod export;
 mod first;
+mod grow;
 pub mod import;
 mod labelling;
 pub mod loss;

@@ -151,7 +151,7 @@ impl<'a> Network<'a> {
     }
 
     /// The features after each stage, `[n, h / 2^(stage + 1), w / 2^(stage + 1), c]`.
-    fn encode(&mut self, input: &Input) -> Result<Vec<Tensor<4>>, TrainError> {
+    pub(crate) fn encode(&mut self, input: &Input) -> Result<Vec<Tensor<4>>, TrainError> {
         let mut x = input.pictures.clone();
         let mut stages = Vec::with_capacity(self.spec().stages.len());
         for (s, stage) in self.spec().stages.iter().enumerate() {

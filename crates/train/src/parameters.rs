@@ -173,6 +173,19 @@ impl Parameters {
         Ok(())
     }
 
+    /// Replaces a tensor's numbers by some from the host.
+    ///
+    /// # Errors
+    /// As [`Parameters::set`].
+    pub fn set_from_host(&mut self, name: &str, values: Vec<f32>) -> Result<(), TrainError> {
+        let length = values.len();
+        let device = self.flat(name)?.device().without_autodiff();
+        self.set(
+            name,
+            Tensor::from_data(TensorData::new(values, [length]), &device),
+        )
+    }
+
     /// The same numbers as leaves of a new autodiff graph.
     #[must_use]
     pub fn tracked(&self) -> Self {

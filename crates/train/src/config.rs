@@ -2,7 +2,7 @@
 
 use crate::data::{Folder, LabelOptions, PairOptions, WorldOptions};
 use crate::loss::{HingeOptions, HomographyOptions, MultiSimilarityOptions, TripletOptions};
-use crate::{Accelerator, Norms, TeacherOptions, TrainError};
+use crate::{Accelerator, ExportOptions, Norms, TeacherOptions, TrainError};
 use grimnet_net::NetSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -90,6 +90,8 @@ pub struct TrainConfig {
     pub validate_minutes: f64,
     /// Steps between progress reports.
     pub report_steps: u64,
+    /// What the exported model is fitted and measured with.
+    pub export: ExportOptions,
 }
 
 /// The stages of training.
@@ -209,6 +211,7 @@ impl Default for TrainConfig {
             checkpoint_minutes: 4.0,
             validate_minutes: 15.0,
             report_steps: 50,
+            export: ExportOptions::default(),
         }
     }
 }

@@ -9,9 +9,9 @@ use crate::network::{Network, Statistics};
 use crate::parameters::Parameters;
 use crate::trainer::enough;
 use crate::validation::{
-    Validation, Validations, extractors_of, features_of, pairs_of, validate, validation_options,
+    Sight, Validation, Validations, extractors_of, features_of, pairs_of, validation_options,
 };
-use crate::whitening::{WhiteningKind, fit_whitening};
+use crate::whitening::{Projection, WhiteningKind, fit_whitening};
 use burn::tensor::Device;
 use grimnet_net::{Card, Domain, ExtractOptions, Model, NetSpec};
 use serde::{Deserialize, Serialize};
@@ -22,7 +22,7 @@ const STATISTICS_BATCHES: u64 = 24;
 /// Length of a whitened descriptor.
 const WHITENED: usize = 512;
 
-/// What to measure and fit with.
+/// What the exported model is fitted and measured with; each view costs a forward pass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExportOptions {
@@ -104,7 +104,11 @@ fn share_map_norms(parameters: &mut Parameters) -> Result<(), TrainError> {
 }
 
 /// VLAD vectors of both views of the pairs: all map views', then all photos'.
-fn vectors_of(model: &Model, pairs: &[Pair]) -> Result<Vec<f32>, TrainError> {
+fn vectors_of(
+    model: &Model,
+    pairs: &[Pair],
+    on_pair: &mut dyn FnMut(),
+) -> Result<Vec<f32>, TrainError> {
     let extractors = extractors_of(model)?;
     let options = ExtractOptions {
         max_keypoints: 1,
@@ -115,12 +119,14 @@ fn vectors_of(model: &Model, pairs: &[Pair]) -> Result<Vec<f32>, TrainError> {
         let [a, b] = features_of(pair, &extractors, &options)?;
         sat.extend(a.global);
         uav.extend(b.global);
+        on_pair();
     }
     sat.extend(uav);
     Ok(sat)
 }
 
-/// Makes the model of a checkpoint, measures it without whitening and with each kind, and keeps what finds places best.
+/// Makes the model of a checkpoint, measures it without whitening and with each kind, and keeps what finds places best; tells
+/// the share that is done.
 ///
 /// # Errors
 /// Where the device does not give values back, or the network refuses its numbers.
@@ -128,9 +134,10 @@ pub fn export(
     checkpoint: &Checkpoint,
     config: &TrainConfig,
     data: &Data,
-    options: &ExportOptions,
     device: &Device,
+    on_progress: &mut dyn FnMut(f64),
 ) -> Result<Exported, TrainError> {
+    let options = &config.export;
     let parameters = with_fresh_statistics(&checkpoint.average, &data.training, config, device)?;
     let card = Card {
         name: format!("grimnet {}", config.network),
@@ -175,55 +182,86 @@ pub fn export(
         &views,
         config.seed ^ 12,
     );
-    let mut tried = Vec::new();
-    let distractors = |model: &Model| vectors_of(model, &others);
-    let measure = |model: &Model| -> Result<Validations, TrainError> {
-        let distractors = distractors(model)?;
-        held.iter()
-            .map(|(name, pairs)| Ok(((*name).to_owned(), validate(model, pairs, &distractors)?)))
-            .collect()
+    let length = parameters.spec().vlad_len();
+    let whitens = options.whitening_pairs > 0 && length > WHITENED;
+    let fitting = if whitens {
+        training_pairs(data, options.whitening_pairs, &views, config.seed ^ 13)
+    } else {
+        Vec::new()
     };
-    tried.push((None, plain.clone(), measure(&plain)?));
-    if options.whitening_pairs > 0 && parameters.spec().vlad_len() > WHITENED {
-        let fitting = training_pairs(data, options.whitening_pairs, &views, config.seed ^ 13);
-        let vectors = vectors_of(&plain, &fitting)?;
+    let measured = held.iter().map(|(_, pairs)| pairs.len()).sum::<usize>();
+    let all = measured + others.len() + fitting.len();
+    let mut done = 0;
+    let mut on_pair = || {
+        done += 1;
+        on_progress(done as f64 / all as f64);
+    };
+    // The network sees each view once: the kinds of whitening differ in what is made of its descriptors.
+    let distractors = vectors_of(&plain, &others, &mut on_pair)?;
+    let sights = held
+        .iter()
+        .map(|(_, pairs)| Sight::of(&plain, pairs, &mut on_pair))
+        .collect::<Result<Vec<_>, _>>()?;
+    let measure = |projection: Option<&Projection>| -> Validations {
+        let figures = |((name, pairs), sight): (&(&str, Vec<Pair>), &Sight)| {
+            let validation = sight.validation(pairs, &distractors, projection);
+            ((*name).to_owned(), validation)
+        };
+        held.iter().zip(&sights).map(figures).collect()
+    };
+    let mut tried = vec![(None, measure(None))];
+    if whitens {
+        let vectors = vectors_of(&plain, &fitting, &mut on_pair)?;
         for kind in [WhiteningKind::Pca, WhiteningKind::Pairs] {
-            let projection = fit_whitening(&vectors, parameters.spec().vlad_len(), WHITENED, kind)?;
-            let spec = NetSpec {
-                global_dim: WHITENED,
-                ..parameters.spec().clone()
-            };
-            let mut values = parameters.to_host()?;
-            values.push(("whitening.mean".into(), projection.mean));
-            values.push(("whitening.projection".into(), projection.rows));
-            let model = Model::from_values(spec, card.clone(), values)?;
-            let validation = measure(&model)?;
-            tried.push((Some(kind), model, validation));
+            let projection = fit_whitening(&vectors, length, WHITENED, kind)?;
+            let validation = measure(Some(&projection));
+            tried.push((Some((kind, projection)), validation));
         }
     }
     let score = |all: &[(String, Validation)]| -> f64 {
         all.iter().map(|(_, v)| v.recall[0] + v.recall[1]).sum()
     };
     let mut best = 0;
-    for (i, (_, _, validation)) in tried.iter().enumerate() {
-        if score(validation) > score(&tried[best].2) {
+    for (i, (_, validation)) in tried.iter().enumerate() {
+        if score(validation) > score(&tried[best].1) {
             best = i;
         }
     }
-    let (whitening, model, validation) = tried[best].clone();
+    let (kept, validation) = tried[best].clone();
+    let whitening = kept.as_ref().map(|(kind, _)| *kind);
     let card = Card {
         notes: notes(checkpoint, config, &validation, whitening),
         ..card
     };
+    let model = match kept {
+        None => plain.with_card(card),
+        Some((_, projection)) => whitened(&parameters, projection, card)?,
+    };
     Ok(Exported {
-        model: model.with_card(card),
+        model,
         validation,
         whitening,
         tried: tried
             .into_iter()
-            .map(|(kind, _, validation)| (kind, validation))
+            .map(|(kept, validation)| (kept.map(|(kind, _)| kind), validation))
             .collect(),
     })
+}
+
+/// The model with a projection of its descriptors.
+fn whitened(
+    parameters: &Parameters,
+    projection: Projection,
+    card: Card,
+) -> Result<Model, TrainError> {
+    let spec = NetSpec {
+        global_dim: WHITENED,
+        ..parameters.spec().clone()
+    };
+    let mut values = parameters.to_host()?;
+    values.push(("whitening.mean".into(), projection.mean));
+    values.push(("whitening.projection".into(), projection.rows));
+    Ok(Model::from_values(spec, card, values)?)
 }
 
 /// Training pairs as validation's are made.

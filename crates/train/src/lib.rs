@@ -51,6 +51,6 @@ pub use parameters::Parameters;
 pub use scene_accuracy::{SceneAccuracy, scene_accuracy};
 pub use teacher::TeacherOptions;
 pub use trainer::{Progress, Trainer, checkpoint_path};
-pub use validation::{Validation, Validations, pairs_of, validate, validation_options};
+pub use validation::{Sight, Validation, Validations, pairs_of, validation_options};
 pub use validator::{Figures, Validator};
 pub use whitening::{Projection, WhiteningKind, fit_whitening};

@@ -2,6 +2,7 @@
 
 use crate::TrainError;
 use crate::data::{Pair, PairOptions, Source, apply};
+use crate::whitening::Projection;
 use grimnet_net::{Domain, ExtractOptions, Extractor, Features, Model};
 use image::GrayImage;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -92,67 +93,102 @@ pub fn extractors_of(model: &Model) -> Result<[Extractor; 2], TrainError> {
     ])
 }
 
-/// Measures a model on pairs; the gallery is their map views and `distractors` (global descriptors, row by row).
-///
-/// # Errors
-/// Where the network refuses the pictures.
-pub fn validate(
-    model: &Model,
-    pairs: &[Pair],
-    distractors: &[f32],
-) -> Result<Validation, TrainError> {
-    let extractors = extractors_of(model)?;
-    let options = ExtractOptions {
-        max_keypoints: 512,
-        ..ExtractOptions::default()
-    };
-    let length = model.spec().global_len();
-    let mut out = Validation {
-        pairs: pairs.len(),
-        ..Validation::default()
-    };
-    let (mut sat_globals, mut uav_globals) = (Vec::new(), Vec::new());
-    let mut random = ChaCha8Rng::seed_from_u64(7);
-    let (mut right, mut matched) = (0usize, 0usize);
-    for pair in pairs {
-        let [sat, uav] = features_of(pair, &extractors, &options)?;
-        let measured = measure(pair, &sat, &uav, &mut random);
-        out.repeatability += measured.repeatability;
-        out.matching_score += measured.score;
-        right += measured.right;
-        matched += measured.matched;
-        for (sum, bound) in out.homography_accuracy.iter_mut().zip([1.0, 3.0, 5.0]) {
-            *sum += f64::from(u8::from(measured.corner_error_px < bound));
+/// What a model makes of pairs: all that [`Validation`] is computed from, so that descriptors can be whitened in several ways
+/// and the network runs once.
+#[derive(Clone, Debug)]
+pub struct Sight {
+    /// All figures but those of recall.
+    matching: Validation,
+    /// Global descriptors of the map views and of the photos, row by row.
+    globals: [Vec<f32>; 2],
+}
+
+impl Sight {
+    /// Runs the model on pairs, and tells after each.
+    ///
+    /// # Errors
+    /// Where the network refuses the pictures.
+    pub fn of(
+        model: &Model,
+        pairs: &[Pair],
+        on_pair: &mut dyn FnMut(),
+    ) -> Result<Self, TrainError> {
+        let extractors = extractors_of(model)?;
+        let options = ExtractOptions {
+            max_keypoints: 512,
+            ..ExtractOptions::default()
+        };
+        let mut out = Validation {
+            pairs: pairs.len(),
+            ..Validation::default()
+        };
+        let [mut sat_globals, mut uav_globals] = [const { Vec::new() }; 2];
+        let mut random = ChaCha8Rng::seed_from_u64(7);
+        let (mut right, mut matched) = (0usize, 0usize);
+        for pair in pairs {
+            let [sat, uav] = features_of(pair, &extractors, &options)?;
+            let measured = measure(pair, &sat, &uav, &mut random);
+            out.repeatability += measured.repeatability;
+            out.matching_score += measured.score;
+            right += measured.right;
+            matched += measured.matched;
+            for (sum, bound) in out.homography_accuracy.iter_mut().zip([1.0, 3.0, 5.0]) {
+                *sum += f64::from(u8::from(measured.corner_error_px < bound));
+            }
+            sat_globals.extend(sat.global);
+            uav_globals.extend(uav.global);
+            on_pair();
         }
-        sat_globals.extend(sat.global);
-        uav_globals.push(uav.global);
+        let n = pairs.len().max(1) as f64;
+        out.repeatability /= n;
+        out.matching_score /= n;
+        out.match_precision = right as f64 / matched.max(1) as f64;
+        out.homography_accuracy.iter_mut().for_each(|v| *v /= n);
+        Ok(Self {
+            matching: out,
+            globals: [sat_globals, uav_globals],
+        })
     }
-    let n = pairs.len().max(1) as f64;
-    out.repeatability /= n;
-    out.matching_score /= n;
-    out.match_precision = right as f64 / matched.max(1) as f64;
-    out.homography_accuracy.iter_mut().for_each(|v| *v /= n);
-    sat_globals.extend_from_slice(distractors);
-    out.gallery = sat_globals.len() / length.max(1);
-    for (i, query) in uav_globals.iter().enumerate() {
-        let dot = |row: &[f32]| row.iter().zip(query).map(|(a, b)| a * b).sum::<f32>();
-        let similarities: Vec<f32> = sat_globals.chunks_exact(length).map(dot).collect();
-        // Another view that overlaps the place counts as found, too: only others can be in the way.
-        let rivals = similarities
-            .iter()
-            .enumerate()
-            .filter(|(j, s)| {
-                **s > similarities[i]
-                    && pairs
-                        .get(*j)
-                        .is_none_or(|other| other.place.overlap(&pairs[i].place) < 0.3)
-            })
-            .count();
-        for (sum, within) in out.recall.iter_mut().zip([1, 5]) {
-            *sum += f64::from(u8::from(rivals < within)) / n;
+
+    /// The figures, with descriptors as they are or projected; the gallery is the map views of `pairs`, which must be those
+    /// that were seen, and `distractors` (descriptors not projected yet, row by row).
+    pub fn validation(
+        &self,
+        pairs: &[Pair],
+        distractors: &[f32],
+        projection: Option<&Projection>,
+    ) -> Validation {
+        let [sat, uav] = &self.globals;
+        let gallery = [sat.as_slice(), distractors].concat();
+        let (gallery, queries) = match projection {
+            Some(projection) => (projection.apply(&gallery), projection.apply(uav)),
+            None => (gallery, uav.clone()),
+        };
+        let length = queries.len() / pairs.len().max(1);
+        let mut out = Validation {
+            gallery: gallery.len() / length.max(1),
+            ..self.matching
+        };
+        for (i, query) in queries.chunks_exact(length.max(1)).enumerate() {
+            let dot = |row: &[f32]| row.iter().zip(query).map(|(a, b)| a * b).sum::<f32>();
+            let similarities: Vec<f32> = gallery.chunks_exact(length).map(dot).collect();
+            // Another view that overlaps the place counts as found, too: only others can be in the way.
+            let rivals = similarities
+                .iter()
+                .enumerate()
+                .filter(|(j, s)| {
+                    **s > similarities[i]
+                        && pairs
+                            .get(*j)
+                            .is_none_or(|other| other.place.overlap(&pairs[i].place) < 0.3)
+                })
+                .count();
+            for (sum, within) in out.recall.iter_mut().zip([1, 5]) {
+                *sum += f64::from(u8::from(rivals < within)) / pairs.len() as f64;
+            }
         }
+        out
     }
-    Ok(out)
 }
 
 struct Measured {

@@ -6,7 +6,7 @@ use crate::checkpoint::Checkpoint;
 use crate::config::{Stage, TrainConfig};
 use crate::data::{Data, Pair};
 use crate::scene_accuracy::{SceneAccuracy, scene_accuracy};
-use crate::validation::{Validation, pairs_of, validate, validation_options};
+use crate::validation::{Sight, Validation, pairs_of, validation_options};
 use grimnet_net::{Card, Model};
 use std::fmt;
 use std::path::PathBuf;
@@ -165,7 +165,9 @@ impl Validator {
     ) -> Result<Figures, TrainError> {
         Ok(match self.stage {
             Stage::Scenes => Figures::Scenes(scene_accuracy(&state.average, pairs, self.norms)?),
-            Stage::Joint | Stage::Shapes => Figures::Places(validate(model, pairs, &[])?),
+            Stage::Joint | Stage::Shapes => {
+                Figures::Places(Sight::of(model, pairs, &mut || ())?.validation(pairs, &[], None))
+            }
         })
     }
 }

@@ -79,6 +79,11 @@ impl Networks {
             config: TrainConfig {
                 report_steps: 1,
                 validate_minutes: 0.0,
+                export: ExportOptions {
+                    whitening_pairs: 0,
+                    validation_pairs: VALIDATION_PAIRS,
+                    distractors: 0,
+                },
                 ..config
             },
             folder: folder.to_owned(),
@@ -110,12 +115,7 @@ impl Networks {
         }
         let device = config.device.device()?;
         let trainer = self.trained(name, &config, &device)?;
-        let options = ExportOptions {
-            whitening_pairs: 0,
-            validation_pairs: VALIDATION_PAIRS,
-            distractors: 0,
-        };
-        let exported = export(trainer.state(), &config, &self.data, &options, &device)?;
+        let exported = export(trainer.state(), &config, &self.data, &device, &mut |_| ())?;
         save_model(&exported.model, &path)?;
         Ok(exported.model)
     }

@@ -7,8 +7,8 @@ use std::sync::atomic::Ordering;
 use anyhow::{Context as _, Result};
 use grimnet_train::data::Data;
 use grimnet_train::{
-    Checkpoint, Curves, Device, ExportOptions, Progress, Stage, TrainConfig, Trainer, Validator,
-    checkpoint_path, export, save_model,
+    Checkpoint, Curves, Device, Progress, Stage, TrainConfig, Trainer, Validator, checkpoint_path,
+    export, save_model,
 };
 use indicatif::{ProgressBar, ProgressStyle};
 
@@ -131,7 +131,12 @@ fn finish(state: &Checkpoint, config: &TrainConfig, data: &Data, device: &Device
         writeln!(out, "{}", checkpoint_path(config).display())?;
         return Ok(Exit::Done);
     }
-    let exported = export(state, config, data, &ExportOptions::default(), device)?;
+    let bar = share_bar()?;
+    bar.set_message("model");
+    let exported = export(state, config, data, device, &mut |share| {
+        bar.set_position((share * 1000.0) as u64);
+    })?;
+    bar.finish_and_clear();
     let path = config.out.join("model.safetensors");
     save_model(&exported.model, &path)?;
     report(&exported.model, &path)?;

@@ -37,19 +37,37 @@ impl Accelerator {
     /// The device.
     ///
     /// # Errors
-    /// [`TrainError::Config`] where this build does not know it.
+    /// [`TrainError::Config`] where this build does not know it, or no such GPU answers.
     pub fn device(self) -> Result<Device, TrainError> {
         match self {
             Self::Cpu => Ok(Device::flex()),
             #[cfg(feature = "vulkan")]
-            Self::Vulkan => Ok(Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
+            Self::Vulkan => self.found(|| Device::vulkan(burn::tensor::DeviceKind::DefaultDevice)),
             #[cfg(feature = "cuda")]
-            Self::Cuda => Ok(Device::cuda(0)),
+            Self::Cuda => self.found(|| Device::cuda(0)),
             #[cfg(not(all(feature = "vulkan", feature = "cuda")))]
             other => Err(TrainError::Config {
                 reason: format!(
                     "this program was built without {other:?}; build it with `--features {}`",
                     format!("{other:?}").to_lowercase()
+                ),
+            }),
+        }
+    }
+
+    /// A GPU, if there is one that computes: burn panics where there is none.
+    #[cfg(any(feature = "vulkan", feature = "cuda"))]
+    fn found(self, open: impl FnOnce() -> Device) -> Result<Device, TrainError> {
+        let probed = std::panic::catch_unwind(std::panic::AssertUnwindSafe(|| {
+            let device = open();
+            let two = burn::tensor::Tensor::<1>::ones([1], &device) + 1.0;
+            crate::parameters::host(two).map(|values| (device, values))
+        }));
+        match probed {
+            Ok(Ok((device, values))) if values == [2.0] => Ok(device),
+            _ => Err(TrainError::Config {
+                reason: format!(
+                    "no GPU answers through {self:?}: install its driver, or write `device = \"cpu\"`"
                 ),
             }),
         }

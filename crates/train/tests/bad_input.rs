@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use grimnet_net::{Model, NetSpec};
 use grimnet_train::data::{Data, Folder, Layout, PairOptions};
 use grimnet_train::{
     Checkpoint, Detector, Device, TrainConfig, TrainError, Trainer, checkpoint_path,
@@ -151,9 +152,20 @@ fn a_checkpoint_of_another_network_is_refused() {
         error.contains("vgg16") && error.contains("checkpoint.safetensors"),
         "{error}"
     );
+    // A larger network may grow from it, but no smaller one.
     config.start_from = Some(checkpoint_path(&config));
+    assert!(trainer(&config, false).is_ok());
+    let mut wider = NetSpec::compact();
+    wider.stages[0].widths = vec![32, 32];
+    let path = folder.path().join("wider.safetensors");
+    Model::random(&wider, 1).unwrap().save(&path).unwrap();
+    config.network = "compact".into();
+    config.start_from = Some(path);
     let error = trainer(&config, false).err().unwrap().to_string();
-    assert!(error.contains("another network"), "{error}");
+    assert!(
+        error.contains("another network") && error.contains("wider.safetensors"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -75,9 +75,9 @@ fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
 /// Length below which a vector counts as zero (PyTorch's `normalize`).
 const SMALLEST_NORM: f32 = 1e-12;
 
-/// Scales to unit length.
+/// Scales a vector to unit length; one of zeros stays as it is.
 #[inline(always)]
-pub(crate) fn normalise(row: &mut [f32]) {
+pub fn normalise(row: &mut [f32]) {
     let factor = inverse_norm(row);
     row.iter_mut().for_each(|v| *v *= factor);
 }

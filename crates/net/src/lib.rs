@@ -43,6 +43,7 @@ mod whitening;
 
 pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
 pub use dense::Dense;
+pub use describe::normalise;
 pub use error::NetError;
 pub use extractor::Extractor;
 pub use features::{ExtractOptions, Features, Keypoint};

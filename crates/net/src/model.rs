@@ -333,15 +333,21 @@ impl Model {
         for (row, sum) in rows.chunks_exact_mut(spec.vlad_len()).zip(sums) {
             sum.normalise_into(dim, row);
         }
+        self.whitened(rows)
+    }
+
+    /// Global descriptors from VLAD vectors of unit length (n x [`NetSpec::vlad_len`]): projected and of unit length again
+    /// (paper, eq. 8) where the network has whitening, else the vectors themselves. Zeros stay zeros.
+    pub fn whitened(&self, vectors: Vec<f32>) -> Vec<f32> {
         let whitening = (
             self.parameter("whitening.mean"),
             self.parameter("whitening.projection"),
         );
         match whitening {
             (Some(mean), Some(projection)) => {
-                whiten(self.inner.isa, &rows, &mean.to_f32(), projection)
+                whiten(self.inner.isa, &vectors, &mean.to_f32(), projection)
             }
-            _ => rows,
+            _ => vectors,
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::trainer::enough;
 use crate::validation::{
     Sight, Validation, Validations, extractors_of, features_of, pairs_of, validation_options,
 };
-use crate::whitening::{Projection, WhiteningKind, fit_whitening};
+use crate::whitening::{WhiteningKind, fit_whitening};
 use burn::tensor::Device;
 use grimnet_net::{Card, Domain, ExtractOptions, Model, NetSpec};
 use serde::{Deserialize, Serialize};
@@ -183,14 +183,13 @@ pub fn export(
         config.seed ^ 12,
     );
     let length = parameters.spec().vlad_len();
-    let whitens = options.whitening_pairs > 0 && length > WHITENED;
-    let fitting = if whitens {
-        training_pairs(data, options.whitening_pairs, &views, config.seed ^ 13)
+    let fitting_pairs = if length > WHITENED {
+        options.whitening_pairs
     } else {
-        Vec::new()
+        0
     };
     let measured = held.iter().map(|(_, pairs)| pairs.len()).sum::<usize>();
-    let all = measured + others.len() + fitting.len();
+    let all = measured + others.len() + fitting_pairs;
     let mut done = 0;
     let mut on_pair = || {
         done += 1;
@@ -202,66 +201,55 @@ pub fn export(
         .iter()
         .map(|(_, pairs)| Sight::of(&plain, pairs, &mut on_pair))
         .collect::<Result<Vec<_>, _>>()?;
-    let measure = |projection: Option<&Projection>| -> Validations {
+    let measure = |model: &Model| -> Validations {
+        let distractors = model.whitened(distractors.clone());
         let figures = |((name, pairs), sight): (&(&str, Vec<Pair>), &Sight)| {
-            let validation = sight.validation(pairs, &distractors, projection);
+            let validation = sight.whitened(model).validation(pairs, &distractors);
             ((*name).to_owned(), validation)
         };
         held.iter().zip(&sights).map(figures).collect()
     };
-    let mut tried = vec![(None, measure(None))];
-    if whitens {
+    let mut tried = vec![(None, plain.clone(), measure(&plain))];
+    if fitting_pairs > 0 {
+        let fitting = training_pairs(data, fitting_pairs, &views, config.seed ^ 13);
         let vectors = vectors_of(&plain, &fitting, &mut on_pair)?;
         for kind in [WhiteningKind::Pca, WhiteningKind::Pairs] {
             let projection = fit_whitening(&vectors, length, WHITENED, kind)?;
-            let validation = measure(Some(&projection));
-            tried.push((Some((kind, projection)), validation));
+            let spec = NetSpec {
+                global_dim: WHITENED,
+                ..parameters.spec().clone()
+            };
+            let mut values = parameters.to_host()?;
+            values.push(("whitening.mean".into(), projection.mean));
+            values.push(("whitening.projection".into(), projection.rows));
+            let model = Model::from_values(spec, card.clone(), values)?;
+            let validation = measure(&model);
+            tried.push((Some(kind), model, validation));
         }
     }
     let score = |all: &[(String, Validation)]| -> f64 {
         all.iter().map(|(_, v)| v.recall[0] + v.recall[1]).sum()
     };
     let mut best = 0;
-    for (i, (_, validation)) in tried.iter().enumerate() {
-        if score(validation) > score(&tried[best].1) {
+    for (i, (_, _, validation)) in tried.iter().enumerate() {
+        if score(validation) > score(&tried[best].2) {
             best = i;
         }
     }
-    let (kept, validation) = tried[best].clone();
-    let whitening = kept.as_ref().map(|(kind, _)| *kind);
+    let (whitening, model, validation) = tried[best].clone();
     let card = Card {
         notes: notes(checkpoint, config, &validation, whitening),
         ..card
     };
-    let model = match kept {
-        None => plain.with_card(card),
-        Some((_, projection)) => whitened(&parameters, projection, card)?,
-    };
     Ok(Exported {
-        model,
+        model: model.with_card(card),
         validation,
         whitening,
         tried: tried
             .into_iter()
-            .map(|(kept, validation)| (kept.map(|(kind, _)| kind), validation))
+            .map(|(kind, _, validation)| (kind, validation))
             .collect(),
     })
-}
-
-/// The model with a projection of its descriptors.
-fn whitened(
-    parameters: &Parameters,
-    projection: Projection,
-    card: Card,
-) -> Result<Model, TrainError> {
-    let spec = NetSpec {
-        global_dim: WHITENED,
-        ..parameters.spec().clone()
-    };
-    let mut values = parameters.to_host()?;
-    values.push(("whitening.mean".into(), projection.mean));
-    values.push(("whitening.projection".into(), projection.rows));
-    Ok(Model::from_values(spec, card, values)?)
 }
 
 /// Training pairs as validation's are made.

@@ -36,23 +36,20 @@ struct Layer {
 /// maximum halves what it gives. The layers behind the last halving have no place then.
 fn plan(small: &NetSpec, large: &NetSpec) -> Option<Vec<Vec<Layer>>> {
     let (mut known, mut inputs) = (3, 3);
-    let mut before: &[usize] = &[];
+    // Layers behind a halving, whose resolution the next stage works at.
+    let mut behind = Vec::new();
     let mut out = Vec::new();
     for (s, (from, to)) in small.stages.iter().zip(&large.stages).enumerate() {
-        let copied = |stage: usize, layers: std::ops::Range<usize>| {
-            layers.map(move |layer| Start::Copied(stage, layer))
-        };
-        let mut starts: Vec<Start> = match (from.downsample, to.downsample) {
+        let mut own = (0..from.widths.len()).map(|layer| Start::Copied(s, layer));
+        let mut starts = std::mem::take(&mut behind);
+        match (from.downsample, to.downsample) {
             (Downsample::StrideFirst, Downsample::MaxPoolLast) => {
-                let behind = copied(s.saturating_sub(1), 1..before.len().max(1));
-                behind.chain(copied(s, 0..1)).collect()
+                starts.extend(own.next());
+                behind = own.collect();
             }
-            (from_halves, to_halves) if from_halves == to_halves => {
-                copied(s, 0..from.widths.len()).collect()
-            }
+            (from_halves, to_halves) if from_halves == to_halves => starts.extend(own),
             _ => return None,
-        };
-        before = &from.widths;
+        }
         if starts.len() > to.widths.len() {
             return None;
         }
@@ -94,7 +91,7 @@ pub(crate) fn grow_encoder(
         let named = move |(c, layer): (usize, &Layer)| (format!("encoder.{s}.{c}"), *layer);
         layers.iter().enumerate().map(named)
     });
-    // Mean and variance of what the layer before gives, by domain.
+    // What the last copied layer gives, and every identity behind it, by domain.
     let mut given = Domain::ALL.map(|_| Vec::new());
     for (index, (name, layer)) in layers.enumerate() {
         let [taken, outputs] = layer.known;
@@ -115,42 +112,89 @@ pub(crate) fn grow_encoder(
         let mut weight = host(large.flat(&wide)?)?;
         embed(&kernel, taken, &mut weight, layer.inputs);
         large.set_from_host(&wide, weight)?;
-        for (domain, moments) in Domain::ALL.iter().zip(&mut given) {
-            let norm = |name: &str, part: &str| format!("{name}.norm.{}.{part}", domain.name());
-            let of = |source: &str, part: &str| host(small.flat(&norm(source, part))?);
-            let (mean, variance, gamma, beta) = match &source {
+        for (domain, given) in Domain::ALL.into_iter().zip(&mut given) {
+            let norm = match &source {
                 Some(source) => {
-                    let (gamma, beta) = (of(source, "weight")?, of(source, "bias")?);
-                    *moments = gamma
-                        .iter()
-                        .zip(&beta)
-                        .map(|(g, b)| rectified(*b, *g))
-                        .collect();
-                    let mean = of(source, "mean")?;
-                    let mean = mean.iter().zip(&shift).map(|(m, s)| m - s).collect();
-                    (mean, of(source, "var")?, gamma, beta)
+                    let norm = Norm::of(small, source, domain, &shift)?;
+                    *given = norm.moments_after();
+                    norm
                 }
-                None => {
-                    let (mean, variance): (Vec<f32>, Vec<f32>) = moments.iter().copied().unzip();
-                    let deviation = |v: &f32| (v + BATCH_NORM_EPSILON).sqrt();
-                    let gamma = variance.iter().map(deviation).collect();
-                    (mean.clone(), variance, gamma, mean)
-                }
+                None => Norm::identity(given),
             };
-            for (part, known) in [
-                ("weight", gamma),
-                ("bias", beta),
-                ("mean", mean),
-                ("var", variance),
-            ] {
-                let part = norm(&name, part);
-                let mut values = host(large.flat(&part)?)?;
-                values[..outputs].copy_from_slice(&known);
-                large.set_from_host(&part, values)?;
-            }
+            norm.put(&mut large, &name, domain)?;
         }
     }
     Ok(Some(large))
+}
+
+/// The normalisation of a layer's first channels for one domain.
+struct Norm {
+    gamma: Vec<f32>,
+    beta: Vec<f32>,
+    mean: Vec<f32>,
+    variance: Vec<f32>,
+}
+
+impl Norm {
+    /// That of a layer whose convolution gives `shift` less than it did.
+    fn of(
+        parameters: &Parameters,
+        layer: &str,
+        domain: Domain,
+        shift: &[f32],
+    ) -> Result<Self, TrainError> {
+        let part = |part: &str| host(parameters.flat(&tensor_name(layer, domain, part))?);
+        let mean = part("mean")?;
+        Ok(Self {
+            gamma: part("weight")?,
+            beta: part("bias")?,
+            mean: mean.iter().zip(shift).map(|(m, s)| m - s).collect(),
+            variance: part("var")?,
+        })
+    }
+
+    /// The one that changes nothing in channels of these means and variances.
+    fn identity(moments: &[(f32, f32)]) -> Self {
+        let (mean, variance): (Vec<f32>, Vec<f32>) = moments.iter().copied().unzip();
+        let deviation = |v: &f32| (v + BATCH_NORM_EPSILON).sqrt();
+        Self {
+            gamma: variance.iter().map(deviation).collect(),
+            beta: mean.clone(),
+            mean,
+            variance,
+        }
+    }
+
+    /// Mean and variance of each channel after it and ReLU.
+    fn moments_after(&self) -> Vec<(f32, f32)> {
+        let channels = self.beta.iter().zip(&self.gamma);
+        channels.map(|(b, g)| rectified(*b, *g)).collect()
+    }
+
+    /// Makes it that of a layer's first channels.
+    fn put(
+        &self,
+        parameters: &mut Parameters,
+        layer: &str,
+        domain: Domain,
+    ) -> Result<(), TrainError> {
+        for (part, known) in [
+            ("weight", &self.gamma),
+            ("bias", &self.beta),
+            ("mean", &self.mean),
+            ("var", &self.variance),
+        ] {
+            let name = tensor_name(layer, domain, part);
+            let mut values = host(parameters.flat(&name)?)?;
+            values[..known.len()].copy_from_slice(known);
+            parameters.set_from_host(&name, values)?;
+        }
+        Ok(())
+    }
+}
+
+fn tensor_name(layer: &str, domain: Domain, part: &str) -> String {
+    format!("{layer}.norm.{}.{part}", domain.name())
 }
 
 /// The 3 x 3 kernels, `[n, n, 3, 3]`, that give what they take.

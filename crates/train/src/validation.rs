@@ -2,7 +2,6 @@
 
 use crate::TrainError;
 use crate::data::{Pair, PairOptions, Source, apply};
-use crate::whitening::Projection;
 use grimnet_net::{Domain, ExtractOptions, Extractor, Features, Model};
 use image::GrayImage;
 use nalgebra::{Matrix3, SMatrix, Vector3};
@@ -101,6 +100,8 @@ pub struct Sight {
     matching: Validation,
     /// Global descriptors of the map views and of the photos, row by row.
     globals: [Vec<f32>; 2],
+    /// Their length.
+    length: usize,
 }
 
 impl Sight {
@@ -147,29 +148,20 @@ impl Sight {
         Ok(Self {
             matching: out,
             globals: [sat_globals, uav_globals],
+            length: model.spec().global_len(),
         })
     }
 
-    /// The figures, with descriptors as they are or projected; the gallery is the map views of `pairs`, which must be those
-    /// that were seen, and `distractors` (descriptors not projected yet, row by row).
-    pub fn validation(
-        &self,
-        pairs: &[Pair],
-        distractors: &[f32],
-        projection: Option<&Projection>,
-    ) -> Validation {
-        let [sat, uav] = &self.globals;
+    /// The figures; the gallery is the map views of `pairs`, which must be those that were seen, and `distractors` (global
+    /// descriptors, row by row).
+    pub fn validation(&self, pairs: &[Pair], distractors: &[f32]) -> Validation {
+        let ([sat, uav], length) = (&self.globals, self.length);
         let gallery = [sat.as_slice(), distractors].concat();
-        let (gallery, queries) = match projection {
-            Some(projection) => (projection.apply(&gallery), projection.apply(uav)),
-            None => (gallery, uav.clone()),
-        };
-        let length = queries.len() / pairs.len().max(1);
         let mut out = Validation {
-            gallery: gallery.len() / length.max(1),
+            gallery: gallery.len() / length,
             ..self.matching
         };
-        for (i, query) in queries.chunks_exact(length.max(1)).enumerate() {
+        for (i, query) in uav.chunks_exact(length).enumerate() {
             let dot = |row: &[f32]| row.iter().zip(query).map(|(a, b)| a * b).sum::<f32>();
             let similarities: Vec<f32> = gallery.chunks_exact(length).map(dot).collect();
             // Another view that overlaps the place counts as found, too: only others can be in the way.
@@ -188,6 +180,16 @@ impl Sight {
             }
         }
         out
+    }
+
+    /// The same with descriptors as `model` whitens them, which differs from the one that saw the pairs in its whitening alone.
+    #[must_use]
+    pub fn whitened(&self, model: &Model) -> Self {
+        Self {
+            globals: self.globals.clone().map(|rows| model.whitened(rows)),
+            length: model.spec().global_len(),
+            ..*self
+        }
     }
 }
 

@@ -166,7 +166,7 @@ impl Validator {
         Ok(match self.stage {
             Stage::Scenes => Figures::Scenes(scene_accuracy(&state.average, pairs, self.norms)?),
             Stage::Joint | Stage::Shapes => {
-                Figures::Places(Sight::of(model, pairs, &mut || ())?.validation(pairs, &[], None))
+                Figures::Places(Sight::of(model, pairs, &mut || ())?.validation(pairs, &[]))
             }
         })
     }

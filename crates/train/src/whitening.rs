@@ -6,7 +6,6 @@
 use crate::TrainError;
 use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
-use grimnet_kernels::{Isa, matmul_nt};
 use serde::{Deserialize, Serialize};
 
 /// How the projection is fitted.
@@ -27,34 +26,6 @@ pub struct Projection {
     pub mean: Vec<f32>,
     /// `[out, dim]`, row-major.
     pub rows: Vec<f32>,
-}
-
-impl Projection {
-    /// Vectors `[n, dim]` projected to `[n, out]`, each of unit length.
-    pub fn apply(&self, vectors: &[f32]) -> Vec<f32> {
-        let dim = self.mean.len();
-        let (n, out) = (vectors.len() / dim, self.rows.len() / dim);
-        let centred: Vec<f32> = vectors
-            .chunks_exact(dim)
-            .flat_map(|row| row.iter().zip(&self.mean).map(|(v, m)| v - m))
-            .collect();
-        let mut projected = vec![0.0; n * out];
-        matmul_nt(
-            Isa::detect(),
-            n,
-            out,
-            dim,
-            &centred,
-            &self.rows,
-            &mut projected,
-        );
-        for row in projected.chunks_exact_mut(out) {
-            let length = row.iter().map(|v| v * v).sum::<f32>().sqrt();
-            row.iter_mut()
-                .for_each(|v| *v /= length.max(f32::MIN_POSITIVE));
-        }
-        projected
-    }
 }
 
 /// Variance below this share of the mean one is raised to it: axes that the samples hardly show are not blown up.
@@ -205,16 +176,29 @@ mod tests {
     }
 
     fn recall(projection: &Projection, vectors: &[f32], dim: usize) -> f64 {
-        let projected = projection.apply(vectors);
-        let all: Vec<&[f32]> = projected
-            .chunks_exact(projection.rows.len() / dim)
-            .collect();
+        let project = |row: &[f32]| {
+            let mut out: Vec<f32> = projection
+                .rows
+                .chunks_exact(dim)
+                .map(|p| {
+                    p.iter()
+                        .zip(row)
+                        .zip(&projection.mean)
+                        .map(|((p, v), m)| p * (v - m))
+                        .sum()
+                })
+                .collect();
+            let length = out.iter().map(|v| v * v).sum::<f32>().sqrt();
+            out.iter_mut().for_each(|v| *v /= length);
+            out
+        };
+        let all: Vec<Vec<f32>> = vectors.chunks_exact(dim).map(project).collect();
         let pairs = all.len() / 2;
         let right = (0..pairs).filter(|i| {
             let similarity = |j: usize| {
                 all[pairs + i]
                     .iter()
-                    .zip(all[j])
+                    .zip(&all[j])
                     .map(|(a, b)| a * b)
                     .sum::<f32>()
             };

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use grimnet_kernels::{Isa, matmul_nt};
+use grimnet_net::normalise;
 
 use crate::build::journal::{Journal, Place};
 use crate::build::plan::{Item, LevelPlan};
@@ -225,10 +226,7 @@ impl<'a> Rows<'a> {
         if let Some(common) = &self.common {
             let row = &mut into[first..];
             row.iter_mut().zip(common).for_each(|(x, c)| *x -= c);
-            let length = row.iter().map(|x| x * x).sum::<f32>().sqrt();
-            if length > 0.0 {
-                row.iter_mut().for_each(|x| *x /= length);
-            }
+            normalise(row);
         }
         Ok(())
     }

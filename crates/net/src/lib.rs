@@ -14,7 +14,7 @@
 //! let extractor = Extractor::new(&model, Domain::Uav)?;
 //! let picture = image::RgbImage::from_fn(64, 96, |x, y| image::Rgb([(x * 4) as u8, (y * 2) as u8, 90]));
 //! let features = extractor.extract(&picture, None, &ExtractOptions::default())?;
-//! assert_eq!(features.global.len(), 512);
+//! assert_eq!(features.global.len(), 1024);
 //! assert_eq!(features.descriptors.len(), features.keypoints.len() * features.descriptor_dim);
 //! # Ok::<(), grimnet_net::NetError>(())
 //! ```

@@ -167,7 +167,7 @@ impl NetSpec {
                 input: VladInput::Descriptors,
                 clusters: 64,
             },
-            global_dim: 512,
+            global_dim: 1024,
         }
     }
 
@@ -197,13 +197,18 @@ impl NetSpec {
         }
     }
 
-    /// The paper's network with the lateral decoder: detail need not pass the deepest stage, so that it trains from random
-    /// numbers.
+    /// The paper's encoder with `compact`'s lateral decoder and NetVLAD on the local descriptors: detail need not pass the deepest
+    /// stage, so that it trains without ImageNet's weights.
     pub fn vgg16_lateral() -> Self {
+        let paper = Self::vgg16();
         Self {
             preset: "vgg16-lateral".into(),
             decoder: Decoder::Lateral { width: 256 },
-            ..Self::vgg16()
+            vlad: Vlad {
+                input: VladInput::Descriptors,
+                ..paper.vlad
+            },
+            ..paper
         }
     }
 
@@ -362,8 +367,9 @@ mod tests {
         for spec in NetSpec::presets() {
             spec.validate().unwrap();
             assert_eq!(NetSpec::preset(&spec.preset).as_ref(), Some(&spec));
-            assert_eq!(spec.global_len(), 512);
         }
+        let lengths = NetSpec::presets().map(|spec| spec.global_len());
+        assert_eq!(lengths, [1024, 512, 512]);
         // VGG-16's 13 convolutions hold 14,710,464 weights without biases.
         let encoder = |(name, shape): &(String, Vec<usize>)| {
             (name.starts_with("encoder") && shape.len() == 4)

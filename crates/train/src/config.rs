@@ -233,6 +233,10 @@ impl TrainConfig {
             descriptor_loss: DescriptorLoss::Hinge,
             global_loss: GlobalLoss::Triplet,
             alternate: true,
+            export: ExportOptions {
+                whitening_pairs: 1100,
+                ..ExportOptions::default()
+            },
             ..Self::default()
         }
     }
@@ -278,7 +282,12 @@ impl TrainConfig {
                 reason: reason.to_owned(),
             })
         };
-        self.spec()?;
+        let values = self.spec()?.global_len();
+        if (1..=values).contains(&self.export.whitening_pairs) {
+            return wrong(&format!(
+                "`export.whitening_pairs` must be above {values}, the length of the descriptor, or 0 for no whitening"
+            ));
+        }
         let cells = (self.pairs.side_px / 8).pow(2) as usize;
         if self.pairs.side_px == 0 || !self.pairs.side_px.is_multiple_of(32) {
             return wrong("`pairs.side_px` must be a multiple of 32");

@@ -11,7 +11,7 @@ use crate::trainer::enough;
 use crate::validation::{
     Sight, Validation, Validations, extractors_of, features_of, pairs_of, validation_options,
 };
-use crate::whitening::{WhiteningKind, fit_whitening};
+use crate::whitening::{PrincipalAxes, WhiteningKind};
 use burn::tensor::Device;
 use grimnet_net::{Card, Domain, ExtractOptions, Model, NetSpec};
 use serde::{Deserialize, Serialize};
@@ -19,14 +19,12 @@ use std::path::Path;
 
 /// Batches that the statistics are taken from.
 const STATISTICS_BATCHES: u64 = 24;
-/// Length of a whitened descriptor.
-const WHITENED: usize = 512;
 
 /// What the exported model is fitted and measured with; each view costs a forward pass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExportOptions {
-    /// Pairs that the whitening is fitted to; 0 for no whitening.
+    /// Pairs that the whitening is fitted to, more than it gives values; 0 for no whitening.
     pub whitening_pairs: usize,
     /// Held-aside pairs that are measured.
     pub validation_pairs: usize,
@@ -37,7 +35,7 @@ pub struct ExportOptions {
 impl Default for ExportOptions {
     fn default() -> Self {
         Self {
-            whitening_pairs: 1100,
+            whitening_pairs: 5000,
             validation_pairs: 240,
             distractors: 300,
         }
@@ -106,7 +104,7 @@ fn share_map_norms(parameters: &mut Parameters) -> Result<(), TrainError> {
 /// VLAD vectors of both views of the pairs: all map views', then all photos'.
 fn vectors_of(
     model: &Model,
-    pairs: &[Pair],
+    pairs: impl Iterator<Item = Pair>,
     on_pair: &mut dyn FnMut(),
 ) -> Result<Vec<f32>, TrainError> {
     let extractors = extractors_of(model)?;
@@ -116,7 +114,7 @@ fn vectors_of(
     };
     let (mut sat, mut uav) = (Vec::new(), Vec::new());
     for pair in pairs {
-        let [a, b] = features_of(pair, &extractors, &options)?;
+        let [a, b] = features_of(&pair, &extractors, &options)?;
         sat.extend(a.global);
         uav.extend(b.global);
         on_pair();
@@ -176,27 +174,27 @@ pub fn export(
             (*name, pairs_of(source.as_ref(), count, &views, 11))
         })
         .collect();
-    let others = training_pairs(
-        data,
-        options.distractors.div_ceil(2),
-        &views,
-        config.seed ^ 12,
-    );
+    let others = options.distractors.div_ceil(2);
     let length = parameters.spec().vlad_len();
-    let fitting_pairs = if length > WHITENED {
+    let whitened = config.spec()?.global_len();
+    let fitting_pairs = if length > whitened {
         options.whitening_pairs
     } else {
         0
     };
     let measured = held.iter().map(|(_, pairs)| pairs.len()).sum::<usize>();
-    let all = measured + others.len() + fitting_pairs;
+    let all = measured + others + fitting_pairs;
     let mut done = 0;
     let mut on_pair = || {
         done += 1;
         on_progress(done as f64 / all as f64);
     };
     // The network sees each view once: the kinds of whitening differ in what is made of its descriptors.
-    let distractors = vectors_of(&plain, &others, &mut on_pair)?;
+    let distractors = vectors_of(
+        &plain,
+        training_pairs(data, others, &views, config.seed ^ 12),
+        &mut on_pair,
+    )?;
     let sights = held
         .iter()
         .map(|(_, pairs)| Sight::of(&plain, pairs, &mut on_pair))
@@ -212,11 +210,12 @@ pub fn export(
     let mut tried = vec![(None, plain.clone(), measure(&plain))];
     if fitting_pairs > 0 {
         let fitting = training_pairs(data, fitting_pairs, &views, config.seed ^ 13);
-        let vectors = vectors_of(&plain, &fitting, &mut on_pair)?;
+        let vectors = vectors_of(&plain, fitting, &mut on_pair)?;
+        let axes = PrincipalAxes::of(vectors, length, whitened)?;
         for kind in [WhiteningKind::Pca, WhiteningKind::Pairs] {
-            let projection = fit_whitening(&vectors, length, WHITENED, kind)?;
+            let projection = axes.whitening(whitened, kind)?;
             let spec = NetSpec {
-                global_dim: WHITENED,
+                global_dim: whitened,
                 ..parameters.spec().clone()
             };
             let mut values = parameters.to_host()?;
@@ -252,12 +251,16 @@ pub fn export(
     })
 }
 
-/// Training pairs as validation's are made.
-fn training_pairs(data: &Data, count: usize, views: &PairOptions, seed: u64) -> Vec<Pair> {
+/// Training pairs as validation's are made, one group at a time.
+fn training_pairs<'a>(
+    data: &'a Data,
+    count: usize,
+    views: &'a PairOptions,
+    seed: u64,
+) -> impl Iterator<Item = Pair> + 'a {
     (0..count.div_ceil(views.group) as u64)
-        .flat_map(|i| batch_of(&data.training, views, views.group, seed, i))
+        .flat_map(move |i| batch_of(&data.training, views, views.group, seed, i))
         .take(count)
-        .collect()
 }
 
 fn notes(

@@ -38,8 +38,8 @@ pub(crate) fn first_state(
     })
 }
 
-/// The averaged numbers of a checkpoint or those of a model file, random ones with an encoder that grows from either, or with
-/// another program's encoder; and whether NetVLAD's centres are among them.
+/// The averaged numbers of a checkpoint or those of a model file, whole or all but another kind of NetVLAD; random ones with an
+/// encoder that grows from either, or with another program's encoder. And whether NetVLAD's centres are among them.
 fn started_from(
     path: &Path,
     random: Parameters,
@@ -58,6 +58,9 @@ fn started_from(
         return Ok((with_encoder(path, random)?, false));
     };
     if found.spec() != random.spec() {
+        if differs_in_netvlad_alone(found.spec(), random.spec()) {
+            return Ok((with_all_but_netvlad(&found, random)?, false));
+        }
         if let Some(grown) = grow_encoder(&found, random)? {
             tracing::info!(
                 "{}: the encoder of `{}` grows from it; the rest starts from random numbers",
@@ -75,6 +78,28 @@ fn started_from(
         });
     }
     Ok((found, centres_started))
+}
+
+/// Whether two networks see and describe points alike, and only gather the descriptors of a place differently.
+fn differs_in_netvlad_alone(one: &NetSpec, other: &NetSpec) -> bool {
+    let gathering_as_other = NetSpec {
+        vlad: other.vlad,
+        ..one.clone()
+    };
+    gathering_as_other == *other
+}
+
+/// The parameters with all numbers of a network but NetVLAD's.
+fn with_all_but_netvlad(
+    found: &Parameters,
+    mut parameters: Parameters,
+) -> Result<Parameters, TrainError> {
+    for name in found.names() {
+        if !name.starts_with("netvlad.") {
+            parameters.set(&name, found.flat(&name)?)?;
+        }
+    }
+    Ok(parameters)
 }
 
 /// The parameters with torchvision's encoder.

@@ -53,4 +53,4 @@ pub use teacher::TeacherOptions;
 pub use trainer::{Progress, Trainer, checkpoint_path};
 pub use validation::{Sight, Validation, Validations, pairs_of, validation_options};
 pub use validator::{Figures, Validator};
-pub use whitening::{Projection, WhiteningKind, fit_whitening};
+pub use whitening::{PrincipalAxes, Projection, WhiteningKind};

@@ -1,11 +1,14 @@
 //! Projections of VLAD vectors to the global descriptor (paper, eq. 8), fitted to training pairs.
 //!
-//! There are fewer samples than dimensions (8,192, or 32,768 for `vgg16`), so the principal axes come from the samples' Gram
-//! matrix and no covariance matrix of all dimensions is ever made.
+//! VLAD vectors are long (8,192 values, or 32,768 for the paper's network), so no covariance matrix of all dimensions is made:
+//! the principal axes that are wanted come from a sketch of the samples.
 
 use crate::TrainError;
 use faer::linalg::matmul::matmul;
+use faer::traits::ComplexField;
 use faer::{Accum, Mat, MatRef, Par, Side};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 /// How the projection is fitted.
@@ -34,15 +37,19 @@ const FLOOR_SHARE: f64 = 0.02;
 const SHRINKAGE: f64 = 0.1;
 /// Principal axes kept before the pairs' whitening, in units of the output's length.
 const AXES_PER_OUTPUT: usize = 2;
+/// Directions of the sketch beyond the axes that are wanted.
+const OVERSAMPLING: usize = 64;
+/// Power iterations of the sketch.
+const POWER_ITERATIONS: usize = 2;
 
-fn product(left: MatRef<'_, f64>, right: MatRef<'_, f64>) -> Mat<f64> {
+fn product<T: ComplexField>(left: MatRef<'_, T>, right: MatRef<'_, T>) -> Mat<T> {
     let mut out = Mat::zeros(left.nrows(), right.ncols());
     matmul(
         out.as_mut(),
         Accum::Replace,
         left,
         right,
-        1.0,
+        T::one_impl(),
         Par::rayon(0),
     );
     out
@@ -61,70 +68,116 @@ fn eigen(matrix: &Mat<f64>) -> Result<(Vec<f64>, Mat<f64>), TrainError> {
     Ok((values, vectors))
 }
 
-/// Fits a projection to `out` values.
-///
-/// `vectors` is `[2 * pairs, dim]`: the map views' vectors, then their photos' in the same order.
-///
-/// # Errors
-/// [`TrainError::Config`] where there are fewer samples than `out` needs.
-pub fn fit_whitening(
-    vectors: &[f32],
-    dim: usize,
-    out: usize,
-    kind: WhiteningKind,
-) -> Result<Projection, TrainError> {
-    let count = vectors.len() / dim;
-    let axes = match kind {
-        WhiteningKind::Pca => out,
-        WhiteningKind::Pairs => (AXES_PER_OUTPUT * out).min(count / 2),
-    };
-    if count < axes + 1 || axes < out {
-        return Err(TrainError::Config {
-            reason: format!(
-                "whitening to {out} values needs more than {} views, not {count}",
-                2 * out
-            ),
-        });
-    }
-    let mut mean = vec![0.0f64; dim];
-    for row in vectors.chunks_exact(dim) {
-        mean.iter_mut()
-            .zip(row)
-            .for_each(|(m, v)| *m += f64::from(*v) / count as f64);
-    }
-    let centred = Mat::from_fn(count, dim, |i, j| f64::from(vectors[i * dim + j]) - mean[j]);
-    let gram = product(centred.as_ref(), centred.transpose());
-    let (values, turned) = eigen(&gram)?;
-    // Principal axis k is centred^T u_k / sqrt(lambda_k).
-    let kept = Mat::from_fn(count, axes, |i, k| {
-        turned[(i, k)] / values[k].max(1e-12).sqrt()
-    });
-    let basis = product(centred.transpose(), kept.as_ref());
-    let variance: Vec<f64> = values.iter().take(axes).map(|v| v / count as f64).collect();
-    let mixing = match kind {
-        WhiteningKind::Pca => {
-            let floor = variance.iter().sum::<f64>() / axes as f64 * FLOOR_SHARE;
-            Mat::from_fn(axes, axes, |i, j| {
-                if i == j {
-                    1.0 / variance[i].max(floor).sqrt()
-                } else {
-                    0.0
-                }
-            })
+/// An orthonormal basis of the columns.
+fn orthonormal(columns: &Mat<f32>) -> Mat<f32> {
+    columns.qr().compute_thin_Q()
+}
+
+/// VLAD vectors of training pairs along their principal axes, ready for either kind of whitening.
+#[derive(Debug)]
+pub struct PrincipalAxes {
+    mean: Vec<f32>,
+    /// `[dim, axes]`, orthonormal.
+    basis: Mat<f32>,
+    /// Variance along each axis, largest first.
+    variance: Vec<f64>,
+    /// `[2 * pairs, axes]`: the samples along the axes.
+    coordinates: Mat<f64>,
+}
+
+impl PrincipalAxes {
+    /// The axes that whitening to `out` values needs, of `vectors`, `[2 * pairs, dim]`: the map views' vectors, then their
+    /// photos' in the same order. By randomised subspace iteration (Halko, Martinsson and Tropp 2011, algorithms 4.4 and 5.1).
+    ///
+    /// # Errors
+    /// [`TrainError::Config`] where there are fewer pairs than `out`.
+    pub fn of(mut vectors: Vec<f32>, dim: usize, out: usize) -> Result<Self, TrainError> {
+        let count = vectors.len() / dim;
+        if count / 2 < out + 1 {
+            return Err(TrainError::Config {
+                reason: format!(
+                    "whitening to {out} values needs more than {out} pairs, not {}; raise `whitening_pairs` of `[export]`, \
+                     or set it to 0 for a model without whitening",
+                    count / 2
+                ),
+            });
         }
-        WhiteningKind::Pairs => pair_mixing(&product(centred.as_ref(), basis.as_ref()), out)?,
-    };
-    let rows = product(mixing.as_ref(), basis.transpose());
-    // The length is divided out afterwards; half precision likes numbers that are not tiny.
-    let square: f64 = (0..rows.nrows())
-        .map(|i| (0..dim).map(|j| rows[(i, j)].powi(2)).sum::<f64>())
-        .sum();
-    let scale = 0.1 / (square / (rows.nrows() * dim) as f64).sqrt().max(1e-12);
-    let flat = (0..rows.nrows()).flat_map(|i| (0..dim).map(move |j| (i, j)));
-    Ok(Projection {
-        mean: mean.iter().map(|m| *m as f32).collect(),
-        rows: flat.map(|(i, j)| (rows[(i, j)] * scale) as f32).collect(),
-    })
+        let mut sum = vec![0.0f64; dim];
+        for row in vectors.chunks_exact(dim) {
+            sum.iter_mut()
+                .zip(row)
+                .for_each(|(s, v)| *s += f64::from(*v));
+        }
+        let mean: Vec<f32> = sum.iter().map(|s| (s / count as f64) as f32).collect();
+        for row in vectors.chunks_exact_mut(dim) {
+            row.iter_mut().zip(&mean).for_each(|(v, m)| *v -= m);
+        }
+        let samples = MatRef::from_row_major_slice(&vectors, count, dim);
+        let axes = (AXES_PER_OUTPUT * out).min(count / 2);
+        let width = (axes + OVERSAMPLING).min(count).min(dim);
+        let axes = axes.min(width);
+        let mut random = ChaCha8Rng::seed_from_u64(0);
+        let directions = Mat::from_fn(dim, width, |_, _| random.random_range(-1.0f32..1.0));
+        let mut seen = product(samples, directions.as_ref());
+        for _ in 0..POWER_ITERATIONS {
+            let back = product(samples.transpose(), orthonormal(&seen).as_ref());
+            seen = product(samples, orthonormal(&back).as_ref());
+        }
+        let sketch = product(samples.transpose(), orthonormal(&seen).as_ref());
+        let gram = product(sketch.transpose(), sketch.as_ref());
+        let gram = Mat::from_fn(width, width, |i, j| f64::from(gram[(i, j)]));
+        let (values, turned) = eigen(&gram)?;
+        let kept = Mat::from_fn(width, axes, |i, k| {
+            (turned[(i, k)] / values[k].max(1e-12).sqrt()) as f32
+        });
+        let basis = product(sketch.as_ref(), kept.as_ref());
+        let along = product(samples, basis.as_ref());
+        Ok(Self {
+            mean,
+            basis,
+            variance: values.iter().take(axes).map(|v| v / count as f64).collect(),
+            coordinates: Mat::from_fn(count, axes, |i, k| f64::from(along[(i, k)])),
+        })
+    }
+
+    /// The projection to `out` values, no more than the axes were made for.
+    ///
+    /// # Errors
+    /// [`TrainError::Config`] where the samples have no covariance.
+    pub fn whitening(&self, out: usize, kind: WhiteningKind) -> Result<Projection, TrainError> {
+        let axes = self.variance.len();
+        let mixing = match kind {
+            WhiteningKind::Pca => {
+                let variance = &self.variance[..out];
+                let floor = variance.iter().sum::<f64>() / out as f64 * FLOOR_SHARE;
+                Mat::from_fn(out, axes, |i, j| {
+                    if i == j {
+                        1.0 / variance[i].max(floor).sqrt()
+                    } else {
+                        0.0
+                    }
+                })
+            }
+            WhiteningKind::Pairs => pair_mixing(&self.coordinates, out)?,
+        };
+        let mixing = Mat::from_fn(out, axes, |i, j| mixing[(i, j)] as f32);
+        let rows = product(mixing.as_ref(), self.basis.transpose());
+        let dim = rows.ncols();
+        // The length is divided out afterwards; half precision likes numbers that are not tiny.
+        let square: f64 = (0..out)
+            .map(|i| {
+                (0..dim)
+                    .map(|j| f64::from(rows[(i, j)]).powi(2))
+                    .sum::<f64>()
+            })
+            .sum();
+        let scale = 0.1 / (square / (out * dim) as f64).sqrt().max(1e-12);
+        let flat = (0..out).flat_map(|i| (0..dim).map(move |j| (i, j)));
+        Ok(Projection {
+            mean: self.mean.clone(),
+            rows: flat.map(|(i, j)| rows[(i, j)] * scale as f32).collect(),
+        })
+    }
 }
 
 /// From principal coordinates `[2 * pairs, axes]` to `out` values: `[out, axes]`.
@@ -153,11 +206,10 @@ fn pair_mixing(coordinates: &Mat<f64>, out: usize) -> Result<Mat<f64>, TrainErro
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rand::{Rng, SeedableRng};
 
     /// Places differ along 12 axes, views of a place along 6 others that are much longer.
     fn samples(pairs: usize, dim: usize) -> Vec<f32> {
-        let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(9);
+        let mut random = ChaCha8Rng::seed_from_u64(9);
         let mut all = vec![0.0f32; 2 * pairs * dim];
         for p in 0..pairs {
             let place: Vec<f32> = (0..12).map(|_| random.random_range(-1.0..1.0)).collect();
@@ -211,8 +263,9 @@ mod tests {
     fn pairs_ignore_what_changes_between_views_and_pca_equalises_variance() {
         let dim = 40;
         let vectors = samples(120, dim);
-        let pca = fit_whitening(&vectors, dim, 12, WhiteningKind::Pca).unwrap();
-        let pairs = fit_whitening(&vectors, dim, 12, WhiteningKind::Pairs).unwrap();
+        let axes = PrincipalAxes::of(vectors.clone(), dim, 12).unwrap();
+        let pca = axes.whitening(12, WhiteningKind::Pca).unwrap();
+        let pairs = axes.whitening(12, WhiteningKind::Pairs).unwrap();
         let (a, b) = (recall(&pca, &vectors, dim), recall(&pairs, &vectors, dim));
         assert!(b > 0.9 && b > a, "pairs {b}, PCA {a}");
         let variance = |axis: usize| {
@@ -230,6 +283,46 @@ mod tests {
                 .sum::<f64>()
         };
         assert!((variance(0) / variance(11) - 1.0).abs() < 0.01);
-        assert!(fit_whitening(&vectors[..dim * 10], dim, 12, WhiteningKind::Pca).is_err());
+        assert!(PrincipalAxes::of(vectors[..dim * 20].to_vec(), dim, 12).is_err());
+    }
+
+    #[test]
+    fn the_sketch_finds_the_axes_of_the_covariance() {
+        let (pairs, dim, out) = (200, 300, 10);
+        let mut random = ChaCha8Rng::seed_from_u64(4);
+        // Variances fall slowly, as those of VLAD vectors do, and no axis is one of the coordinates.
+        let turn = orthonormal(&Mat::from_fn(dim, dim, |_, _| {
+            random.random_range(-1.0f32..1.0)
+        }));
+        let drawn = Mat::from_fn(2 * pairs, dim, |_, j| {
+            random.random_range(-1.0f32..1.0) * 3.0 / (j as f32 + 3.0)
+        });
+        let samples = product(drawn.as_ref(), turn.transpose());
+        let rows = (0..2 * pairs).flat_map(|i| (0..dim).map(move |j| (i, j)));
+        let flat: Vec<f32> = rows.map(|at| samples[at]).collect();
+        let found = PrincipalAxes::of(flat, dim, out).unwrap();
+        assert_eq!(found.basis.ncols(), AXES_PER_OUTPUT * out);
+
+        let mean: Vec<f64> = (0..dim)
+            .map(|j| {
+                (0..2 * pairs)
+                    .map(|i| f64::from(samples[(i, j)]))
+                    .sum::<f64>()
+                    / (2 * pairs) as f64
+            })
+            .collect();
+        let centred = Mat::from_fn(2 * pairs, dim, |i, j| f64::from(samples[(i, j)]) - mean[j]);
+        let covariance = product(centred.transpose(), centred.as_ref());
+        let (values, vectors) = eigen(&covariance).unwrap();
+        for (k, (estimate, sum)) in found.variance.iter().zip(&values).enumerate() {
+            let exact = sum / (2 * pairs) as f64;
+            assert!((estimate / exact - 1.0).abs() < 0.01, "axis {k}");
+        }
+        for k in 0..out {
+            let cosine: f64 = (0..dim)
+                .map(|i| f64::from(found.basis[(i, k)]) * vectors[(i, k)])
+                .sum();
+            assert!(cosine.abs() > 0.98, "axis {k}: {cosine}");
+        }
     }
 }

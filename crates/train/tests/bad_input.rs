@@ -152,14 +152,20 @@ fn a_checkpoint_of_another_network_is_refused() {
         error.contains("vgg16") && error.contains("checkpoint.safetensors"),
         "{error}"
     );
-    // A larger network may grow from it, but no smaller one.
+    // A larger network may grow from it, and one that differs in NetVLAD takes the rest; no smaller one fits.
     config.start_from = Some(checkpoint_path(&config));
+    assert!(trainer(&config, false).is_ok());
+    config.network = "compact".into();
+    let mut other = NetSpec::compact();
+    other.vlad.clusters = 16;
+    let path = folder.path().join("other.safetensors");
+    Model::random(&other, 1).unwrap().save(&path).unwrap();
+    config.start_from = Some(path);
     assert!(trainer(&config, false).is_ok());
     let mut wider = NetSpec::compact();
     wider.stages[0].widths = vec![32, 32];
     let path = folder.path().join("wider.safetensors");
     Model::random(&wider, 1).unwrap().save(&path).unwrap();
-    config.network = "compact".into();
     config.start_from = Some(path);
     let error = trainer(&config, false).err().unwrap().to_string();
     assert!(

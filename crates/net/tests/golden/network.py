@@ -15,7 +15,7 @@ def compact():
         'stages': [{'widths': [w, w], 'downsample': 'stride_first'} for w in (16, 48, 128, 128, 128)],
         'decoder': {'lateral': {'width': 128}}, 'descriptor_dim': 128,
         'keypoints': {'from_grey': {'width': 64, 'layers': 3}},
-        'vlad': {'input': 'descriptors', 'clusters': 64}, 'global_dim': 512,
+        'vlad': {'input': 'descriptors', 'clusters': 64}, 'global_dim': 1024,
     }
 
 

@@ -59,6 +59,11 @@ fn started_from(
     };
     if found.spec() != random.spec() {
         if differs_in_netvlad_alone(found.spec(), random.spec()) {
+            tracing::info!(
+                "{}: all but NetVLAD is taken from it; NetVLAD of `{}` gathers other vectors",
+                path.display(),
+                config.network
+            );
             return Ok((with_all_but_netvlad(&found, random)?, false));
         }
         if let Some(grown) = grow_encoder(&found, random)? {

@@ -10,6 +10,12 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 use std::time::Instant;
 
+/// Pictures after which it is judged whether the detector sees enough.
+const JUDGED_AFTER: usize = 32;
+/// Fewer keypoints than one for so many pixels are too few: nearly all cells would be labelled "none", and a keypoint head
+/// that learns from these sees nothing.
+const MOST_PIXELS_PER_KEYPOINT: usize = 64 * 64;
+
 /// How far labelling has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LabelProgress {
@@ -21,8 +27,22 @@ pub struct LabelProgress {
     pub keypoints: usize,
     /// Pictures of this run.
     pub of_this_run: usize,
+    /// Their pixels.
+    pub pixels: usize,
     /// Seconds left, as fast as it went so far.
     pub remaining_s: f64,
+}
+
+impl LabelProgress {
+    /// Keypoints of a picture of this run, on average.
+    pub fn keypoints_per_picture(&self) -> f64 {
+        self.keypoints as f64 / self.of_this_run.max(1) as f64
+    }
+
+    fn is_sparse(&self) -> bool {
+        let judged = self.of_this_run >= JUDGED_AFTER || self.labelled == self.pictures;
+        judged && self.keypoints < self.pixels / MOST_PIXELS_PER_KEYPOINT
+    }
 }
 
 /// The `[labels]` of a configuration.
@@ -42,7 +62,7 @@ fn options_of(config: &TrainConfig) -> Result<&LabelOptions, TrainError> {
 /// says no.
 ///
 /// # Errors
-/// No `[labels]`, no pictures, a detector that cannot be opened, a folder that cannot be written to.
+/// No `[labels]`, no pictures, a detector that cannot be opened or sees next to nothing, a folder that cannot be written to.
 pub fn label_pictures(
     config: &TrainConfig,
     device: &Device,
@@ -58,10 +78,16 @@ pub fn label_pictures(
         let found = some
             .par_iter()
             .map(|(index, file)| label(&pictures, *index, file, options, &detector))
-            .sum::<Result<usize, TrainError>>()?;
+            .collect::<Result<Vec<_>, TrainError>>()?;
         progress.labelled += some.len();
         progress.of_this_run += some.len();
-        progress.keypoints += found;
+        for (keypoints, pixels) in found {
+            progress.keypoints += keypoints;
+            progress.pixels += pixels;
+        }
+        if progress.is_sparse() {
+            return Err(too_few(&progress, options));
+        }
         let left = (progress.pictures - progress.labelled) as f64;
         progress.remaining_s = started.elapsed().as_secs_f64() / progress.of_this_run as f64 * left;
         if !go_on(&progress) {
@@ -96,18 +122,39 @@ fn unlabelled(
     Ok((todo, progress))
 }
 
-/// Labels one picture and tells how many keypoints it has; one that cannot be decoded has none.
+/// Says that the labels would teach nothing, and what to do.
+fn too_few(progress: &LabelProgress, options: &LabelOptions) -> TrainError {
+    let detector = options.detector.as_ref();
+    TrainError::Labels {
+        reason: format!(
+            "{} sees {:.1} keypoints in a picture, of {} pictures, too few to learn from; train it for longer, or lower \
+             `threshold` of `[labels]`, now {}",
+            detector.map_or("the bundled model".into(), |path| path
+                .display()
+                .to_string()),
+            progress.keypoints_per_picture(),
+            progress.of_this_run,
+            options.threshold,
+        ),
+    }
+}
+
+/// Labels one picture and tells how many keypoints and pixels it has; one that cannot be decoded has none.
 fn label(
     pictures: &Pictures,
     index: usize,
     file: &std::path::Path,
     options: &LabelOptions,
     detector: &dyn Detect,
-) -> Result<usize, TrainError> {
-    let labels = match pictures.decode(index) {
-        Some(picture) => adapt(&picture, options, detector)?,
-        None => Labels::default(),
+) -> Result<(usize, usize), TrainError> {
+    let (labels, pixels) = match pictures.decode(index) {
+        Some(picture) => {
+            let (width, height) = picture.size_px();
+            let labels = adapt(&picture, options, detector)?;
+            (labels, width as usize * height as usize)
+        }
+        None => (Labels::default(), 0),
     };
     labels.save(file)?;
-    Ok(labels.levels.first().map_or(0, Vec::len))
+    Ok((labels.levels.first().map_or(0, Vec::len), pixels))
 }

@@ -248,6 +248,16 @@ fn a_detector_labels_pictures_for_the_joint_stage() {
     }
     trained(&joint);
 
+    let nothing = TrainConfig {
+        labels: joint.labels.clone().map(|labels| LabelOptions {
+            threshold: 0.99,
+            ..labels
+        }),
+        ..joint.clone()
+    };
+    let error = label_pictures(&nothing, &device, &mut |_| true).unwrap_err();
+    assert!(error.to_string().contains("threshold"), "{error}");
+
     let more = TrainConfig {
         labels: joint.labels.clone().map(|labels| LabelOptions {
             views: 11,

@@ -12,7 +12,7 @@ use crate::exit::Exit;
 /// Labels the pictures of a configuration.
 ///
 /// # Errors
-/// No `[labels]` in it, no pictures, a detector that cannot be opened, a folder that cannot be written to.
+/// No `[labels]` in it, no pictures, a detector that cannot be opened or sees next to nothing, a folder that cannot be written to.
 pub fn run(config_path: &Path, config: &TrainConfig) -> Result<Exit> {
     let bar = share_bar()?;
     let done = label_pictures(config, &config.device.device()?, &mut |progress| {
@@ -41,7 +41,7 @@ fn line(p: &LabelProgress) -> String {
         "{} of {} pictures, {:.0} keypoints a picture, {:.0} min left",
         p.labelled,
         p.pictures,
-        p.keypoints as f64 / p.of_this_run.max(1) as f64,
+        p.keypoints_per_picture(),
         p.remaining_s / 60.0
     )
 }

@@ -70,7 +70,7 @@ impl Layer {
             statistics,
             instance,
         } = source;
-        let part = |part: &str| model.values(&format!("{name}.norm.{}.{part}", domain.name()));
+        let part = |part: &str| model.values(&domain.norm_name(name, part));
         let (weight, bias) = (part("weight")?, part("bias")?);
         let missing = || NetError::Statistics {
             reason: format!("they lack the layer `{name}`"),

@@ -309,11 +309,8 @@ impl Model {
         layer: &str,
         domain: Domain,
     ) -> Result<(Vec<f32>, Vec<f32>), NetError> {
-        let domain = domain.name();
-        Ok((
-            self.values(&format!("{layer}.norm.{domain}.mean"))?,
-            self.values(&format!("{layer}.norm.{domain}.var"))?,
-        ))
+        let part = |part: &str| self.values(&domain.norm_name(layer, part));
+        Ok((part("mean")?, part("var")?))
     }
 
     /// The global descriptor of a VLAD sum (paper, eq. 7 and 8): each cluster's residual to unit length, all to unit length,

@@ -19,10 +19,7 @@ impl NetSpec {
         let norm = |push: &mut dyn FnMut(String, &[usize]), layer: &str, channels: usize| {
             for domain in Domain::ALL {
                 for part in ["weight", "bias", "mean", "var"] {
-                    push(
-                        format!("{layer}.norm.{}.{part}", domain.name()),
-                        &[channels],
-                    );
+                    push(domain.norm_name(layer, part), &[channels]);
                 }
             }
         };

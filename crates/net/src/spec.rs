@@ -38,6 +38,11 @@ impl Domain {
             Domain::Uav => "uav",
         }
     }
+
+    /// Name of a tensor of a layer's normalisation; `part` is `weight`, `bias`, `mean` or `var`.
+    pub fn norm_name(self, layer: &str, part: &str) -> String {
+        format!("{layer}.norm.{}.{part}", self.name())
+    }
 }
 
 /// How a stage halves the picture.

@@ -143,7 +143,7 @@ impl Norm {
         domain: Domain,
         shift: &[f32],
     ) -> Result<Self, TrainError> {
-        let part = |part: &str| host(parameters.flat(&tensor_name(layer, domain, part))?);
+        let part = |part: &str| host(parameters.flat(&domain.norm_name(layer, part))?);
         let mean = part("mean")?;
         Ok(Self {
             gamma: part("weight")?,
@@ -184,17 +184,13 @@ impl Norm {
             ("mean", &self.mean),
             ("var", &self.variance),
         ] {
-            let name = tensor_name(layer, domain, part);
+            let name = domain.norm_name(layer, part);
             let mut values = host(parameters.flat(&name)?)?;
             values[..known.len()].copy_from_slice(known);
             parameters.set_from_host(&name, values)?;
         }
         Ok(())
     }
-}
-
-fn tensor_name(layer: &str, domain: Domain, part: &str) -> String {
-    format!("{layer}.norm.{}.{part}", domain.name())
 }
 
 /// The 3 x 3 kernels, `[n, n, 3, 3]`, that give what they take.

@@ -248,10 +248,7 @@ impl<'a> Network<'a> {
     /// DA-BN and ReLU.
     fn norm(&mut self, name: &str, x: Tensor<4>, parts: &[Part]) -> Result<Tensor<4>, TrainError> {
         let [n, h, w, c] = x.dims();
-        let of = |domain: Domain, part: &str| {
-            self.parameters
-                .flat(&format!("{name}.norm.{}.{part}", domain.name()))
-        };
+        let of = |domain: Domain, part: &str| self.parameters.flat(&domain.norm_name(name, part));
         let both = |part: &str| -> Result<Tensor<2>, TrainError> {
             Ok(Tensor::stack(
                 vec![of(Domain::Sat, part)?, of(Domain::Uav, part)?],
@@ -285,7 +282,7 @@ impl<'a> Network<'a> {
             .collect();
         let (y, mean, variance) = norm_relu(rows, gamma, beta, &Arc::new(groups), NORM_EPSILON);
         for (g, part) in parts.iter().enumerate() {
-            let name = |what: &str| format!("{name}.norm.{}.{what}", part.domain.name());
+            let name = |what: &str| part.domain.norm_name(name, what);
             let row = |found: &Tensor<2>| found.clone().narrow(0, g, 1).reshape([c]);
             let old = |what: &str| {
                 Ok::<_, TrainError>(self.parameters.flat(&name(what))?.without_autodiff())

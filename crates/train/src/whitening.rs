@@ -113,9 +113,8 @@ impl PrincipalAxes {
             row.iter_mut().zip(&mean).for_each(|(v, m)| *v -= m);
         }
         let samples = MatRef::from_row_major_slice(&vectors, count, dim);
-        let axes = (AXES_PER_OUTPUT * out).min(count / 2);
+        let axes = (AXES_PER_OUTPUT * out).min(count / 2).min(dim);
         let width = (axes + OVERSAMPLING).min(count).min(dim);
-        let axes = axes.min(width);
         let mut random = ChaCha8Rng::seed_from_u64(0);
         let directions = Mat::from_fn(dim, width, |_, _| random.random_range(-1.0f32..1.0));
         let mut seen = product(samples, directions.as_ref());
@@ -240,8 +239,7 @@ mod tests {
                         .sum()
                 })
                 .collect();
-            let length = out.iter().map(|v| v * v).sum::<f32>().sqrt();
-            out.iter_mut().for_each(|v| *v /= length);
+            grimnet_net::normalise(&mut out);
             out
         };
         let all: Vec<Vec<f32>> = vectors.chunks_exact(dim).map(project).collect();

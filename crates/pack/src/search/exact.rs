@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use super::top_k::{Hit, TopK};
 use crate::quantise::quantise_row;
 
-/// Rows a task takes: 512 numbers each, half a level-2 cache.
-const ROWS_PER_TASK: usize = 1024;
+/// Bytes of the rows that a task takes: half a level-2 cache.
+const BYTES_PER_TASK: usize = 512 << 10;
 
 /// Which tiles may be found.
 pub type Filter<'a> = &'a (dyn Fn(usize) -> bool + Sync);
@@ -34,11 +34,12 @@ pub(crate) fn search(
     }
     let isa = Isa::detect();
     let none = || vec![TopK::new(k); query_count];
+    let rows_per_task = (BYTES_PER_TASK / dim).max(1);
     let best = rows
-        .par_chunks(ROWS_PER_TASK * dim)
+        .par_chunks(rows_per_task * dim)
         .enumerate()
         .map(|(task, rows)| {
-            let (first, count) = (task * ROWS_PER_TASK, rows.len() / dim);
+            let (first, count) = (task * rows_per_task, rows.len() / dim);
             let mut products = vec![0i32; query_count * count];
             matmul_nt_i8(isa, query_count, count, dim, &bytes, rows, &mut products);
             let mut best = none();

@@ -54,10 +54,7 @@ pub fn encoder_from_torchvision(
         out.push((format!("{name}.weight"), weight.values.clone()));
         for (part, values) in normalisation(tensors, index, width)? {
             for domain in Domain::ALL {
-                out.push((
-                    format!("{name}.norm.{}.{part}", domain.name()),
-                    values.clone(),
-                ));
+                out.push((domain.norm_name(&name, part), values.clone()));
             }
         }
     }

@@ -195,15 +195,11 @@ fn keypoints_of(
     )
 }
 
-/// What a rotated frame leaves unseen.
+/// What a photo's frame, turned by any angle, leaves unseen: photos are wider than high, and neither fills a tile.
 pub(super) fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng) {
-    let (sin, cos) = random
-        .random_range(0.0..std::f32::consts::FRAC_PI_2)
-        .sin_cos();
-    let half = [
-        random.random_range(0.42..0.75) * side as f32,
-        random.random_range(0.42..0.75) * side as f32,
-    ];
+    let (sin, cos) = random.random_range(0.0..std::f32::consts::PI).sin_cos();
+    let long = random.random_range(0.42..0.75) * side as f32;
+    let half = [long, long * random.random_range(0.55..1.0)];
     let c = side as f32 / 2.0;
     for y in 0..side {
         for x in 0..side {

@@ -97,11 +97,10 @@ impl NetSpec {
 
     /// All batch normalisations, in the order of [`NetSpec::parameters`].
     pub(crate) fn norms(&self) -> Vec<NormSpec> {
-        let suffix = ".norm.sat.mean";
         let norm = |(name, shape): (String, Vec<usize>)| {
-            let name = name.strip_suffix(suffix)?.to_owned();
-            Some(NormSpec {
-                name,
+            let (layer, part) = Domain::Sat.norm_of(&name)?;
+            (part == "mean").then(|| NormSpec {
+                name: layer.to_owned(),
                 channels: shape.first().copied().unwrap_or(0),
             })
         };
@@ -112,6 +111,25 @@ impl NetSpec {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_normalisations_are_taken_apart_as_they_were_made() {
+        assert_eq!(
+            Domain::Uav.norm_name("encoder.2.0", "var"),
+            "encoder.2.0.norm.uav.var"
+        );
+        for domain in Domain::ALL {
+            let all = NetSpec::compact().parameters();
+            let found: Vec<_> = all
+                .iter()
+                .filter_map(|(name, _)| Some((name, domain.norm_of(name)?)))
+                .collect();
+            assert_eq!(found.len(), 4 * NetSpec::compact().norms().len());
+            for (name, (layer, part)) in found {
+                assert_eq!(&domain.norm_name(layer, part), name);
+            }
+        }
+    }
 
     #[test]
     fn parameter_names_are_unique() {

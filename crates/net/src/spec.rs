@@ -43,6 +43,13 @@ impl Domain {
     pub fn norm_name(self, layer: &str, part: &str) -> String {
         format!("{layer}.norm.{}.{part}", self.name())
     }
+
+    /// Layer and part of a tensor of this domain's normalisation, by its name: the inverse of [`Self::norm_name`].
+    pub fn norm_of(self, tensor: &str) -> Option<(&str, &str)> {
+        let (layer, rest) = tensor.split_once(".norm.")?;
+        let part = rest.strip_prefix(self.name())?.strip_prefix('.')?;
+        Some((layer, part))
+    }
 }
 
 /// How a stage halves the picture.

@@ -91,11 +91,10 @@ pub fn with_fresh_statistics(
 
 /// Gives photos the map's statistics and parameters, the only ones that were trained.
 fn share_map_norms(parameters: &mut Parameters) -> Result<(), TrainError> {
-    let (map, photo) = (Domain::Sat.name(), Domain::Uav.name());
     for name in parameters.names() {
-        if let Some((layer, what)) = name.split_once(&format!(".norm.{map}.")) {
+        if let Some((layer, part)) = Domain::Sat.norm_of(&name) {
             let value = parameters.flat(&name)?;
-            parameters.set(&format!("{layer}.norm.{photo}.{what}"), value)?;
+            parameters.set(&Domain::Uav.norm_name(layer, part), value)?;
         }
     }
     Ok(())

@@ -115,8 +115,8 @@ fn shapes_teach_the_keypoint_head_to_look() {
     };
     let losses = trained(&config);
     let blind = blind_loss(&config);
-    let last = &losses[losses.len() - 30..];
-    let keypoint = last.iter().map(|losses| losses.keypoint).sum::<f32>() / last.len() as f32;
+    let end = &losses[losses.len() - 30..];
+    let keypoint = end.iter().map(|losses| losses.keypoint).sum::<f32>() / end.len() as f32;
     assert!(keypoint < losses[0].keypoint, "{losses:?}");
     assert!(keypoint < 0.93 * blind, "{keypoint} of {blind}");
     let last = losses[losses.len() - 1];

@@ -195,7 +195,7 @@ fn keypoints_of(
     )
 }
 
-/// What a photo's frame, turned by any angle, leaves unseen: photos are wider than high, and neither fills a tile.
+/// What a photo's frame, turned by any angle, leaves unseen: photos are wider than high, and need not fill a tile.
 pub(super) fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng) {
     let (sin, cos) = random.random_range(0.0..std::f32::consts::PI).sin_cos();
     let long = random.random_range(0.42..0.75) * side as f32;

@@ -40,6 +40,6 @@ pub struct TrainArgs {
 #[cfg(not(feature = "train"))]
 pub fn run(_: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
     anyhow::bail!(
-        "this grim was built without the trainer, to keep the build short; build it with: cargo build --release -p grim --features train"
+        "this grim was built without the trainer, to keep the build short; build it with: cargo build --release -p grimnet-cli --features train"
     )
 }

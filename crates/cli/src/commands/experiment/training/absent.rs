@@ -21,7 +21,7 @@ impl Training {
         match options.experiments.iter().find(|choice| choice.trains()) {
             None => Ok(Self),
             Some(choice) => bail!(
-                "--experiment {} trains networks, and this grim was built without the trainer; build it with: cargo build --release -p grim --features train",
+                "--experiment {} trains networks, and this grim was built without the trainer; build it with: cargo build --release -p grimnet-cli --features train",
                 choice.name()
             ),
         }

@@ -1,4 +1,6 @@
-//! The model that comes with the program.
+//! The model that is compiled into the program.
+
+use std::path::Path;
 
 use crate::{Model, NetError};
 
@@ -7,28 +9,25 @@ static BUNDLED: Option<&[u8]> = Some(include_bytes!("../models/compact.safetenso
 #[cfg(not(grimnet_bundled_model))]
 static BUNDLED: Option<&[u8]> = None;
 
-/// Seed of the stand-in where no trained model is in the source tree.
+/// How errors name the bundled model.
+const BUNDLED_NAME: &str = "(bundled model) crates/net/models/compact.safetensors";
+
+/// Seed of the random network that is used if no trained model is in the source tree.
 const STAND_IN_SEED: u64 = 0;
 
 impl Model {
-    /// The model that was compiled in (`crates/net/models/compact.safetensors`). A source tree without that file gives a
-    /// random `compact` network, warns in the log, and says so in its card ([`Model::is_random`]).
+    /// The model that was compiled in (`crates/net/models/compact.safetensors`). If that file was missing at build time,
+    /// this is a random `compact` network ([`Model::is_random`]), and a warning is logged.
     ///
     /// # Errors
-    /// [`NetError::ModelFile`] where the compiled-in file is damaged.
+    /// [`NetError::ModelFile`] if the compiled-in file is damaged.
     pub fn bundled() -> Result<Self, NetError> {
         match BUNDLED {
-            Some(bytes) => {
-                let wrong = |reason| NetError::ModelFile {
-                    path: "(bundled) crates/net/models/compact.safetensors".into(),
-                    reason,
-                };
-                Self::from_bytes(bytes).map_err(wrong)
-            }
+            Some(bytes) => Self::from_bytes(bytes, Path::new(BUNDLED_NAME)),
             None => {
                 tracing::warn!(
-                    "no trained model was compiled in: the network has RANDOM numbers and cannot localise; \
-                     put one at crates/net/models/compact.safetensors and build again, or name a model file"
+                    "no trained model was compiled in: the network has RANDOM weights and cannot localise; \
+                     put a model at crates/net/models/compact.safetensors and build again, or open a model file"
                 );
                 Self::random(&crate::NetSpec::compact(), STAND_IN_SEED)
             }

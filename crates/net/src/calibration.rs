@@ -1,31 +1,68 @@
-//! How far the answers of a model may be off, and how often they are wrong: fitted on answers whose truth is known, and kept
-//! with the model, for other weights err differently.
+//! Calibration of a model's stated covariance and confidence: fitted to answers whose truth is known, and stored in the
+//! model file, because the errors depend on the weights.
 
 use serde::{Deserialize, Serialize};
 
-/// What `grim calibrate` found out about a model's answers. A model file without one has [`Calibration::default`].
+use crate::error::CalibrationError;
+
+/// Largest factor or weight that is accepted: far beyond any fit, small enough that no result overflows.
+const LARGEST: f64 = 1e6;
+
+/// What `grim calibrate` fitted to a model's answers. A model file without it has [`Calibration::default`].
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Calibration {
     /// From the covariance of the inliers to the covariance that is stated.
     pub position: PositionError,
-    /// From the support of a fix to the probability that it is right; none where it was never fitted.
+    /// From the support of a fix to the probability that it is right; `None` if it was never fitted.
     pub confidence: Option<Confidence>,
-    /// What it was fitted on; none for the built-in default.
+    /// What it was fitted to; `None` for the built-in default.
     pub fitted_on: Option<FittedOn>,
+}
+
+impl Calibration {
+    /// Checks that every number is finite and within the range that gives finite, positive covariances and probabilities.
+    ///
+    /// # Errors
+    /// [`CalibrationError`] with the first field that is out of range.
+    pub fn validate(&self) -> Result<(), CalibrationError> {
+        self.position.validate()?;
+        self.confidence.map_or(Ok(()), |c| c.validate())?;
+        self.fitted_on.as_ref().map_or(Ok(()), FittedOn::validate)
+    }
+}
+
+/// Checks that `found` lies in a range, which no NaN does.
+fn within(
+    field: &'static str,
+    found: f64,
+    range: impl std::ops::RangeBounds<f64>,
+    expected: &'static str,
+) -> Result<(), CalibrationError> {
+    if range.contains(&found) {
+        Ok(())
+    } else {
+        Err(CalibrationError {
+            field,
+            found,
+            expected,
+        })
+    }
 }
 
 /// Stated covariance = `inlier_factor` x covariance of the inliers + `shared_px`^2 per axis, in pixels of the map's level.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PositionError {
-    /// The errors of neighbouring inliers are not independent, as weighted least squares takes them to be.
+    /// Factor on the covariance of the inliers: their errors are correlated, and weighted least squares assumes they are
+    /// not. Greater than 0.
     pub inlier_factor: f64,
-    /// What all inliers share (parallax, blur, shifted keypoints), 1-sigma per axis, pixels of the level.
+    /// Error that all inliers share (parallax, blur, shifted keypoints), 1-sigma per axis, pixels of the level. Greater
+    /// than 0.
     pub shared_px: f64,
 }
 
 impl Default for PositionError {
-    /// Set by hand, not fitted: of round size, as found with the first models.
+    /// Set by hand, not fitted: rounded values found with the first models.
     fn default() -> Self {
         Self {
             inlier_factor: 4.0,
@@ -34,42 +71,150 @@ impl Default for PositionError {
     }
 }
 
+impl PositionError {
+    fn validate(&self) -> Result<(), CalibrationError> {
+        let range = || {
+            (
+                std::ops::Bound::Excluded(0.0),
+                std::ops::Bound::Included(LARGEST),
+            )
+        };
+        let expected = "greater than 0 and at most 1e6";
+        within("inlier_factor", self.inlier_factor, range(), expected)?;
+        within("shared_px", self.shared_px, range(), expected)
+    }
+}
+
 /// Logistic model (Cox 1958) of the probability that a fix is right: `1 / (1 + exp(-(intercept + weights . evidence)))`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Confidence {
-    /// Log odds where all evidence is zero.
+    /// Log odds if all evidence is zero.
     pub intercept: f64,
-    /// Per unit of the natural logarithm of the number of places of the photo that hold inliers.
+    /// Weight of the natural logarithm of the number of cells of the photo that hold inliers.
     pub log_places: f64,
-    /// Per unit of the natural logarithm of inliers over the runner-up's inliers (at least six: chance gives as many).
+    /// Weight of the natural logarithm of the ratio of inliers to the runner-up's inliers (at least six: chance gives as
+    /// many).
     pub log_lead: f64,
-    /// Per unit of the natural logarithm of inliers over matches.
+    /// Weight of the natural logarithm of the ratio of inliers to matches.
     pub log_share: f64,
-    /// Per unit of the natural logarithm of the inliers' spread over the photo (short axis, in half sides).
+    /// Weight of the natural logarithm of the inliers' spread over the photo (short axis, in half sides).
     pub log_spread: f64,
-    /// A fix below this is not given: by the fit, only a small share of photos taken elsewhere (one in a thousand, unless
-    /// asked otherwise) comes above.
+    /// Fixes of a lower probability are rejected. By the fit, only a small share of photos taken elsewhere (one in a
+    /// thousand, unless set otherwise) reaches it. Greater than 0, at most 1.
     pub needed: f64,
 }
 
-/// What a calibration rests on.
+impl Confidence {
+    fn validate(&self) -> Result<(), CalibrationError> {
+        let weights = [
+            ("intercept", self.intercept),
+            ("log_places", self.log_places),
+            ("log_lead", self.log_lead),
+            ("log_share", self.log_share),
+            ("log_spread", self.log_spread),
+        ];
+        for (field, found) in weights {
+            within(field, found, -LARGEST..=LARGEST, "between -1e6 and 1e6")?;
+        }
+        let range = (
+            std::ops::Bound::Excluded(0.0),
+            std::ops::Bound::Included(1.0),
+        );
+        within("needed", self.needed, range, "greater than 0 and at most 1")
+    }
+}
+
+/// The data that a calibration was fitted to, and what it reached on held-out photos.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FittedOn {
-    /// In words.
+    /// Description of the data.
     pub data: String,
     /// Photos that lie on their map.
     pub photos: usize,
-    /// Right answers to them, which the covariance was fitted on.
+    /// Right fixes of them, to which the covariance was fitted.
     pub fixes: usize,
     /// Photos that lie elsewhere, which must have no fix.
     pub elsewhere: usize,
-    /// Share of right answers within their stated 95 % radius, on photos held out of the fit.
+    /// Share of right fixes within their stated 95 % radius, on photos held out of the fit.
     pub held_out_coverage_95: f64,
-    /// Share of held-out photos that lie on their map and are answered.
+    /// Share of held-out photos that lie on their map and have a fix.
     pub held_out_availability: f64,
     /// Photos that lie elsewhere and were held out of the fit.
     pub held_out_elsewhere: usize,
     /// Those of them that were given a fix nevertheless.
     pub held_out_elsewhere_answered: usize,
+}
+
+impl FittedOn {
+    fn validate(&self) -> Result<(), CalibrationError> {
+        for (field, found) in [
+            ("held_out_coverage_95", self.held_out_coverage_95),
+            ("held_out_availability", self.held_out_availability),
+        ] {
+            within(field, found, 0.0..=1.0, "between 0 and 1")?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fitted() -> Calibration {
+        Calibration {
+            confidence: Some(Confidence {
+                intercept: -2.8,
+                log_places: 3.3,
+                log_lead: 2.3,
+                log_share: 2.8,
+                log_spread: 2.5,
+                needed: 0.9,
+            }),
+            fitted_on: Some(FittedOn::default()),
+            ..Calibration::default()
+        }
+    }
+
+    #[test]
+    fn values_that_give_no_covariance_or_probability_are_refused() {
+        fitted().validate().unwrap();
+        Calibration::default().validate().unwrap();
+        type Change = fn(&mut Calibration, f64);
+        let positive: [(&str, Change); 2] = [
+            ("inlier_factor", |c, v| c.position.inlier_factor = v),
+            ("shared_px", |c, v| c.position.shared_px = v),
+        ];
+        let weights: [(&str, Change); 2] = [
+            ("log_lead", |c, v| {
+                c.confidence.as_mut().unwrap().log_lead = v
+            }),
+            ("intercept", |c, v| {
+                c.confidence.as_mut().unwrap().intercept = v
+            }),
+        ];
+        let needed: [(&str, Change); 1] =
+            [("needed", |c, v| c.confidence.as_mut().unwrap().needed = v)];
+        let shares: [(&str, Change); 1] = [("held_out_availability", |c, v| {
+            c.fitted_on.as_mut().unwrap().held_out_availability = v;
+        })];
+        let never = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e300];
+        let cases = [
+            (&positive[..], &[0.0, -0.0, -1.0][..]),
+            (&weights[..], &[-1e7][..]),
+            (&needed[..], &[0.0, -0.5, 1.1][..]),
+            (&shares[..], &[-0.1, 1.1][..]),
+        ];
+        for (fields, values) in cases {
+            for (field, change) in fields {
+                for &value in never.iter().chain(values) {
+                    let mut calibration = fitted();
+                    change(&mut calibration, value);
+                    let error = calibration.validate().unwrap_err();
+                    assert_eq!(error.field, *field, "{value}");
+                }
+            }
+        }
+    }
 }

@@ -7,7 +7,7 @@ use image::GrayImage;
 
 use crate::extractor::Shared;
 use crate::forward::Output;
-use crate::spec::CELL_PX;
+use crate::spec::KEYPOINT_CELL_PX;
 use crate::{ExtractOptions, Keypoint, VladSum, describe, keypoints};
 
 /// Heatmap, descriptor field and NetVLAD field of one picture, from which the features of any window are taken. Its memory
@@ -24,12 +24,12 @@ impl Dense {
 
     /// Width of the picture.
     pub fn width_px(&self) -> u32 {
-        self.output.descriptors.width() as u32 * CELL_PX
+        self.output.descriptors.width() as u32 * KEYPOINT_CELL_PX
     }
 
     /// Height of the picture.
     pub fn height_px(&self) -> u32 {
-        self.output.descriptors.height() as u32 * CELL_PX
+        self.output.descriptors.height() as u32 * KEYPOINT_CELL_PX
     }
 
     /// The probability of each pixel to be a keypoint, row by row: height x width values.

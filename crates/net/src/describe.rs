@@ -4,7 +4,7 @@ use grimnet_kernels::{Isa, PlainKernel, Tensor};
 use rayon::prelude::*;
 
 use crate::Keypoint;
-use crate::spec::CELL_PX;
+use crate::spec::KEYPOINT_CELL_PX;
 
 /// Keypoints described by one task.
 const BATCH: usize = 64;
@@ -67,7 +67,7 @@ impl PlainKernel for Batch<'_> {
 #[inline(always)]
 fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
     let last = cells.saturating_sub(1);
-    let at = ((at_px + 0.5) / CELL_PX as f32 - 0.5).clamp(0.0, last as f32);
+    let at = ((at_px + 0.5) / KEYPOINT_CELL_PX as f32 - 0.5).clamp(0.0, last as f32);
     let first = at as usize;
     (first, (first + 1).min(last), at - first as f32)
 }

@@ -5,6 +5,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use grimnet_kernels::Isa;
 use image::{GrayImage, RgbImage};
 
+use crate::error::StatisticsError;
 use crate::forward::{Network, Output, Scratch};
 use crate::layer::{Gathering, LayerSource};
 use crate::seen::{Seen, check_mask};
@@ -78,9 +79,7 @@ impl Extractor {
         isa: Isa,
     ) -> Result<Self, NetError> {
         if !statistics.same_layers(&Statistics::of_model(model, domain)?) {
-            return Err(NetError::Statistics {
-                reason: "they belong to another model".into(),
-            });
+            return Err(NetError::Statistics(StatisticsError::OtherModel));
         }
         let folded = Network::new(&LayerSource {
             isa,

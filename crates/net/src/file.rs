@@ -1,27 +1,47 @@
-//! The model file: safetensors, with the description and the card as JSON in its metadata.
+//! The model file: safetensors, with the network description, the model card, the calibration and a checksum in its
+//! metadata.
+//!
+//! Format version 2 has a BLAKE3 checksum of the whole file, computed with the checksum's own digits set to `0`. A file
+//! of version 1, which earlier versions of this program wrote, has none and is read with a warning.
+//!
+//! An int8 tensor `NAME` (only `whitening.projection`) has the scales of its rows in a tensor `NAME.scale`.
 
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::Path;
 
 use half::f16;
+use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensors};
 use serde_json::{Map, Value, json};
 
-use crate::model::{Parameter, Values};
+use crate::error::{ModelFileError, ParameterError};
+use crate::parameter::{Parameter, Precision, Values, WHITENING_PROJECTION};
 use crate::{Calibration, Card, Model, NetError, NetSpec};
 
-/// Version of the layout of names and metadata; readers refuse others.
-const VERSION: &str = "1";
+/// Version of the layout of names and metadata that is written.
+const VERSION: &str = "2";
+/// Version without a checksum, read with a warning.
+const VERSION_WITHOUT_CHECKSUM: &str = "1";
 const VERSION_KEY: &str = "grimnet_model_version";
 /// Only in models that were calibrated.
 const CALIBRATION_KEY: &str = "calibration";
+const CHECKSUM_KEY: &str = "checksum";
+/// What stands before the checksum in the header. Quotation marks within JSON strings are escaped, so it cannot occur
+/// elsewhere.
+const CHECKSUM_PREFIX: &[u8] = b"\"checksum\":\"";
+/// Hexadecimal digits of the checksum.
+const CHECKSUM_LEN: usize = 64;
+/// Bytes of the header's length, with which a safetensors file begins.
+const LENGTH_BYTES: usize = 8;
+/// Ending of the name of the tensor with an int8 tensor's scales.
+const SCALE_SUFFIX: &str = ".scale";
 
 impl Model {
     /// Reads a model file.
     ///
     /// # Errors
-    /// [`NetError::Io`] where it cannot be read, [`NetError::ModelFile`] where it is not a model, is damaged, or does not fit
+    /// [`NetError::Io`] if it cannot be read, [`NetError::ModelFile`] if it is not a model, is damaged, or does not fit
     /// its own description.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, NetError> {
         let path = path.as_ref();
@@ -29,77 +49,29 @@ impl Model {
             path: path.into(),
             source,
         })?;
-        Self::from_bytes(&bytes).map_err(|reason| NetError::ModelFile {
+        Self::from_bytes(&bytes, path)
+    }
+
+    /// Reads a model from the bytes of its file. `path` is only named in errors and warnings.
+    pub(crate) fn from_bytes(bytes: &[u8], path: &Path) -> Result<Self, NetError> {
+        let (model, checked) = parse(bytes).map_err(|reason| NetError::ModelFile {
             path: path.into(),
             reason,
-        })
-    }
-
-    /// Reads a model from the bytes of its file; the error says what is wrong with them.
-    pub(crate) fn from_bytes(bytes: &[u8]) -> Result<Self, String> {
-        let (_, header) = SafeTensors::read_metadata(bytes)
-            .map_err(|e| format!("not a safetensors file ({e})"))?;
-        let metadata = header.metadata().as_ref().ok_or("it has no metadata")?;
-        let entry = |key: &str| {
-            metadata
-                .get(key)
-                .ok_or(format!("its metadata has no `{key}`"))
-        };
-        let version = entry(VERSION_KEY)?;
-        if version != VERSION {
-            return Err(format!(
-                "its format version is `{version}`, this program reads `{VERSION}`"
-            ));
-        }
-        let spec: NetSpec = serde_json::from_str(entry("spec")?)
-            .map_err(|e| format!("its network description cannot be read ({e})"))?;
-        let card: Card = serde_json::from_str(entry("card")?)
-            .map_err(|e| format!("its card cannot be read ({e})"))?;
-        let calibration: Option<Calibration> = metadata
-            .get(CALIBRATION_KEY)
-            .map(|text| serde_json::from_str(text))
-            .transpose()
-            .map_err(|e| format!("its calibration cannot be read ({e})"))?;
-        let file = SafeTensors::deserialize(bytes).map_err(|e| format!("damaged ({e})"))?;
-        let mut parameters = BTreeMap::new();
-        for (name, tensor) in file.iter() {
-            let data = tensor.data();
-            let values = match tensor.dtype() {
-                Dtype::F16 => Values::F16(
-                    data.chunks_exact(2)
-                        .map(|b| f16::from_le_bytes([b[0], b[1]]))
-                        .collect(),
-                ),
-                Dtype::F32 => Values::F32(
-                    data.chunks_exact(4)
-                        .map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-                        .collect(),
-                ),
-                other => {
-                    return Err(format!(
-                        "`{name}` is stored as {other:?}; F16 and F32 are understood"
-                    ));
-                }
-            };
-            parameters.insert(
-                name.to_owned(),
-                Parameter {
-                    shape: tensor.shape().to_vec(),
-                    values,
-                },
+        })?;
+        if !checked {
+            tracing::warn!(
+                "{}: this model file has no checksum (format version {VERSION_WITHOUT_CHECKSUM}), so damage cannot be \
+                 detected; export or calibrate the model again to add one",
+                path.display()
             );
         }
-        let model = Self::from_parameters(spec, card, parameters).map_err(|e| e.to_string())?;
-        Ok(match calibration {
-            Some(calibration) => model.with_calibration(calibration),
-            None => model,
-        })
+        Ok(model)
     }
 
-    /// Writes the model file: aside, flushed to disk, then renamed into place. The same model gives the same bytes.
+    /// Writes the model file: to a temporary file, flushed to disk, then renamed. The same model gives the same bytes.
     ///
     /// # Errors
-    /// [`NetError::Io`] where it cannot be written.
+    /// [`NetError::Io`] if it cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), NetError> {
         let path = path.as_ref();
         let io = |source: std::io::Error| NetError::Io {
@@ -116,11 +88,7 @@ impl Model {
             .map_err(io)?;
         let write = |file: &mut tempfile::NamedTempFile| {
             let mut out = std::io::BufWriter::new(file.as_file_mut());
-            out.write_all(&(header.len() as u64).to_le_bytes())?;
-            out.write_all(&header)?;
-            for (_, parameter) in self.parameters() {
-                write_little_endian(&mut out, &parameter.values)?;
-            }
+            self.write(&header, &mut out)?;
             out.flush()
         };
         write(&mut file).map_err(io)?;
@@ -129,38 +97,203 @@ impl Model {
         Ok(())
     }
 
-    /// The JSON header, padded to a multiple of eight bytes. Written here and not by the `safetensors` crate because that
-    /// puts the metadata in an order that changes from run to run.
+    /// Writes the file's bytes.
+    fn write(&self, header: &[u8], out: &mut impl Write) -> std::io::Result<()> {
+        out.write_all(&(header.len() as u64).to_le_bytes())?;
+        out.write_all(header)?;
+        for (_, parameter) in self.parameters() {
+            write_little_endian(out, &parameter.values)?;
+        }
+        Ok(())
+    }
+
+    /// The JSON header with the checksum, padded to a multiple of eight bytes. Not written by the `safetensors` crate,
+    /// which puts the metadata in an order that changes from run to run.
     fn header(&self) -> Result<Vec<u8>, serde_json::Error> {
         let mut metadata = json!({
             VERSION_KEY: VERSION,
             "spec": serde_json::to_string(self.spec())?,
             "card": serde_json::to_string(self.card())?,
+            CHECKSUM_KEY: "0".repeat(CHECKSUM_LEN),
         });
         if self.calibration().fitted_on.is_some() {
             metadata[CALIBRATION_KEY] = serde_json::to_string(self.calibration())?.into();
         }
         let mut header = Map::from_iter([("__metadata__".to_owned(), metadata)]);
         let mut start = 0;
-        for (name, parameter) in self.parameters() {
-            let end = start + parameter.values.bytes().len();
-            let dtype = match parameter.values {
-                Values::F16(_) => "F16",
-                Values::F32(_) => "F32",
-            };
+        let mut add = |name: String, dtype: &str, shape: &[usize], len: usize| {
             header.insert(
-                name.to_owned(),
-                json!({ "dtype": dtype, "shape": parameter.shape, "data_offsets": [start, end] }),
+                name,
+                json!({ "dtype": dtype, "shape": shape, "data_offsets": [start, start + len] }),
             );
-            start = end;
+            start += len;
+        };
+        for (name, parameter) in self.parameters() {
+            let (values, scales) = parameter.values.bytes();
+            let (dtype, shape) = (parameter.precision().dtype(), parameter.shape());
+            add(name.to_owned(), dtype, shape, values.len());
+            if let Some(scales) = scales {
+                let dtype = Precision::F32.dtype();
+                add(
+                    format!("{name}{SCALE_SUFFIX}"),
+                    dtype,
+                    &shape[..1],
+                    scales.len(),
+                );
+            }
         }
         let mut bytes = serde_json::to_vec(&Value::Object(header))?;
-        bytes.resize(bytes.len().next_multiple_of(8), b' ');
+        bytes.resize(bytes.len().next_multiple_of(LENGTH_BYTES), b' ');
+
+        let mut hasher = blake3::Hasher::new();
+        self.write(&bytes, &mut hasher)
+            .map_err(serde_json::Error::io)?;
+        if let Some(at) = checksum_position(&bytes) {
+            bytes[at..][..CHECKSUM_LEN].copy_from_slice(hasher.finalize().to_hex().as_bytes());
+        }
         Ok(bytes)
     }
 }
 
-/// Temporary files belong to their maker alone unless asked otherwise; a model is a file like any other (umask applies).
+/// Where the checksum's digits begin in a header.
+fn checksum_position(header: &[u8]) -> Option<usize> {
+    let at = header
+        .windows(CHECKSUM_PREFIX.len())
+        .position(|bytes| bytes == CHECKSUM_PREFIX)?
+        + CHECKSUM_PREFIX.len();
+    (at + CHECKSUM_LEN <= header.len()).then_some(at)
+}
+
+/// Compares the checksum in the file, if it has one, with that of its bytes. `header_len` does not count the eight bytes
+/// of the length before the header.
+fn check_checksum(bytes: &[u8], header_len: usize) -> Result<bool, ModelFileError> {
+    let header = &bytes[LENGTH_BYTES..][..header_len];
+    let Some(at) = checksum_position(header).map(|at| at + LENGTH_BYTES) else {
+        return Ok(false);
+    };
+    let (before, rest) = bytes.split_at(at);
+    let (digits, after) = rest.split_at(CHECKSUM_LEN);
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(before);
+    hasher.update(&[b'0'; CHECKSUM_LEN]);
+    hasher.update(after);
+    let computed = hasher.finalize().to_hex();
+    if digits == computed.as_bytes() {
+        return Ok(true);
+    }
+    Err(ModelFileError::Checksum {
+        expected: String::from_utf8_lossy(digits).into_owned(),
+        computed: computed.to_string(),
+    })
+}
+
+/// The model in a file's bytes, and whether they have a (valid) checksum.
+fn parse(bytes: &[u8]) -> Result<(Model, bool), ModelFileError> {
+    let not_safetensors =
+        |e: safetensors::SafeTensorError| ModelFileError::NotSafetensors(e.to_string());
+    let (header_len, header) = SafeTensors::read_metadata(bytes).map_err(not_safetensors)?;
+    let metadata = header
+        .metadata()
+        .as_ref()
+        .ok_or(ModelFileError::MissingMetadata(VERSION_KEY))?;
+    let entry = |key: &'static str| {
+        metadata
+            .get(key)
+            .ok_or(ModelFileError::MissingMetadata(key))
+    };
+    let version = entry(VERSION_KEY)?;
+    if version != VERSION && version != VERSION_WITHOUT_CHECKSUM {
+        return Err(ModelFileError::Version {
+            found: version.clone(),
+        });
+    }
+    let checked = check_checksum(bytes, header_len)?;
+    if !checked && version == VERSION {
+        return Err(ModelFileError::MissingMetadata(CHECKSUM_KEY));
+    }
+    let unreadable = |entry| {
+        move |e: serde_json::Error| ModelFileError::Metadata {
+            entry,
+            reason: e.to_string(),
+        }
+    };
+    let spec: NetSpec = serde_json::from_str(entry("spec")?).map_err(unreadable("spec"))?;
+    let card: Card = serde_json::from_str(entry("card")?).map_err(unreadable("card"))?;
+    let calibration: Option<Calibration> = metadata
+        .get(CALIBRATION_KEY)
+        .map(|text| serde_json::from_str(text))
+        .transpose()
+        .map_err(unreadable(CALIBRATION_KEY))?;
+    let file = SafeTensors::deserialize(bytes).map_err(not_safetensors)?;
+    let refused = |e: NetError| match e {
+        NetError::Parameters(e) => ModelFileError::Parameters(e),
+        NetError::Spec(e) => ModelFileError::Spec(e),
+        NetError::Calibration(e) => ModelFileError::Calibration(e),
+        other => ModelFileError::NotSafetensors(other.to_string()),
+    };
+    let model = Model::from_parameters(spec, card, parameters(&file)?).map_err(refused)?;
+    let model = match calibration {
+        Some(calibration) => model.with_calibration(calibration).map_err(refused)?,
+        None => model,
+    };
+    Ok((model, checked))
+}
+
+/// The tensors of a file by their names.
+fn parameters(file: &SafeTensors) -> Result<BTreeMap<String, Parameter>, ModelFileError> {
+    let scale_name = format!("{WHITENING_PROJECTION}{SCALE_SUFFIX}");
+    let mut tensors: BTreeMap<&str, TensorView> = file.iter().collect();
+    let mut scales = tensors.remove(scale_name.as_str());
+    let mut parameters = BTreeMap::new();
+    for (name, tensor) in tensors {
+        let wrong = |name: &str, dtype: Dtype, expected| ModelFileError::DataType {
+            name: name.to_owned(),
+            found: format!("{dtype:?}"),
+            expected,
+        };
+        let values = match (tensor.dtype(), name) {
+            (Dtype::I8, WHITENING_PROJECTION) => {
+                let scales = scales.take().ok_or_else(|| missing(&scale_name))?;
+                if scales.dtype() != Dtype::F32 {
+                    return Err(wrong(&scale_name, scales.dtype(), "F32"));
+                }
+                if scales.shape() != &tensor.shape()[..1] {
+                    return Err(ModelFileError::Parameters(ParameterError::Shape {
+                        name: scale_name,
+                        found: scales.shape().to_vec(),
+                        values: scales.data().len() / size_of::<f32>(),
+                        expected: tensor.shape()[..1].to_vec(),
+                    }));
+                }
+                Values::I8 {
+                    values: tensor.data().iter().map(|&v| v as i8).collect(),
+                    scales: floats(scales.data()),
+                }
+            }
+            (Dtype::F16, _) => {
+                let (halves, _) = tensor.data().as_chunks::<2>();
+                Values::F16(halves.iter().map(|&b| f16::from_le_bytes(b)).collect())
+            }
+            (Dtype::F32, _) => Values::F32(floats(tensor.data())),
+            (other, WHITENING_PROJECTION) => return Err(wrong(name, other, "I8, F16 or F32")),
+            (other, _) => return Err(wrong(name, other, "F16 or F32")),
+        };
+        let shape = tensor.shape().to_vec();
+        parameters.insert(name.to_owned(), Parameter { shape, values });
+    }
+    Ok(parameters)
+}
+
+fn missing(name: &str) -> ModelFileError {
+    ModelFileError::Parameters(ParameterError::Missing(name.to_owned()))
+}
+
+fn floats(bytes: &[u8]) -> Vec<f32> {
+    let (values, _) = bytes.as_chunks::<4>();
+    values.iter().map(|&b| f32::from_le_bytes(b)).collect()
+}
+
+/// Temporary files are created with mode 0600; a model file has the usual mode (0666 less the umask).
 #[cfg(unix)]
 fn readable_by_all<'a, 'b>(
     builder: &'b mut tempfile::Builder<'a, 'a>,
@@ -178,15 +311,24 @@ fn readable_by_all<'a, 'b>(
 
 fn write_little_endian(out: &mut impl Write, values: &Values) -> std::io::Result<()> {
     if cfg!(target_endian = "little") {
-        return out.write_all(values.bytes());
+        let (values, scales) = values.bytes();
+        out.write_all(values)?;
+        return scales.map_or(Ok(()), |scales| out.write_all(scales));
     }
+    let singles = |out: &mut dyn Write, values: &[f32]| {
+        values
+            .iter()
+            .try_for_each(|v| out.write_all(&v.to_le_bytes()))
+    };
     match values {
+        Values::I8 { values, scales } => {
+            out.write_all(bytemuck::cast_slice(values))?;
+            singles(out, scales)
+        }
         Values::F16(values) => values
             .iter()
             .try_for_each(|v| out.write_all(&v.to_le_bytes())),
-        Values::F32(values) => values
-            .iter()
-            .try_for_each(|v| out.write_all(&v.to_le_bytes())),
+        Values::F32(values) => singles(out, values),
     }
 }
 
@@ -199,7 +341,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_is_read_and_bytes_are_the_same_each_time() {
+    fn a_model_survives_a_round_trip_and_gives_the_same_bytes() {
         let folder = tempfile::tempdir().unwrap();
         let (a, b) = (
             folder.path().join("a.safetensors"),
@@ -223,10 +365,23 @@ mod tests {
     }
 
     #[test]
-    fn a_calibration_is_kept_and_changes_no_identity() {
+    fn int8_whitening_is_written_and_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("model.safetensors");
-        let calibration = Calibration {
+        let model = small().with_whitening_precision(Precision::I8).unwrap();
+        model.save(&path).unwrap();
+        let read = Model::open(&path).unwrap();
+        assert_eq!(read.hash(), model.hash());
+        assert!(model.parameters().eq(read.parameters()));
+        let bytes = std::fs::read(&path).unwrap();
+        let file = SafeTensors::deserialize(&bytes).unwrap();
+        let dtype = |name: &str| file.tensor(name).unwrap().dtype();
+        assert_eq!(dtype("whitening.projection"), Dtype::I8);
+        assert_eq!(dtype("whitening.projection.scale"), Dtype::F32);
+    }
+
+    fn calibration() -> Calibration {
+        Calibration {
             position: crate::PositionError {
                 inlier_factor: 2.5,
                 shared_px: 1.25,
@@ -236,67 +391,198 @@ mod tests {
                 ..crate::FittedOn::default()
             }),
             ..Calibration::default()
-        };
+        }
+    }
+
+    #[test]
+    fn a_calibration_is_kept_and_does_not_change_the_identity() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("model.safetensors");
         small()
-            .with_calibration(calibration.clone())
+            .with_calibration(calibration())
+            .unwrap()
             .save(&path)
             .unwrap();
         let read = Model::open(&path).unwrap();
-        assert_eq!(*read.calibration(), calibration);
+        assert_eq!(*read.calibration(), calibration());
         assert_eq!(read.hash(), small().hash());
         small().save(&path).unwrap();
         let plain = Model::open(&path).unwrap();
         assert_eq!(*plain.calibration(), Calibration::default());
     }
 
+    /// The bytes with `from` replaced by `to`, of the same length, and the checksum computed again.
+    fn patched(good: &[u8], from: &str, to: &str) -> Vec<u8> {
+        assert_eq!(from.len(), to.len());
+        let at = good
+            .windows(from.len())
+            .position(|w| w == from.as_bytes())
+            .unwrap();
+        let mut bytes = good.to_vec();
+        bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
+        with_checksum(bytes)
+    }
+
+    fn with_checksum(mut bytes: Vec<u8>) -> Vec<u8> {
+        let at = checksum_position(&bytes).unwrap();
+        bytes[at..][..CHECKSUM_LEN].fill(b'0');
+        let checksum = blake3::hash(&bytes).to_hex();
+        bytes[at..][..CHECKSUM_LEN].copy_from_slice(checksum.as_bytes());
+        bytes
+    }
+
+    fn refusal(bytes: &[u8]) -> ModelFileError {
+        match Model::from_bytes(bytes, Path::new("model.safetensors")) {
+            Err(error @ NetError::ModelFile { .. }) => {
+                assert!(
+                    error.to_string().starts_with("model.safetensors: "),
+                    "{error}"
+                );
+                let NetError::ModelFile { reason, .. } = error else {
+                    unreachable!()
+                };
+                reason
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn bytes_of(model: &Model) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        model.write(&model.header().unwrap(), &mut bytes).unwrap();
+        bytes
+    }
+
     #[test]
-    fn damaged_files_are_refused_with_their_name() {
-        let folder = tempfile::tempdir().unwrap();
-        let path = folder.path().join("model.safetensors");
-        small().save(&path).unwrap();
-        let good = std::fs::read(&path).unwrap();
-        let refuse = |bytes: &[u8]| {
-            std::fs::write(&path, bytes).unwrap();
-            let error = Model::open(&path).unwrap_err().to_string();
-            assert!(error.contains("model.safetensors"), "{error}");
-            error
-        };
-        assert!(refuse(b"").contains("not a safetensors file"));
-        refuse(&good[..good.len() / 2]);
-        refuse(&good[..good.len() - 1]);
-        refuse(&[&good[..], b"more"].concat());
-        let patch = |from: &str, to: &str| {
-            assert_eq!(from.len(), to.len());
-            let at = good
-                .windows(from.len())
-                .position(|w| w == from.as_bytes())
-                .unwrap();
+    fn one_flipped_bit_anywhere_is_refused() {
+        let model = small()
+            .with_whitening_precision(Precision::I8)
+            .unwrap()
+            .with_calibration(calibration())
+            .unwrap();
+        let good = bytes_of(&model);
+        Model::from_bytes(&good, Path::new("good")).unwrap();
+        let header = LENGTH_BYTES + u64::from_le_bytes(good[..8].try_into().unwrap()) as usize;
+        // Every byte of the header, and a sample of the weights.
+        let flips = (0..header).chain((header..good.len()).step_by(61));
+        for (i, at) in flips.enumerate() {
             let mut bytes = good.clone();
-            bytes[at..at + to.len()].copy_from_slice(to.as_bytes());
-            bytes
-        };
-        assert!(
-            refuse(&patch(
-                "grimnet_model_version\":\"1\"",
+            bytes[at] ^= 1 << (i % 8);
+            let reason = refusal(&bytes);
+            if at >= header {
+                assert!(
+                    matches!(reason, ModelFileError::Checksum { .. }),
+                    "{at}: {reason}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn crafted_calibrations_are_refused() {
+        let good = bytes_of(&small().with_calibration(calibration()).unwrap());
+        assert_eq!(with_checksum(good.clone()), good);
+        for (from, to) in [
+            ("inlier_factor\\\":2.5", "inlier_factor\\\":0.0"),
+            ("inlier_factor\\\":2.5", "inlier_factor\\\":-25"),
+            ("shared_px\\\":1.25", "shared_px\\\":-1.2"),
+            ("shared_px\\\":1.25", "shared_px\\\":0e-9"),
+            ("shared_px\\\":1.25", "shared_px\\\":9e99"),
+        ] {
+            let reason = refusal(&patched(&good, from, to));
+            assert!(
+                matches!(reason, ModelFileError::Calibration(_)),
+                "{to}: {reason}"
+            );
+        }
+        for (from, to) in [
+            ("shared_px\\\":1.25", "shared_px\\\":null"),
+            ("shared_px\\\":1.25", "shared_px\\\":9e999"),
+            ("shared_px\\\":1.25", "shared_px\\\": NaN"),
+        ] {
+            let from = &format!("{from}}}").to_owned()[..];
+            let to = &format!("{to}}}")[..from.len()];
+            let reason = refusal(&patched(&good, from, to));
+            assert!(
+                matches!(
+                    reason,
+                    ModelFileError::Metadata {
+                        entry: "calibration",
+                        ..
+                    }
+                ),
+                "{to}: {reason}"
+            );
+        }
+        assert!(matches!(
+            small().with_calibration(Calibration {
+                position: crate::PositionError {
+                    inlier_factor: f64::NAN,
+                    shared_px: 1.0
+                },
+                ..Calibration::default()
+            }),
+            Err(NetError::Calibration(_))
+        ));
+    }
+
+    #[test]
+    fn unusable_files_are_refused_with_their_name() {
+        let good = bytes_of(&small());
+        assert!(matches!(refusal(b""), ModelFileError::NotSafetensors(_)));
+        refusal(&good[..good.len() / 2]);
+        refusal(&good[..good.len() - 1]);
+        refusal(&[&good[..], b"more"].concat());
+        let patch = |from, to| refusal(&patched(&good, from, to));
+        assert!(matches!(
+            patch(
+                "grimnet_model_version\":\"2\"",
                 "grimnet_model_version\":\"9\""
-            ))
-            .contains("format version")
-        );
-        assert!(
-            refuse(&patch("encoder.0.0.weight", "encoder.9.0.weight"))
-                .contains("encoder.0.0.weight")
-        );
-        assert!(
-            refuse(&patch("grimnet_model_version", "grimnet_model_wersion"))
-                .contains("grimnet_model_version")
-        );
+            ),
+            ModelFileError::Version { .. }
+        ));
+        assert!(matches!(
+            patch("grimnet_model_version", "grimnet_model_wersion"),
+            ModelFileError::MissingMetadata(VERSION_KEY)
+        ));
+        assert!(matches!(
+            patch("encoder.0.0.weight", "encoder.9.0.weight"),
+            ModelFileError::Parameters(ParameterError::Missing(_))
+        ));
+        let at = checksum_position(&good).unwrap() - CHECKSUM_PREFIX.len();
+        let mut without = good.clone();
+        without[at + 1] = b'x';
+        assert!(matches!(
+            refusal(&without),
+            ModelFileError::MissingMetadata(CHECKSUM_KEY)
+        ));
         let mut not_finite = good.clone();
         let last = not_finite.len() - 2;
         not_finite[last..].copy_from_slice(&[0xff, 0x7f]);
-        refuse(&not_finite);
+        assert!(matches!(
+            refusal(&with_checksum(not_finite)),
+            ModelFileError::Parameters(ParameterError::NotFinite(_))
+        ));
+        let folder = tempfile::tempdir().unwrap();
         assert!(matches!(
             Model::open(folder.path().join("absent")),
             Err(NetError::Io { .. })
         ));
+    }
+
+    #[test]
+    fn files_of_version_1_have_no_checksum_and_are_read() {
+        let good = bytes_of(&small());
+        let at = checksum_position(&good).unwrap() - CHECKSUM_PREFIX.len();
+        let mut old = good.clone();
+        old[at + 1] = b'x';
+        let version = b"grimnet_model_version\":\"2";
+        let at = good
+            .windows(version.len())
+            .position(|w| w == version)
+            .unwrap();
+        old[at + version.len() - 1] = b'1';
+        let read = Model::from_bytes(&old, Path::new("old")).unwrap();
+        assert_eq!(read.hash(), small().hash());
     }
 }

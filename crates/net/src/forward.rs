@@ -6,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::heatmap::heatmap_from_logits;
 use crate::layer::{Gathering, Kind, Layer, LayerSource};
-use crate::spec::{CELL_PX, STAGES};
+use crate::spec::{KEYPOINT_CELL_PX, STAGES};
 use crate::vlad::{VladField, VladLayer};
 use crate::{Decoder, Downsample, KeypointHead, NetError, NetSpec, VladInput};
 
@@ -269,7 +269,7 @@ impl InputNorm {
 
 /// The channel mean of the input, each 8 x 8 cell as 64 channels in raster order (PyTorch's `pixel_unshuffle`).
 fn grey_cells(input: &Tensor, grey: &mut Tensor) {
-    const CELL: usize = CELL_PX as usize;
+    const CELL: usize = KEYPOINT_CELL_PX as usize;
     grey.reshape(input.height() / CELL, input.width() / CELL, CELL * CELL);
     let (from, to) = (input.pixel_pitch(), grey.pixel_pitch());
     grey.par_rows_mut().enumerate().for_each(|(cell_y, cells)| {

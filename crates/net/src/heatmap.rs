@@ -4,9 +4,9 @@ use grimnet_kernels::{Isa, PlainKernel, Tensor};
 use rayon::prelude::*;
 
 use crate::softmax::softmax;
-use crate::spec::CELL_PX;
+use crate::spec::KEYPOINT_CELL_PX;
 
-const CELL: usize = CELL_PX as usize;
+const CELL: usize = KEYPOINT_CELL_PX as usize;
 const PIXELS: usize = CELL * CELL;
 
 /// Softmax over the 65 classes of each cell, without the class "none", shuffled into pixels: `heatmap` is resized to

@@ -5,6 +5,7 @@ use grimnet_kernels::{
     scale_shift,
 };
 
+use crate::error::{ParameterError, StatisticsError};
 use crate::seen::Seen;
 use crate::spec::BATCH_NORM_EPSILON;
 use crate::{Domain, LayerStatistics, Model, NetError, Statistics};
@@ -72,9 +73,7 @@ impl Layer {
         } = source;
         let part = |part: &str| model.values(&domain.norm_name(name, part));
         let (weight, bias) = (part("weight")?, part("bias")?);
-        let missing = || NetError::Statistics {
-            reason: format!("they lack the layer `{name}`"),
-        };
+        let missing = || NetError::Statistics(StatisticsError::OtherModel);
         let moments = statistics
             .layers()
             .iter()
@@ -241,9 +240,9 @@ fn shape(model: &Model, name: &str) -> Result<[usize; 4], NetError> {
     match shape {
         Some(&[out, input, rows, columns]) => Ok([out, input, rows, columns]),
         Some(&[out, input]) => Ok([out, input, 1, 1]),
-        _ => Err(NetError::Parameters {
-            reason: format!("`{name}.weight` is missing"),
-        }),
+        _ => Err(NetError::Parameters(ParameterError::Missing(format!(
+            "{name}.weight"
+        )))),
     }
 }
 

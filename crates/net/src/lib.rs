@@ -32,7 +32,8 @@ mod heatmap;
 mod keypoints;
 mod layer;
 mod model;
-mod parameters;
+mod parameter;
+mod parameter_names;
 mod random;
 mod seen;
 mod softmax;
@@ -44,13 +45,16 @@ mod whitening;
 pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
 pub use dense::Dense;
 pub use describe::normalise;
-pub use error::NetError;
+pub use error::{
+    CalibrationError, ModelFileError, NetError, ParameterError, SpecError, StatisticsError,
+};
 pub use extractor::Extractor;
 pub use features::{ExtractOptions, Features, Keypoint};
-pub use model::{Card, Model, ModelHash, Parameter, Precision};
+pub use model::{Card, Model, ModelHash};
+pub use parameter::{Parameter, Precision};
 pub use spec::{
-    BATCH_NORM_EPSILON, CELL_PX, Decoder, Domain, Downsample, KEYPOINT_CLASSES, KeypointHead,
-    NetSpec, SIZE_MULTIPLE_PX, Stage, Vlad, VladInput,
+    BATCH_NORM_EPSILON, Decoder, Domain, Downsample, KEYPOINT_CELL_PX, KEYPOINT_CLASSES,
+    KeypointHead, NetSpec, SIZE_MULTIPLE_PX, Stage, Vlad, VladInput,
 };
 pub use statistics::{LayerStatistics, Statistics};
 pub use vlad::VladSum;

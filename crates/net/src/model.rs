@@ -1,117 +1,37 @@
-//! A network with its numbers.
+//! A network description with its weights.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::sync::Arc;
 
 use grimnet_kernels::Isa;
-use half::f16;
-use half::slice::HalfFloatSliceExt;
-use half::vec::HalfFloatVecExt;
 use serde::{Deserialize, Serialize};
 
+use crate::error::{ParameterError, SpecError};
+use crate::parameter::{Parameter, Precision, Values, WHITENING_MEAN, WHITENING_PROJECTION};
 use crate::whitening::whiten;
 use crate::{Calibration, Domain, NetError, NetSpec, VladSum};
 
-/// How a parameter's numbers are stored.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Precision {
-    /// IEEE half: convolution weights and the whitening projection.
-    F16,
-    /// IEEE single: everything else.
-    F32,
-}
-
-impl Precision {
-    /// The precision in which a parameter is written: half for the large ones, single for the rest.
-    pub(crate) fn of(name: &str, shape: &[usize]) -> Self {
-        if shape.len() == 4 || name == "whitening.projection" {
-            Precision::F16
-        } else {
-            Precision::F32
-        }
-    }
-}
-
-/// Numbers as stored.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) enum Values {
-    F16(Vec<f16>),
-    F32(Vec<f32>),
-}
-
-impl Values {
-    pub(crate) fn bytes(&self) -> &[u8] {
-        match self {
-            Values::F16(values) => bytemuck::cast_slice(values),
-            Values::F32(values) => bytemuck::cast_slice(values),
-        }
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            Values::F16(values) => values.len(),
-            Values::F32(values) => values.len(),
-        }
-    }
-
-    fn is_finite(&self) -> bool {
-        match self {
-            Values::F16(values) => values.iter().all(|v| v.is_finite()),
-            Values::F32(values) => values.iter().all(|v| v.is_finite()),
-        }
-    }
-}
-
-/// One tensor of a model.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Parameter {
-    pub(crate) shape: Vec<usize>,
-    pub(crate) values: Values,
-}
-
-impl Parameter {
-    /// Its shape; row-major, last axis fastest.
-    pub fn shape(&self) -> &[usize] {
-        &self.shape
-    }
-
-    /// How it is stored.
-    pub fn precision(&self) -> Precision {
-        match self.values {
-            Values::F16(_) => Precision::F16,
-            Values::F32(_) => Precision::F32,
-        }
-    }
-
-    /// Its numbers.
-    pub fn to_f32(&self) -> Vec<f32> {
-        match &self.values {
-            Values::F16(values) => values.to_f32_vec(),
-            Values::F32(values) => values.clone(),
-        }
-    }
-}
-
-/// Where a model comes from and what it may be used for; written into the model file.
+/// Model card: origin and permitted use of a model, written into the model file.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Card {
-    /// Name for people.
+    /// Display name.
     pub name: String,
-    /// What it was trained on.
+    /// Training data.
     pub training_data: String,
     /// Number of optimisation steps.
     pub steps: u64,
-    /// Licence of the numbers.
+    /// Licence of the weights.
     pub licence: String,
-    /// Anything else a user should know.
+    /// Further remarks: figures, limits.
     pub notes: String,
-    /// Whether the numbers are random, so that the model can localise nothing.
+    /// Whether the weights are random, so that the model cannot localise.
     pub random: bool,
 }
 
-/// Identity of a model: BLAKE3 over its description and tensors (not its card). Shown in hexadecimal.
+/// Identity of a model: BLAKE3 hash of its network description and tensors, without card and calibration. Displayed in
+/// hexadecimal.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
 pub struct ModelHash([u8; 32]);
 
@@ -139,7 +59,7 @@ impl fmt::Debug for ModelHash {
     }
 }
 
-/// A network description with its numbers. Cheap to clone; immutable.
+/// A network description with its weights, model card and calibration. Cheap to clone; immutable.
 #[derive(Clone)]
 pub struct Model {
     inner: Arc<Inner>,
@@ -156,12 +76,12 @@ struct Inner {
 }
 
 impl Model {
-    /// Puts a model together from its numbers, as a trainer has them: for each name of [`NetSpec::parameters`], the values in
-    /// that shape's row-major order. Convolution weights are rounded to half precision.
+    /// Builds a model from a trainer's values: for each name of [`NetSpec::parameters`], the values of that shape in
+    /// row-major order. Convolution weights and the whitening projection are rounded to half precision.
     ///
     /// # Errors
-    /// [`NetError::Spec`] for a network that cannot be built; [`NetError::Parameters`] where a tensor is missing, unknown, of
-    /// another size, or not finite (in half precision, where that is its storage).
+    /// [`NetError::Spec`] if the network cannot be built; [`NetError::Parameters`] if a tensor is missing, unknown, of
+    /// another size, or not finite (after rounding).
     pub fn from_values(
         spec: NetSpec,
         card: Card,
@@ -172,56 +92,26 @@ impl Model {
         let mut parameters = BTreeMap::new();
         for (name, values) in values {
             let Some(shape) = shapes.get(&name).cloned() else {
-                return Err(NetError::Parameters {
-                    reason: format!("`{name}` is no tensor of `{}`", spec.preset),
-                });
+                return Err(NetError::Parameters(ParameterError::Unknown {
+                    name,
+                    preset: spec.preset,
+                }));
             };
-            let values = match Precision::of(&name, &shape) {
-                Precision::F16 => Values::F16(Vec::from_f32_slice(&values)),
-                Precision::F32 => Values::F32(values),
-            };
+            let rows = shape.first().copied().unwrap_or(1);
+            let values = Values::from_f32(values, rows, Precision::of(&name, &shape));
             parameters.insert(name, Parameter { shape, values });
         }
         Self::from_parameters(spec, card, parameters)
     }
 
-    /// Checks names, shapes and values, and takes the hash.
+    /// Checks names, shapes and values, and computes the hash.
     pub(crate) fn from_parameters(
         spec: NetSpec,
         card: Card,
         parameters: BTreeMap<String, Parameter>,
     ) -> Result<Self, NetError> {
         spec.validate()?;
-        let wrong = |reason: String| Err(NetError::Parameters { reason });
-        let wanted = spec.parameters();
-        for (name, shape) in &wanted {
-            let Some(parameter) = parameters.get(name) else {
-                return wrong(format!("`{name}` is missing"));
-            };
-            if parameter.shape != *shape
-                || parameter.values.len() != shape.iter().product::<usize>()
-            {
-                return wrong(format!(
-                    "`{name}` has shape {:?} ({} values) where {shape:?} is needed",
-                    parameter.shape,
-                    parameter.values.len()
-                ));
-            }
-            if !parameter.values.is_finite() {
-                return wrong(format!(
-                    "`{name}` holds a value that is not a finite number"
-                ));
-            }
-            if name.ends_with(".var") && parameter.to_f32().iter().any(|&v| v < 0.0) {
-                return wrong(format!("`{name}` holds a negative variance"));
-            }
-        }
-        if let Some(name) = parameters
-            .keys()
-            .find(|name| !wanted.iter().any(|(wanted, _)| wanted == *name))
-        {
-            return wrong(format!("`{name}` is no tensor of `{}`", spec.preset));
-        }
+        check(&spec, &parameters).map_err(NetError::Parameters)?;
         let hash = hash(&spec, &parameters)?;
         Ok(Self {
             inner: Arc::new(Inner {
@@ -235,17 +125,17 @@ impl Model {
         })
     }
 
-    /// Its description.
+    /// The network description.
     pub fn spec(&self) -> &NetSpec {
         &self.inner.spec
     }
 
-    /// Where it comes from.
+    /// The model card.
     pub fn card(&self) -> &Card {
         &self.inner.card
     }
 
-    /// The same numbers under another card.
+    /// The same model with another card.
     pub fn with_card(&self, card: Card) -> Self {
         let inner = Inner {
             card,
@@ -256,38 +146,62 @@ impl Model {
         }
     }
 
-    /// How far its answers may be off.
+    /// The calibration of covariance and confidence.
     pub fn calibration(&self) -> &Calibration {
         &self.inner.calibration
     }
 
-    /// The same numbers with another calibration. The identity stays: packs remain valid.
-    pub fn with_calibration(&self, calibration: Calibration) -> Self {
+    /// The same model with another calibration. The identity stays the same, so packs remain valid.
+    ///
+    /// # Errors
+    /// [`NetError::Calibration`] if a value is NaN, infinite, or out of range ([`Calibration::validate`]).
+    pub fn with_calibration(&self, calibration: Calibration) -> Result<Self, NetError> {
+        calibration.validate().map_err(NetError::Calibration)?;
         let inner = Inner {
             calibration,
             ..(*self.inner).clone()
         };
-        Self {
+        Ok(Self {
             inner: Arc::new(inner),
-        }
+        })
     }
 
-    /// Its identity. Packs record it, so that features of two models are never compared.
+    /// The same model with the whitening projection in another precision. This changes the identity: packs that were
+    /// built with the other precision must be built again.
+    ///
+    /// Int8 halves the size of the file against half precision. On the bundled model each global descriptor then differs
+    /// by about 1 % of its length.
+    ///
+    /// # Errors
+    /// [`NetError::NoWhitening`] if the network has no whitening; [`NetError::Parameters`] if a value exceeds the range
+    /// of the precision.
+    pub fn with_whitening_precision(&self, precision: Precision) -> Result<Self, NetError> {
+        let mut parameters = self.inner.parameters.clone();
+        let projection = parameters
+            .get_mut(WHITENING_PROJECTION)
+            .ok_or(NetError::NoWhitening)?;
+        *projection = projection.converted(precision);
+        let model =
+            Self::from_parameters(self.inner.spec.clone(), self.inner.card.clone(), parameters)?;
+        model.with_calibration(self.inner.calibration.clone())
+    }
+
+    /// The identity of the model. Packs record it, so that features of different models are never compared.
     pub fn hash(&self) -> ModelHash {
         self.inner.hash
     }
 
-    /// Whether its numbers are random, so that it can localise nothing.
+    /// Whether the weights are random, so that the model cannot localise.
     pub fn is_random(&self) -> bool {
         self.inner.card.random
     }
 
-    /// A tensor by its name in [`NetSpec::parameters`].
+    /// The tensor of that name ([`NetSpec::parameters`]), `None` if the network has none.
     pub fn parameter(&self, name: &str) -> Option<&Parameter> {
         self.inner.parameters.get(name)
     }
 
-    /// All tensors by name.
+    /// All tensors, in the order of their names.
     pub fn parameters(&self) -> impl Iterator<Item = (&str, &Parameter)> {
         self.inner
             .parameters
@@ -295,11 +209,9 @@ impl Model {
             .map(|(name, parameter)| (name.as_str(), parameter))
     }
 
-    /// The numbers of a tensor that a validated model has.
+    /// The values of a tensor, which a validated model always has.
     pub(crate) fn values(&self, name: &str) -> Result<Vec<f32>, NetError> {
-        let missing = || NetError::Parameters {
-            reason: format!("`{name}` is missing"),
-        };
+        let missing = || NetError::Parameters(ParameterError::Missing(name.to_owned()));
         Ok(self.parameter(name).ok_or_else(missing)?.to_f32())
     }
 
@@ -313,16 +225,17 @@ impl Model {
         Ok((part("mean")?, part("var")?))
     }
 
-    /// The global descriptor of a VLAD sum (paper, eq. 7 and 8): each cluster's residual to unit length, all to unit length,
-    /// and, where the network has whitening, projection and unit length again. All zeros where nothing was seen.
+    /// The global descriptor of a VLAD sum (paper, eq. 7 and 8), [`NetSpec::global_len`] values: each cluster's residual is
+    /// scaled to unit length, then the whole vector; if the network has whitening, it is projected and scaled to unit
+    /// length again. All zeros if no position was visible.
     ///
-    /// The sum must come from this model; of one with another length, the missing part counts as zero.
+    /// The sum must come from this model; if it is too short, the missing values count as zero.
     pub fn global_descriptor(&self, sum: &VladSum) -> Vec<f32> {
         self.global_descriptors(std::slice::from_ref(sum))
     }
 
-    /// [`Model::global_descriptor`] of many sums at once, which reads the projection once for several: the rows of an n x
-    /// [`NetSpec::global_len`] matrix.
+    /// [`Model::global_descriptor`] of several sums at once: the rows of an n x [`NetSpec::global_len`] matrix. The
+    /// projection is read from memory only once.
     pub fn global_descriptors(&self, sums: &[VladSum]) -> Vec<f32> {
         let spec = &self.inner.spec;
         let dim = spec.vlad_dim();
@@ -333,12 +246,12 @@ impl Model {
         self.whitened(rows)
     }
 
-    /// Global descriptors from VLAD vectors of unit length (n x [`NetSpec::vlad_len`]): projected and of unit length again
-    /// (paper, eq. 8) where the network has whitening, else the vectors themselves. Zeros stay zeros.
+    /// Global descriptors of VLAD vectors of unit length (n x [`NetSpec::vlad_len`]): projected and scaled to unit length
+    /// again (paper, eq. 8) if the network has whitening, else the vectors themselves. Rows of zeros stay zeros.
     pub fn whitened(&self, vectors: Vec<f32>) -> Vec<f32> {
         let whitening = (
-            self.parameter("whitening.mean"),
-            self.parameter("whitening.projection"),
+            self.parameter(WHITENING_MEAN),
+            self.parameter(WHITENING_PROJECTION),
         );
         match whitening {
             (Some(mean), Some(projection)) => {
@@ -362,21 +275,55 @@ impl fmt::Debug for Model {
     }
 }
 
-/// BLAKE3 of the description, then of every tensor's name, shape, precision and bytes in the order of names.
+/// Checks that the tensors are those of the network, of its shapes, and hold valid values.
+fn check(spec: &NetSpec, parameters: &BTreeMap<String, Parameter>) -> Result<(), ParameterError> {
+    let shapes: BTreeMap<String, Vec<usize>> = spec.parameters().into_iter().collect();
+    for (name, expected) in &shapes {
+        let parameter = parameters
+            .get(name)
+            .ok_or_else(|| ParameterError::Missing(name.clone()))?;
+        let values = parameter.values.len();
+        if parameter.shape != *expected || values != expected.iter().product::<usize>() {
+            return Err(ParameterError::Shape {
+                name: name.clone(),
+                found: parameter.shape.clone(),
+                values,
+                expected: expected.clone(),
+            });
+        }
+        if !parameter.values.is_finite() {
+            return Err(ParameterError::NotFinite(name.clone()));
+        }
+        if name.ends_with(".var") && parameter.to_f32().iter().any(|&v| v < 0.0) {
+            return Err(ParameterError::NegativeVariance(name.clone()));
+        }
+    }
+    match parameters.keys().find(|name| !shapes.contains_key(*name)) {
+        Some(name) => Err(ParameterError::Unknown {
+            name: name.clone(),
+            preset: spec.preset.clone(),
+        }),
+        None => Ok(()),
+    }
+}
+
+/// BLAKE3 of the description, then of every tensor's name, shape, precision and bytes in the order of names. Each part is
+/// preceded by its length.
 fn hash(spec: &NetSpec, parameters: &BTreeMap<String, Parameter>) -> Result<ModelHash, NetError> {
     let mut hasher = blake3::Hasher::new();
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
     };
-    let spec = serde_json::to_vec(spec).map_err(|e| NetError::Spec {
-        reason: e.to_string(),
-    })?;
+    let spec =
+        serde_json::to_vec(spec).map_err(|e| NetError::Spec(SpecError::Json(e.to_string())))?;
     add(&spec);
     for (name, parameter) in parameters {
         add(name.as_bytes());
-        add(format!("{:?}{:?}", parameter.precision(), parameter.shape).as_bytes());
-        add(parameter.values.bytes());
+        add(format!("{}{:?}", parameter.precision().dtype(), parameter.shape).as_bytes());
+        let (values, scales) = parameter.values.bytes();
+        add(values);
+        scales.into_iter().for_each(&mut add);
     }
     Ok(ModelHash(*hasher.finalize().as_bytes()))
 }
@@ -411,7 +358,7 @@ mod tests {
             "beyond half precision"
         );
         assert!(refuse(&|v| v[1].1[0] = f32::NAN).contains("not a finite number"));
-        assert!(refuse(&|v| v.push(("extra".into(), vec![]))).contains("`extra` is no tensor"));
+        assert!(refuse(&|v| v.push(("extra".into(), vec![]))).contains("no tensor `extra`"));
         assert!(
             refuse(&|v| v
                 .iter_mut()
@@ -453,5 +400,44 @@ mod tests {
             model.hash()
         );
         assert_eq!(model.hash().to_string().len(), 64);
+    }
+
+    #[test]
+    fn int8_whitening_changes_the_identity_and_hardly_the_descriptor() {
+        let model = Model::random(&crate::random::tiny_compact(), 3).unwrap();
+        let model = model
+            .with_calibration(Calibration {
+                position: crate::PositionError {
+                    inlier_factor: 2.0,
+                    shared_px: 1.5,
+                },
+                ..Calibration::default()
+            })
+            .unwrap();
+        let int8 = model.with_whitening_precision(Precision::I8).unwrap();
+        assert_eq!(
+            int8.parameter(WHITENING_PROJECTION).unwrap().precision(),
+            Precision::I8
+        );
+        assert_ne!(int8.hash(), model.hash());
+        assert_eq!(int8.calibration(), model.calibration());
+        let sum = VladSum::from_vec(
+            (0..model.spec().vlad_len())
+                .map(|i| (i as f32 * 0.37).sin())
+                .collect(),
+        );
+        let (a, b) = (model.global_descriptor(&sum), int8.global_descriptor(&sum));
+        let cosine: f32 = a.iter().zip(&b).map(|(a, b)| a * b).sum();
+        assert!(cosine > 0.999 && a != b, "{cosine}");
+        let plain = NetSpec {
+            global_dim: 0,
+            ..model.spec().clone()
+        };
+        assert!(matches!(
+            Model::random(&plain, 3)
+                .unwrap()
+                .with_whitening_precision(Precision::I8),
+            Err(NetError::NoWhitening)
+        ));
     }
 }

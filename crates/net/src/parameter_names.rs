@@ -1,7 +1,7 @@
 //! Names and shapes of a network's parameters, as they stand in the model file.
 
 use crate::spec::STAGES;
-use crate::{CELL_PX, Decoder, Domain, KEYPOINT_CLASSES, KeypointHead, NetSpec};
+use crate::{Decoder, Domain, KEYPOINT_CELL_PX, KEYPOINT_CLASSES, KeypointHead, NetSpec};
 
 /// One batch normalisation with its two domains: the prefix of its tensors' names and its channels.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -61,7 +61,7 @@ impl NetSpec {
         push("descriptor.bias".into(), &[self.descriptor_dim]);
         match self.keypoints {
             KeypointHead::FromGrey { width, layers } => {
-                let mut from = (CELL_PX * CELL_PX) as usize;
+                let mut from = (KEYPOINT_CELL_PX * KEYPOINT_CELL_PX) as usize;
                 for i in 0..layers {
                     push(format!("keypoint.{i}.weight"), &[width, from, 1, 1]);
                     norm(&mut push, &format!("keypoint.{i}"), width);

@@ -3,19 +3,22 @@
 use serde::{Deserialize, Serialize};
 
 use crate::NetError;
+use crate::error::SpecError;
 
 /// Sides of a picture must be multiples of this: five halvings.
 pub const SIZE_MULTIPLE_PX: u32 = 32;
 /// Side of a keypoint cell and pitch of the local descriptors.
-pub const CELL_PX: u32 = 8;
+pub const KEYPOINT_CELL_PX: u32 = 8;
 /// Keypoint classes of a cell: its 64 pixels in raster order, then "none" (SuperPoint, DeTone et al. 2018).
 pub const KEYPOINT_CLASSES: usize = 65;
 /// Added to the variance in every normalisation (paper, eq. 3).
 pub const BATCH_NORM_EPSILON: f32 = 1e-5;
 /// Number of stages; the last works at 1/32 of the picture's side.
 pub(crate) const STAGES: usize = 5;
-/// Widest layer and largest number of layers or clusters that a description may ask for; guards against damaged files.
+/// Most channels of a layer, or clusters, that a description may ask for: a limit against damaged files.
 const LARGEST_WIDTH: usize = 8192;
+/// Most layers of a stage or of the keypoint head that a description may ask for: a limit against damaged files.
+const MOST_LAYERS: usize = 64;
 
 /// Which of the two sets of DA-BN statistics and affine parameters is used (paper, section 3.3, eq. 3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -267,7 +270,7 @@ impl NetSpec {
     pub fn vlad_pitch_px(&self) -> u32 {
         match self.vlad.input {
             VladInput::Deepest => SIZE_MULTIPLE_PX,
-            VladInput::Descriptors => CELL_PX,
+            VladInput::Descriptors => KEYPOINT_CELL_PX,
         }
     }
 
@@ -303,68 +306,76 @@ impl NetSpec {
     /// # Errors
     /// [`NetError::Spec`] with the rule that is broken.
     pub fn validate(&self) -> Result<(), NetError> {
-        let broken = |reason: String| Err(NetError::Spec { reason });
+        self.check().map_err(NetError::Spec)
+    }
+
+    fn check(&self) -> Result<(), SpecError> {
         if self.stages.len() != STAGES {
-            return broken(format!(
-                "it has {} stages, and {STAGES} are needed",
-                self.stages.len()
-            ));
+            return Err(SpecError::Stages {
+                found: self.stages.len(),
+                expected: STAGES,
+            });
         }
-        if self
-            .stages
-            .iter()
-            .any(|stage| stage.widths.is_empty() || stage.widths.len() > 64)
-        {
-            return broken("a stage has no convolution, or more than 64".into());
+        let layers = |part, found: usize, min| {
+            if (min..=MOST_LAYERS).contains(&found) {
+                return Ok(());
+            }
+            Err(SpecError::Layers {
+                part,
+                found,
+                min,
+                max: MOST_LAYERS,
+            })
+        };
+        for stage in &self.stages {
+            layers("a stage", stage.widths.len(), 1)?;
         }
         let (head_width, head_layers) = match self.keypoints {
             KeypointHead::FromGrey { width, layers } => (width, layers),
             KeypointHead::FromDecoder => (1, 0),
         };
-        if head_layers > 64 {
-            return broken("the keypoint head has more than 64 layers".into());
-        }
-        let widths = self
-            .stages
-            .iter()
-            .flat_map(|stage| stage.widths.iter().copied());
-        let sizes = [
+        layers("the keypoint head", head_layers, 0)?;
+        let stages = self.stages.iter().flat_map(|stage| &stage.widths).copied();
+        let heads = [
             self.decoder.width(),
             self.descriptor_dim,
             head_width,
             self.vlad.clusters,
         ];
-        if let Some(width) = widths
-            .chain(sizes)
+        if let Some(found) = stages
+            .chain(heads)
             .find(|width| !(1..=LARGEST_WIDTH).contains(width))
         {
-            return broken(format!("a width is {width}, outside 1 to {LARGEST_WIDTH}"));
+            return Err(SpecError::Width {
+                found,
+                max: LARGEST_WIDTH,
+            });
         }
         if let Decoder::Lateral { width } = self.decoder
             && width != self.stage_width(2)
         {
-            return broken(format!(
-                "the lateral decoder adds {width} channels to the third stage's {}",
-                self.stage_width(2)
-            ));
+            return Err(SpecError::DecoderWidth {
+                decoder: width,
+                stage: self.stage_width(2),
+            });
         }
-        if self.global_dim > self.vlad_len()
-            || self.global_dim > 2 * LARGEST_WIDTH && self.has_whitening()
-        {
-            return broken(format!(
-                "whitening cannot give {} values from {}",
-                self.global_dim,
-                self.vlad_len()
-            ));
+        let longest = if self.has_whitening() {
+            self.vlad_len().min(2 * LARGEST_WIDTH)
+        } else {
+            self.vlad_len()
+        };
+        if self.global_dim > longest {
+            return Err(SpecError::GlobalDim {
+                found: self.global_dim,
+                max: longest,
+            });
         }
-        if !self
-            .input_mean
-            .iter()
-            .chain(&self.input_std)
-            .all(|v| v.is_finite())
+        let finite = |values: &[f32; 3]| values.iter().all(|v| v.is_finite());
+        if !finite(&self.input_mean)
+            || !finite(&self.input_std)
             || self.input_std.iter().any(|&v| v <= 0.0)
         {
-            return broken("the input normalisation is not finite, or divides by nothing".into());
+            return Err(SpecError::InputNormalisation);
         }
         Ok(())
     }

@@ -1,5 +1,6 @@
 //! Normalisation statistics of a domain, gathered without labels from its own pictures.
 
+use crate::error::StatisticsError;
 use crate::{Domain, Model, ModelHash, NetError};
 
 const MAGIC: &[u8; 8] = b"GRIMSTA1";
@@ -33,7 +34,7 @@ impl Statistics {
     /// # Errors
     /// None for a model that could be opened.
     pub fn of_model(model: &Model, domain: Domain) -> Result<Self, NetError> {
-        let layer = |norm: crate::parameters::NormSpec| {
+        let layer = |norm: crate::parameter_names::NormSpec| {
             let (mean, var) = model.norm_moments(&norm.name, domain)?;
             Ok(LayerStatistics {
                 name: norm.name,
@@ -82,23 +83,18 @@ impl Statistics {
     /// [`NetError::Statistics`] for those of different models, or a share outside 0 to 1.
     pub fn blend(&self, other: &Statistics, share: f64) -> Result<Self, NetError> {
         if !(0.0..=1.0).contains(&share) {
-            return Err(NetError::Statistics {
-                reason: format!("a share of {share} is outside 0 to 1"),
-            });
+            return Err(NetError::Statistics(StatisticsError::Share(share)));
         }
         Self::mixture(&[(self, 1.0 - share), (other, share)])
     }
 
     /// Moments of the mixture of pictures with weights that sum to one.
     fn mixture(all: &[(&Statistics, f64)]) -> Result<Self, NetError> {
-        let wrong = |reason: &str| NetError::Statistics {
-            reason: reason.into(),
-        };
         let (first, _) = all
             .first()
-            .ok_or_else(|| wrong("there are none to average"))?;
+            .ok_or(NetError::Statistics(StatisticsError::Empty))?;
         if all.iter().any(|(other, _)| !first.same_layers(other)) {
-            return Err(wrong("they come from different models"));
+            return Err(NetError::Statistics(StatisticsError::OtherModel));
         }
         let layer = |index: usize, like: &LayerStatistics| {
             let moments = |channel: usize| {
@@ -170,34 +166,35 @@ impl Statistics {
     /// [`NetError::Statistics`] for bytes that are something else, cut short, or hold numbers that cannot be.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, NetError> {
         let mut reader = Reader(bytes);
-        Self::read(&mut reader)
-            .filter(|_| reader.0.is_empty())
-            .ok_or_else(|| NetError::Statistics {
-                reason: "their stored bytes are damaged".into(),
-            })
+        let wrong = |what| NetError::Statistics(StatisticsError::Format(what));
+        let statistics = Self::read(&mut reader).map_err(wrong)?;
+        if reader.0.is_empty() {
+            Ok(statistics)
+        } else {
+            Err(wrong("there are bytes after the last layer"))
+        }
     }
 
-    fn read(reader: &mut Reader) -> Option<Self> {
-        if reader.take(MAGIC.len())? != MAGIC {
-            return None;
+    fn read(reader: &mut Reader) -> Result<Self, &'static str> {
+        const CUT: &str = "they end too early";
+        if reader.take(MAGIC.len()).ok_or(CUT)? != MAGIC {
+            return Err("they do not begin with the format's magic number");
         }
-        let model = ModelHash::from_bytes(reader.take(32)?.try_into().ok()?);
-        let layers = reader.u32()?;
+        let hash = reader.take(32).and_then(|hash| hash.try_into().ok());
+        let layers = reader.u32();
         let mut statistics = Self {
-            model,
+            model: ModelHash::from_bytes(hash.ok_or(CUT)?),
             layers: Vec::new(),
         };
-        for _ in 0..layers {
-            let len = reader.u32()?;
-            let name = std::str::from_utf8(reader.take(len)?).ok()?.to_owned();
-            let channels = reader.u32()?;
-            let (mean, var) = (reader.floats(channels)?, reader.floats(channels)?);
-            if !mean.iter().chain(&var).all(|v| v.is_finite()) || var.iter().any(|&v| v < 0.0) {
-                return None;
+        for _ in 0..layers.ok_or(CUT)? {
+            let layer = reader.layer().ok_or(CUT)?;
+            let LayerStatistics { mean, var, .. } = &layer;
+            if !mean.iter().chain(var).all(|v| v.is_finite()) || var.iter().any(|&v| v < 0.0) {
+                return Err("a value is not finite, or a variance is negative");
             }
-            statistics.layers.push(LayerStatistics { name, mean, var });
+            statistics.layers.push(layer);
         }
-        Some(statistics)
+        Ok(statistics)
     }
 }
 
@@ -212,6 +209,18 @@ impl<'a> Reader<'a> {
 
     fn u32(&mut self) -> Option<usize> {
         Some(u32::from_le_bytes(self.take(4)?.try_into().ok()?) as usize)
+    }
+
+    /// The next layer; `None` if the bytes end before it does, or its name is not UTF-8.
+    fn layer(&mut self) -> Option<LayerStatistics> {
+        let len = self.u32()?;
+        let name = std::str::from_utf8(self.take(len)?).ok()?.to_owned();
+        let channels = self.u32()?;
+        Some(LayerStatistics {
+            name,
+            mean: self.floats(channels)?,
+            var: self.floats(channels)?,
+        })
     }
 
     fn floats(&mut self, len: usize) -> Option<Vec<f32>> {

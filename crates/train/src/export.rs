@@ -13,7 +13,7 @@ use crate::validation::{
 };
 use crate::whitening::{PrincipalAxes, WhiteningKind};
 use burn::tensor::Device;
-use grimnet_net::{Card, Domain, ExtractOptions, Model, NetSpec};
+use grimnet_net::{Card, Domain, ExtractOptions, Model, NetSpec, Precision};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -30,6 +30,8 @@ pub struct ExportOptions {
     pub validation_pairs: usize,
     /// Training views that stand in the gallery beside them.
     pub distractors: usize,
+    /// Precision in which the whitening projection is stored: `i8` or `f16`.
+    pub whitening_precision: Precision,
 }
 
 impl Default for ExportOptions {
@@ -38,6 +40,7 @@ impl Default for ExportOptions {
             whitening_pairs: 5000,
             validation_pairs: 240,
             distractors: 300,
+            whitening_precision: Precision::I8,
         }
     }
 }
@@ -220,7 +223,8 @@ pub fn export(
             let mut values = parameters.to_host()?;
             values.push(("whitening.mean".into(), projection.mean));
             values.push(("whitening.projection".into(), projection.rows));
-            let model = Model::from_values(spec, card.clone(), values)?;
+            let model = Model::from_values(spec, card.clone(), values)?
+                .with_whitening_precision(options.whitening_precision)?;
             let validation = measure(&model);
             tried.push((Some(kind), model, validation));
         }

@@ -81,7 +81,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     }
     let calibration = calibration::fit(&observations, &data, arguments.elsewhere_answered)?;
     model
-        .with_calibration(calibration.clone())
+        .with_calibration(calibration.clone())?
         .save(&arguments.out)?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", serde_json::to_string_pretty(&calibration)?)?;

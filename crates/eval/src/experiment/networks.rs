@@ -83,6 +83,7 @@ impl Networks {
                     whitening_pairs: 0,
                     validation_pairs: VALIDATION_PAIRS,
                     distractors: 0,
+                    ..ExportOptions::default()
                 },
                 ..config
             },

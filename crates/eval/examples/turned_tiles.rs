@@ -69,8 +69,10 @@ fn turned(
 /// What lies about a tile's centre, enough of it to turn the tile.
 fn surroundings(map: &dyn Raster, level: &Level, tile: usize) -> Result<Photo, Box<dyn Error>> {
     let side_px = f64::from(level.tile_px()) * std::f64::consts::SQRT_2;
-    let centre = level.tile(tile).center_px;
-    let corner = |sign: f64| level.map_px_from_level_px(centre.map(|c| c + sign * side_px / 2.0));
+    let centre = level.tile(tile).centre_px;
+    let corner = |sign: f64| {
+        level.map_px_from_level_px(centre.offset(sign * side_px / 2.0, sign * side_px / 2.0))
+    };
     let (MapPx { x, y }, end) = (corner(-1.0), corner(1.0));
     let window = WindowPx::new(x, y, end.x - x, end.y - y);
     let out_px = side_px.round() as u32;
@@ -90,7 +92,7 @@ fn rank(
     let truth_px = level.level_px_from_lonlat(shot.truth)?;
     let side_px = f64::from(level.tile_px());
     Ok(rank_of_right(&order, |tile| {
-        RightTile::Covers.holds(level.tile(tile).center_px, side_px, truth_px)
+        RightTile::Covers.holds(level.tile(tile).centre_px, side_px, truth_px)
     }))
 }
 

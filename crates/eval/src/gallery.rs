@@ -7,13 +7,14 @@
 use std::path::{Path, PathBuf};
 
 use grimnet_geo::{
-    GeoError, Georeference, LevelFrame, MapOptions, Raster, RasterPatch, WindowPx, open_map,
+    GeoError, Georeference, LevelFrame, LevelPx, MapOptions, Raster, RasterPatch, WindowPx,
+    open_map,
 };
 use image::{GrayImage, RgbImage};
 
 /// Foreign pictures are cut to whole multiples of this many level pixels: the side of the pack's feature cells, so that tiles
 /// inside a picture are whole.
-const CELL_PX: u64 = 256;
+const CELL_PX: u64 = grimnet_pack::CELL_PX as u64;
 
 /// Empty level pixels between the map and the foreign ground: a tile's side, so that no tile shows both.
 const GAP_PX: u64 = 512;
@@ -144,7 +145,11 @@ impl Gallery {
             }
             laid.push(Foreign {
                 raster,
-                place: frame.map_window(at[0] as f64, at[1] as f64, side[0] as f64, side[1] as f64),
+                place: frame.map_window(
+                    LevelPx::new(at[0] as f64, at[1] as f64),
+                    side[0] as f64,
+                    side[1] as f64,
+                ),
                 own_px_per_map_px: [
                     own.map_px_per_level_px_x / frame.map_px_per_level_px_x,
                     own.map_px_per_level_px_y / frame.map_px_per_level_px_y,
@@ -157,7 +162,7 @@ impl Gallery {
                 gsd_m,
             });
         }
-        let whole = frame.map_px_from_level_px(size_px[0] as f64, size_px[1] as f64);
+        let whole = frame.map_px_from_level_px(LevelPx::new(size_px[0] as f64, size_px[1] as f64));
         Ok(Self {
             map,
             foreign: laid,
@@ -317,7 +322,11 @@ mod tests {
         );
         let frame = LevelFrame::new(gallery.georeference(), gallery.size_px(), 1.0).unwrap();
         let seen = gallery
-            .read(frame.map_window(0.0, 0.0, 1536.0, 512.0), 1536, 512)
+            .read(
+                frame.map_window(LevelPx::new(0.0, 0.0), 1536.0, 512.0),
+                1536,
+                512,
+            )
             .unwrap();
         let at = |x: u32| {
             (

@@ -115,7 +115,7 @@ fn distances(pack: &Pack, round: &RoundTrace, tiles: &[usize], truth: LonLat) ->
         .iter()
         .map(|&tile| {
             level
-                .lonlat_from_level_px(level.tile(tile).center_px)
+                .lonlat_from_level_px(level.tile(tile).centre_px)
                 .map_or(NOWHERE, |centre| {
                     TileDistance::of(centre, level.tile_m(), truth)
                 })

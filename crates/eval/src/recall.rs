@@ -3,7 +3,7 @@
 //! A tile is right if it covers the true image centre; beside it the paper's definition, its centre within a radius of the truth
 //! (64 pixels), which a tiling at half overlap can meet for a fifth of all places only.
 
-use grimnet_geo::LonLat;
+use grimnet_geo::{LevelPx, LonLat};
 use grimnet_locate::{RoundTrace, Trace};
 use grimnet_pack::Pack;
 use serde::Serialize;
@@ -30,10 +30,13 @@ impl RightTile {
     /// The paper's definition.
     pub const PAPER: Self = Self::CentreWithinPx(PAPER_RADIUS_PX);
 
-    /// Whether a tile of side `tile_px` about `center_px` is right for `truth_px`, all level pixels.
+    /// Whether a tile of side `tile_px` (level pixels) about `centre_px` is right for `truth_px`.
     #[must_use]
-    pub fn holds(self, center_px: [f64; 2], tile_px: f64, truth_px: [f64; 2]) -> bool {
-        let [dx, dy] = [0, 1].map(|axis| (center_px[axis] - truth_px[axis]).abs());
+    pub fn holds(self, centre_px: LevelPx, tile_px: f64, truth_px: LevelPx) -> bool {
+        let (dx, dy) = (
+            (centre_px.x - truth_px.x).abs(),
+            (centre_px.y - truth_px.y).abs(),
+        );
         match self {
             Self::Covers => dx.max(dy) <= tile_px / 2.0,
             Self::CentreWithinPx(radius) => dx.hypot(dy) <= radius,
@@ -63,7 +66,7 @@ impl FrameRecall {
             let side_px = f64::from(level.tile_px());
             move |tile: usize| {
                 truth_px.is_some_and(|truth_px| {
-                    right.holds(level.tile(tile).center_px, side_px, truth_px)
+                    right.holds(level.tile(tile).centre_px, side_px, truth_px)
                 })
             }
         };
@@ -156,11 +159,11 @@ mod tests {
 
     #[test]
     fn right_is_covering_or_near() {
-        let center = [512.0, 512.0];
-        assert!(RightTile::Covers.holds(center, 512.0, [256.0, 700.0]));
-        assert!(!RightTile::Covers.holds(center, 512.0, [255.0, 512.0]));
-        assert!(RightTile::CentreWithinPx(64.0).holds(center, 512.0, [512.0, 576.0]));
-        assert!(!RightTile::CentreWithinPx(64.0).holds(center, 512.0, [560.0, 560.0]));
+        let centre = LevelPx::new(512.0, 512.0);
+        assert!(RightTile::Covers.holds(centre, 512.0, LevelPx::new(256.0, 700.0)));
+        assert!(!RightTile::Covers.holds(centre, 512.0, LevelPx::new(255.0, 512.0)));
+        assert!(RightTile::CentreWithinPx(64.0).holds(centre, 512.0, LevelPx::new(512.0, 576.0)));
+        assert!(!RightTile::CentreWithinPx(64.0).holds(centre, 512.0, LevelPx::new(560.0, 560.0)));
         assert_eq!(rank_of_right(&[4, 9, 2], |tile| tile == 2), Some(3));
         assert_eq!(rank_of_right(&[4, 9], |tile| tile == 2), None);
     }

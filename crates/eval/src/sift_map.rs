@@ -2,7 +2,7 @@
 //!
 //! Over all tiles it is the whole-map baseline; over the tiles that a search by descriptor found it is the paper's G + S.
 
-use grimnet_geo::{GeoError, Georeference, LevelFrame, LonLat, Raster};
+use grimnet_geo::{GeoError, Georeference, LevelFrame, LevelPx, LonLat, Raster};
 use grimnet_kernels::Isa;
 use grimnet_locate::correspondence::Correspondence;
 use grimnet_locate::matching::{Descriptors, Matcher, MatchingError};
@@ -83,12 +83,10 @@ impl SiftMap {
             .into_par_iter()
             .map(|i| {
                 let origin_px = level.tile(i).origin_px.map(|v| v as f64);
-                let window = level.frame().map_window(
-                    origin_px[0],
-                    origin_px[1],
-                    f64::from(side),
-                    f64::from(side),
-                );
+                let window =
+                    level
+                        .frame()
+                        .map_window(origin_px.into(), f64::from(side), f64::from(side));
                 let patch = map.read(window, side, side)?;
                 let features = seen(sift(&grayscale(&patch.rgb), &options()), &patch.valid);
                 Ok(Tile {
@@ -125,7 +123,7 @@ impl SiftMap {
         })?;
         let up_deg = self
             .georeference
-            .up_bearing_deg(self.georeference.center_px())?;
+            .up_bearing_deg(self.georeference.centre_px())?;
         let query = maker.make(
             view.heading
                 .map_or(0.0, |heading| heading.heading_deg - up_deg),
@@ -151,7 +149,7 @@ impl SiftMap {
         // A wild transform may lead to where there are no degrees: no answer, then.
         let place = self
             .georeference
-            .lonlat_from_map_px(self.frame.map_px_from_level_px(x, y));
+            .lonlat_from_map_px(self.frame.map_px_from_level_px(LevelPx::new(x, y)));
         Ok(place.ok().filter(LonLat::is_valid).map(|position| SiftFix {
             position,
             inliers,

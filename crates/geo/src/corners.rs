@@ -102,15 +102,27 @@ impl Corners {
     }
 
     /// The transform from pixels of a picture of `size_px` to longitude and latitude.
-    pub fn affine(&self, size_px: (u64, u64)) -> Affine {
-        Affine {
-            origin_x: self.west_deg,
-            x_from_col: (self.east_deg - self.west_deg) / size_px.0 as f64,
-            x_from_row: 0.0,
-            origin_y: self.north_deg,
-            y_from_col: 0.0,
-            y_from_row: (self.south_deg - self.north_deg) / size_px.1 as f64,
-        }
+    ///
+    /// # Errors
+    /// [`GeoError::SingularTransform`] if the picture has no pixels or the corners are too near each other.
+    pub fn affine(&self, size_px: (u64, u64)) -> Result<Affine, GeoError> {
+        let (width_deg, height_deg) = self.pixel_size_deg(size_px);
+        Affine::from_gdal([
+            self.west_deg,
+            width_deg,
+            0.0,
+            self.north_deg,
+            0.0,
+            -height_deg,
+        ])
+    }
+
+    /// Degrees of longitude and of latitude per pixel of a picture of `size_px`.
+    pub(crate) fn pixel_size_deg(&self, size_px: (u64, u64)) -> (f64, f64) {
+        (
+            (self.east_deg - self.west_deg) / size_px.0 as f64,
+            (self.north_deg - self.south_deg) / size_px.1 as f64,
+        )
     }
 
     /// Width over height of a pixel on the ground as given and with longitude and latitude

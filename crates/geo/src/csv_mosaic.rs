@@ -64,12 +64,9 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic,
         corners.west_deg -= turns;
         corners.east_deg -= turns;
     }
-    let lon_per_px = median(placed.iter().map(|(p, c)| c.affine(p.size_px()).x_from_col));
-    let lat_per_px = median(
-        placed
-            .iter()
-            .map(|(p, c)| -c.affine(p.size_px()).y_from_row),
-    );
+    let pixel_sizes_deg = || placed.iter().map(|(p, c)| c.pixel_size_deg(p.size_px()));
+    let lon_per_px = median(pixel_sizes_deg().map(|(lon, _)| lon));
+    let lat_per_px = median(pixel_sizes_deg().map(|(_, lat)| lat));
     let all = || placed.iter().map(|(_, c)| c);
     let west = all().map(|c| c.west_deg).fold(f64::INFINITY, f64::min);
     let east = all().map(|c| c.east_deg).fold(f64::NEG_INFINITY, f64::max);
@@ -79,15 +76,9 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic,
         ((east - west) / lon_per_px).ceil() as u64,
         ((north - south) / lat_per_px).ceil() as u64,
     );
-    let affine = Affine {
-        origin_x: west,
-        x_from_col: lon_per_px,
-        x_from_row: 0.0,
-        origin_y: north,
-        y_from_col: 0.0,
-        y_from_row: -lat_per_px,
-    };
-    let georeference = Georeference::new(affine, Crs::wgs84()?, size_px)?;
+    let affine = Affine::from_gdal([west, lon_per_px, 0.0, north, 0.0, -lat_per_px])
+        .map_err(|e| e.in_file(path))?;
+    let georeference = Georeference::new(affine, Crs::wgs84()?, size_px);
     let pictures = placed
         .into_iter()
         .map(|(picture, c)| Placed {

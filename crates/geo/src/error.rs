@@ -100,12 +100,14 @@ pub enum GeoError {
     },
 
     /// A transform that has no inverse.
-    #[error("{location}: the transform from pixels to coordinates has no inverse: {reason}")]
+    #[error(
+        "{location}: the transform from pixels to coordinates has no inverse: {coefficients:?}; expected six finite numbers (GDAL's geotransform) that span a pixel"
+    )]
     SingularTransform {
         /// The file, or where the transform came from.
         location: String,
-        /// The transform.
-        reason: String,
+        /// The coefficients of the transform in the order of GDAL's geotransform.
+        coefficients: [f64; 6],
     },
 
     /// A table of pictures that cannot be read.
@@ -182,6 +184,17 @@ pub(crate) const ADVICE_TILE_IT: &str =
     "convert it: gdal_translate -of COG -co COMPRESS=JPEG IN OUT.tif";
 
 impl GeoError {
+    /// Names the file in an error about a transform.
+    pub(crate) fn in_file(self, path: &Path) -> Self {
+        match self {
+            Self::SingularTransform { coefficients, .. } => Self::SingularTransform {
+                location: path.display().to_string(),
+                coefficients,
+            },
+            other => other,
+        }
+    }
+
     pub(crate) fn io(path: &Path, source: std::io::Error) -> Self {
         Self::Io {
             path: path.to_path_buf(),

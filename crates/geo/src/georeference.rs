@@ -15,28 +15,19 @@ pub struct Georeference {
     affine: Affine,
     crs: Crs,
     /// The map's centre: of the repetitions of the world, coordinates are taken nearest to it.
-    center_px: MapPx,
+    #[serde(rename = "center_px")]
+    centre_px: MapPx,
 }
 
 impl Georeference {
     /// A georeference for a map of `size_px` (width, height).
-    ///
-    /// # Errors
-    /// [`GeoError::SingularTransform`] if the transform has no inverse. There is no silent
-    /// identity.
-    pub fn new(affine: Affine, crs: Crs, size_px: (u64, u64)) -> Result<Self, GeoError> {
-        if !affine.is_invertible() {
-            return Err(GeoError::SingularTransform {
-                location: "georeference".to_string(),
-                reason: format!("{:?}", affine.to_gdal()),
-            });
-        }
-        let center_px = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
-        Ok(Self {
+    pub fn new(affine: Affine, crs: Crs, size_px: (u64, u64)) -> Self {
+        let centre_px = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
+        Self {
             affine,
             crs,
-            center_px,
-        })
+            centre_px,
+        }
     }
 
     /// The transform from map pixels to the CRS.
@@ -50,8 +41,8 @@ impl Georeference {
     }
 
     /// The map's centre, pixels.
-    pub fn center_px(&self) -> MapPx {
-        self.center_px
+    pub fn centre_px(&self) -> MapPx {
+        self.centre_px
     }
 
     /// Longitude and latitude of a map pixel. Longitudes are in `[-180, 180)`, also on a map that
@@ -72,8 +63,8 @@ impl Georeference {
     pub fn map_px_from_lonlat(&self, place: LonLat) -> Result<MapPx, GeoError> {
         let (mut x, y) = self.crs.xy_from_lonlat(place)?;
         if let Some(period) = self.crs.period_x() {
-            let (center_x, _) = self.affine.xy_from_map_px(self.center_px);
-            x -= ((x - center_x) / period).round() * period;
+            let (centre_x, _) = self.affine.xy_from_map_px(self.centre_px);
+            x -= ((x - centre_x) / period).round() * period;
         }
         Ok(self.affine.map_px_from_xy(x, y))
     }

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::{GeoError, Georeference, MapPx, WindowPx};
+use crate::{GeoError, Georeference, LevelPx, MapPx, WindowPx};
 
 /// The frame of a level of the map at a given ground resolution. Its axes are the map's own; x and
 /// y have their own scale, so that a geographic CRS, whose degrees are unequal on the ground, comes
@@ -37,8 +37,8 @@ impl LevelFrame {
                 "{gsd_m} m is not a ground resolution"
             )));
         }
-        let center = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
-        let (x_m, y_m) = georeference.ground_resolution_m(center)?;
+        let centre = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
+        let (x_m, y_m) = georeference.ground_resolution_m(centre)?;
         let (scale_x, scale_y) = (gsd_m / x_m, gsd_m / y_m);
         // A sliver below a thousandth of a pixel is rounding, not ground.
         let count = |side: u64, scale: f64| ((side as f64 / scale - 1e-3).ceil() as u64).max(1);
@@ -51,29 +51,30 @@ impl LevelFrame {
         })
     }
 
-    /// Map pixel of a continuous level pixel (`(0, 0)` is the outer corner of the top-left one).
-    pub fn map_px_from_level_px(&self, x_px: f64, y_px: f64) -> MapPx {
+    /// Map pixel of a point of the level.
+    pub fn map_px_from_level_px(&self, point: LevelPx) -> MapPx {
         MapPx::new(
-            x_px * self.map_px_per_level_px_x,
-            y_px * self.map_px_per_level_px_y,
+            point.x * self.map_px_per_level_px_x,
+            point.y * self.map_px_per_level_px_y,
         )
     }
 
-    /// Continuous level pixel of a map pixel.
-    pub fn level_px_from_map_px(&self, place: MapPx) -> (f64, f64) {
-        (
-            place.x / self.map_px_per_level_px_x,
-            place.y / self.map_px_per_level_px_y,
+    /// Point of the level that a map pixel lies at.
+    pub fn level_px_from_map_px(&self, point: MapPx) -> LevelPx {
+        LevelPx::new(
+            point.x / self.map_px_per_level_px_x,
+            point.y / self.map_px_per_level_px_y,
         )
     }
 
-    /// The window of the map that a rectangle of the level covers.
-    pub fn map_window(&self, x_px: f64, y_px: f64, w_px: f64, h_px: f64) -> WindowPx {
+    /// The window of the map that a rectangle of the level covers: its top-left corner, width and
+    /// height, the latter two in level pixels.
+    pub fn map_window(&self, top_left: LevelPx, width_px: f64, height_px: f64) -> WindowPx {
         WindowPx::new(
-            x_px * self.map_px_per_level_px_x,
-            y_px * self.map_px_per_level_px_y,
-            w_px * self.map_px_per_level_px_x,
-            h_px * self.map_px_per_level_px_y,
+            top_left.x * self.map_px_per_level_px_x,
+            top_left.y * self.map_px_per_level_px_y,
+            width_px * self.map_px_per_level_px_x,
+            height_px * self.map_px_per_level_px_y,
         )
     }
 }

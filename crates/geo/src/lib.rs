@@ -7,6 +7,8 @@
 //! # Frames
 //! - [`MapPx`]: continuous pixel coordinates of the full-resolution map, GDAL's convention:
 //!   `(0, 0)` is the outer corner of the top-left pixel, whose centre is `(0.5, 0.5)`.
+//! - [`LevelPx`]: continuous pixel coordinates of a level, the map resampled to square pixels on the
+//!   ground; the same convention. [`LevelFrame`] converts between the two.
 //! - [`LonLat`]: degrees on the WGS 84 ellipsoid, longitude in `[-180, 180)`.
 //! - Metres are metres on that ellipsoid: geodesics after Karney (2013).
 //!
@@ -35,6 +37,7 @@ mod error;
 mod geokeys;
 mod georeference;
 mod level_frame;
+mod level_px;
 mod map_px;
 mod metres;
 mod open;
@@ -56,6 +59,7 @@ pub use crs::Crs;
 pub use error::GeoError;
 pub use georeference::Georeference;
 pub use level_frame::LevelFrame;
+pub use level_px::LevelPx;
 pub use map_px::{MapPx, WindowPx};
 pub use metres::{
     LonLat, bearing_deg, destination, destination_en_m, distance_m, offset_en_m, wrap_longitude_deg,

@@ -39,7 +39,7 @@ impl WindowPx {
     }
 
     /// Its centre.
-    pub fn center(&self) -> MapPx {
+    pub fn centre(&self) -> MapPx {
         MapPx::new(self.x + 0.5 * self.w, self.y + 0.5 * self.h)
     }
 }

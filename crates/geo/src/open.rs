@@ -136,7 +136,7 @@ fn tiff_georeference(
     if let Some(georeference) = corners_georeference(&crs, options, size_px)? {
         return Ok(georeference);
     }
-    let place = place_of(&map.images().levels[0].image)?;
+    let place = place_of(&map.images().levels[0].image).map_err(|e| e.in_file(path))?;
     let Some(affine) = place.affine else {
         // Some writers store the CRS in the file and the transform beside it.
         let crs = match (crs, &place.geokeys) {
@@ -184,7 +184,8 @@ fn corners_georeference(
     };
     let (ll, ur) = (LonLat::new(ll_lon, ll_lat), LonLat::new(ur_lon, ur_lat));
     let corners = Corners::new(ll, ur, size_px, location, CORNERS_ORDER)?;
-    Georeference::new(corners.affine(size_px), crs, size_px).map(Some)
+    let affine = corners.affine(size_px)?;
+    Ok(Some(Georeference::new(affine, crs, size_px)))
 }
 
 fn world_georeference(
@@ -211,14 +212,8 @@ fn georeference(
     crs: Crs,
     size_px: (u64, u64),
 ) -> Result<Georeference, GeoError> {
-    if !affine.is_invertible() {
-        return Err(GeoError::SingularTransform {
-            location: path.display().to_string(),
-            reason: format!("{:?}", affine.to_gdal()),
-        });
-    }
-    let georeference = Georeference::new(affine, crs, size_px)?;
-    let (x, y) = affine.xy_from_map_px(georeference.center_px());
+    let georeference = Georeference::new(affine, crs, size_px);
+    let (x, y) = affine.xy_from_map_px(georeference.centre_px());
     let crs = georeference.crs();
     if crs.is_geographic() && y.abs() > 90.0 && x.abs() <= 90.0 && y.abs() <= 180.0 {
         return Err(GeoError::SwappedLonLat {
@@ -227,7 +222,7 @@ fn georeference(
             order: "x must be the longitude and y the latitude",
         });
     }
-    if let Err(error) = georeference.lonlat_from_map_px(georeference.center_px()) {
+    if let Err(error) = georeference.lonlat_from_map_px(georeference.centre_px()) {
         return Err(GeoError::UnsupportedCrs {
             path: path.to_path_buf(),
             crs: crs.to_string(),
@@ -295,7 +290,7 @@ impl Raster for SingleMap {
         let name = self.path.file_name().unwrap_or_default().to_string_lossy();
         let resolution = match self
             .georeference
-            .ground_resolution_m(self.georeference.center_px())
+            .ground_resolution_m(self.georeference.centre_px())
         {
             Ok((x, y)) => format!("{x:.3} x {y:.3} m a pixel"),
             Err(_) => "resolution unknown".to_string(),

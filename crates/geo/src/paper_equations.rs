@@ -32,7 +32,7 @@ pub struct PaperTile {
 impl PaperCorners {
     /// Equations (2a) and (2b): longitude and latitude of a tile's centre, for tiles of side
     /// `tile_px` (S_p) at stride `stride_px`.
-    pub fn tile_center(&self, tile: PaperTile, tile_px: f64, stride_px: f64) -> LonLat {
+    pub fn tile_centre(&self, tile: PaperTile, tile_px: f64, stride_px: f64) -> LonLat {
         let (ll, ur) = (self.lower_left, self.upper_right);
         let x = tile.column as f64 * stride_px + tile_px / 2.0;
         let y = tile.row as f64 * stride_px + tile_px / 2.0;
@@ -59,7 +59,7 @@ impl PaperCorners {
     /// Equation (23): longitude and latitude of a point of a tile, in pixels of the tile.
     pub fn lonlat_from_tile_px(
         &self,
-        tile_center: LonLat,
+        tile_centre: LonLat,
         point_in_tile_px: (f64, f64),
         tile_px: f64,
     ) -> LonLat {
@@ -67,8 +67,8 @@ impl PaperCorners {
         let right = point_in_tile_px.0 / tile_px - 0.5;
         let down = point_in_tile_px.1 / tile_px - 0.5;
         LonLat::new(
-            tile_center.lon_deg + right * (ur.lon_deg - ll.lon_deg) * tile_px / self.map_width_px,
-            tile_center.lat_deg - down * (ur.lat_deg - ll.lat_deg) * tile_px / self.map_height_px,
+            tile_centre.lon_deg + right * (ur.lon_deg - ll.lon_deg) * tile_px / self.map_width_px,
+            tile_centre.lat_deg - down * (ur.lat_deg - ll.lat_deg) * tile_px / self.map_height_px,
         )
     }
 }

@@ -46,10 +46,10 @@ impl Axis {
         let support = scale.max(1.0);
         let mut taps = Vec::with_capacity(count);
         for i in 0..count {
-            let center = start + (i as f64 + 0.5) * scale;
-            let first = (center - support - 0.5).floor() as i64;
-            let last = (center + support + 0.5).ceil() as i64;
-            let weight = |k: i64| (1.0 - ((k as f64 + 0.5 - center) / support).abs()).max(0.0);
+            let centre = start + (i as f64 + 0.5) * scale;
+            let first = (centre - support - 0.5).floor() as i64;
+            let last = (centre + support + 0.5).ceil() as i64;
+            let weight = |k: i64| (1.0 - ((k as f64 + 0.5 - centre) / support).abs()).max(0.0);
             let sum: f64 = (first..=last).map(weight).sum();
             let inside_first = first.max(0);
             let inside_last = last.min(source_len as i64 - 1);

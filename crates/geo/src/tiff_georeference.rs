@@ -82,14 +82,18 @@ pub(crate) fn place_of(image: &TiffImage) -> Result<TiffPlace, GeoError> {
     } else {
         None
     };
-    let affine = transform.map(|t| Affine {
-        origin_x: t.origin_x,
-        x_from_col: t.pixel_width,
-        x_from_row: t.skew_x,
-        origin_y: t.origin_y,
-        y_from_col: t.skew_y,
-        y_from_row: t.pixel_height,
-    });
+    let affine = transform
+        .map(|t| {
+            Affine::from_gdal([
+                t.origin_x,
+                t.pixel_width,
+                t.skew_x,
+                t.origin_y,
+                t.skew_y,
+                t.pixel_height,
+            ])
+        })
+        .transpose()?;
     Ok(TiffPlace {
         affine,
         geokeys,

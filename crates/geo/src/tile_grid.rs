@@ -33,7 +33,7 @@ pub struct Tile {
 
 impl Tile {
     /// Its centre in continuous level pixels.
-    pub fn center_px(&self) -> (f64, f64) {
+    pub fn centre_px(&self) -> (f64, f64) {
         let half = self.side_px as f64 / 2.0;
         (self.x_px as f64 + half, self.y_px as f64 + half)
     }

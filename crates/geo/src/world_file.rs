@@ -40,25 +40,21 @@ pub(crate) fn read_world_file(path: &Path) -> Result<Affine, GeoError> {
         y_from_col,
         x_from_row,
         y_from_row,
-        center_x,
-        center_y,
+        centre_x,
+        centre_y,
     ] = numbers[..]
     else {
         return Err(bad(path, &format!("{} numbers", numbers.len())));
     };
-    let affine = Affine {
-        origin_x: center_x - 0.5 * (x_from_col + x_from_row),
+    Affine::from_gdal([
+        centre_x - 0.5 * (x_from_col + x_from_row),
         x_from_col,
         x_from_row,
-        origin_y: center_y - 0.5 * (y_from_col + y_from_row),
+        centre_y - 0.5 * (y_from_col + y_from_row),
         y_from_col,
         y_from_row,
-    };
-    if affine.is_invertible() {
-        Ok(affine)
-    } else {
-        Err(bad(path, "its transform has no inverse"))
-    }
+    ])
+    .map_err(|_| bad(path, "its transform has no inverse"))
 }
 
 fn bad(path: &Path, reason: &str) -> GeoError {

@@ -94,11 +94,11 @@ fn a_tiff_without_georeference_is_refused() {
     let error = refused(open(&path), &path, &["--corners"]);
     assert!(matches!(error, GeoError::NoGeoreference { .. }));
     let map = with_corners(&path, [120.0, 24.0, 120.002, 24.001]).unwrap();
-    let center = map
+    let centre = map
         .georeference()
         .lonlat_from_map_px(MapPx::new(10.0, 5.0))
         .unwrap();
-    assert!(distance_m(center, LonLat::new(120.001, 24.0005)) < 1e-6);
+    assert!(distance_m(centre, LonLat::new(120.001, 24.0005)) < 1e-6);
 }
 
 #[test]

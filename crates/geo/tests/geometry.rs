@@ -2,8 +2,8 @@
 
 use approx::assert_relative_eq;
 use grimnet_geo::{
-    Affine, Crs, Georeference, LevelFrame, LonLat, MapPx, PaperCorners, PaperTile, TileGrid,
-    TilePlan, bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
+    Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, PaperCorners, PaperTile,
+    TileGrid, TilePlan, bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
 };
 use proptest::prelude::*;
 
@@ -51,15 +51,15 @@ proptest! {
         let (x, y) = crs.xy_from_lonlat(place).unwrap();
         let unit = if crs.is_geographic() { 1e-5 } else { 1.0 };
         let (sin, cos) = angle.sin_cos();
-        let affine = Affine {
-            origin_x: x,
-            x_from_col: unit * scale_x * cos,
-            x_from_row: unit * scale_y * sin,
-            origin_y: y,
-            y_from_col: unit * scale_x * sin,
-            y_from_row: -unit * scale_y * cos,
-        };
-        let map = Georeference::new(affine, crs, (40_000, 40_000)).unwrap();
+        let affine = Affine::from_gdal([
+            x,
+            unit * scale_x * cos,
+            unit * scale_y * sin,
+            y,
+            unit * scale_x * sin,
+            -unit * scale_y * cos,
+        ]).unwrap();
+        let map = Georeference::new(affine, crs, (40_000, 40_000));
         let px = MapPx::new(col, row);
         let back = map.map_px_from_lonlat(map.lonlat_from_map_px(px).unwrap()).unwrap();
         prop_assert!((back.x - col).abs() < 1e-2 && (back.y - row).abs() < 1e-2, "{px:?} {back:?}");
@@ -76,8 +76,8 @@ proptest! {
         let (x, y) = crs.xy_from_lonlat(place).unwrap();
         let unit = if crs.is_geographic() { 2e-6 } else { 0.3 };
         let (sin, cos) = angle.sin_cos();
-        let affine = Affine::from_gdal([x, unit * cos, unit * sin, y, unit * sin, -unit * cos]);
-        let map = Georeference::new(affine, crs, (1000, 1000)).unwrap();
+        let affine = Affine::from_gdal([x, unit * cos, unit * sin, y, unit * sin, -unit * cos]).unwrap();
+        let map = Georeference::new(affine, crs, (1000, 1000));
         let at = MapPx::new(300.0, 200.0);
         let j = map.east_north_m_from_map_px_jacobian(at).unwrap();
         let en = j * nalgebra::Vector2::new(dx, dy);
@@ -173,9 +173,9 @@ fn equations_2_22_and_23_by_hand() {
     };
     // (2a): -2.30 + (3 * 256 + 256) / 10000 * 0.10 = -2.30 + 0.01024;
     // (2b): 53.48 - (2 * 256 + 256) / 8000 * 0.08 = 53.48 - 0.00768.
-    let center = map.tile_center(PaperTile { row: 2, column: 3 }, 512.0, 256.0);
-    assert_relative_eq!(center.lon_deg, -2.28976, epsilon = 1e-12);
-    assert_relative_eq!(center.lat_deg, 53.47232, epsilon = 1e-12);
+    let centre = map.tile_centre(PaperTile { row: 2, column: 3 }, 512.0, 256.0);
+    assert_relative_eq!(centre.lon_deg, -2.28976, epsilon = 1e-12);
+    assert_relative_eq!(centre.lat_deg, 53.47232, epsilon = 1e-12);
     // (22): (200, 80) of 320 x 320 is (320, 128) of 512 x 512.
     let px = PaperCorners::tile_px_from_processing_px((200.0, 80.0), 320.0, 320.0, 512.0);
     assert_eq!(px, (320.0, 128.0));
@@ -184,7 +184,7 @@ fn equations_2_22_and_23_by_hand() {
     assert_eq!(wide, (160.0, 128.0));
     // (23): lon + (320/512 - 0.5) * 0.1 * 512/10000 = lon + 0.125 * 0.00512;
     //       lat - (128/512 - 0.5) * 0.08 * 512/8000 = lat + 0.25 * 0.00512.
-    let place = map.lonlat_from_tile_px(center, px, 512.0);
+    let place = map.lonlat_from_tile_px(centre, px, 512.0);
     assert_relative_eq!(place.lon_deg, -2.28976 + 0.00064, epsilon = 1e-12);
     assert_relative_eq!(place.lat_deg, 53.47232 + 0.00128, epsilon = 1e-12);
 }
@@ -195,7 +195,7 @@ fn the_papers_equations_are_the_affine_of_the_corners() {
     let (ll, ur) = (LonLat::new(120.70, 24.20), LonLat::new(120.73, 24.22));
     let size = (6000, 4400);
     let corners = grimnet_geo::Corners::new(ll, ur, size, "test", "").unwrap();
-    let map = Georeference::new(corners.affine(size), Crs::wgs84().unwrap(), size).unwrap();
+    let map = Georeference::new(corners.affine(size).unwrap(), Crs::wgs84().unwrap(), size);
     let paper = PaperCorners {
         lower_left: ll,
         upper_right: ur,
@@ -207,8 +207,8 @@ fn the_papers_equations_are_the_affine_of_the_corners() {
         (3, 5, 100.0, 400.5),
         (15, 21, 511.0, 256.0),
     ] {
-        let center = paper.tile_center(PaperTile { row, column }, 512.0, 256.0);
-        let theirs = paper.lonlat_from_tile_px(center, (x, y), 512.0);
+        let centre = paper.tile_centre(PaperTile { row, column }, 512.0, 256.0);
+        let theirs = paper.lonlat_from_tile_px(centre, (x, y), 512.0);
         let px = MapPx::new(column as f64 * 256.0 + x, row as f64 * 256.0 + y);
         let ours = map.lonlat_from_map_px(px).unwrap();
         assert!(distance_m(ours, theirs) < 1e-6);
@@ -218,20 +218,20 @@ fn the_papers_equations_are_the_affine_of_the_corners() {
 #[test]
 fn a_level_is_square_on_the_ground() {
     // Degrees at 60 north: a pixel of equal degrees is half as wide as high.
-    let affine = Affine::from_gdal([22.46, 2e-6, 0.0, 60.41, 0.0, -2e-6]);
+    let affine = Affine::from_gdal([22.46, 2e-6, 0.0, 60.41, 0.0, -2e-6]).unwrap();
     let size = (5000, 3000);
-    let map = Georeference::new(affine, Crs::wgs84().unwrap(), size).unwrap();
+    let map = Georeference::new(affine, Crs::wgs84().unwrap(), size);
     let level = LevelFrame::new(&map, size, 0.5).unwrap();
     let (w, h) = (level.width_px as f64, level.height_px as f64);
     let at = |x: f64, y: f64| {
-        map.lonlat_from_map_px(level.map_px_from_level_px(x, y))
+        map.lonlat_from_map_px(level.map_px_from_level_px(LevelPx::new(x, y)))
             .unwrap()
     };
     let right = distance_m(at(w / 2.0, h / 2.0), at(w / 2.0 + 100.0, h / 2.0));
     let down = distance_m(at(w / 2.0, h / 2.0), at(w / 2.0, h / 2.0 + 100.0));
     assert_relative_eq!(right, 50.0, epsilon = 1e-3);
     assert_relative_eq!(down, 50.0, epsilon = 1e-3);
-    let end = level.map_px_from_level_px(w, h);
+    let end = level.map_px_from_level_px(LevelPx::new(w, h));
     assert!(end.x >= 4999.9 && end.y >= 2999.9, "{end:?}");
     assert!(LevelFrame::new(&map, size, 0.0).is_err());
     assert!(LevelFrame::new(&map, size, f64::NAN).is_err());
@@ -239,12 +239,12 @@ fn a_level_is_square_on_the_ground() {
 
 #[test]
 fn a_georeference_survives_json() {
-    let affine = Affine::from_gdal([300000.0, 0.1, 0.02, 2700000.0, 0.03, -0.1]);
+    let affine = Affine::from_gdal([300000.0, 0.1, 0.02, 2700000.0, 0.03, -0.1]).unwrap();
     for crs in [
         "EPSG:32651",
         "+proj=tmerc +lat_0=23 +lon_0=120 +k=0.9999 +x_0=0 +y_0=0 +datum=WGS84 +units=m",
     ] {
-        let map = Georeference::new(affine, Crs::parse(crs).unwrap(), (100, 200)).unwrap();
+        let map = Georeference::new(affine, Crs::parse(crs).unwrap(), (100, 200));
         let text = serde_json::to_string(&map).unwrap();
         let back: Georeference = serde_json::from_str(&text).unwrap();
         assert_eq!(map, back);
@@ -303,4 +303,26 @@ fn places_outside_a_projection_are_an_error() {
             .xy_from_lonlat(LonLat::new(0.0, 90.0))
             .is_err()
     );
+}
+
+#[test]
+fn an_affine_without_inverse_cannot_be_made() {
+    let refused = [
+        [0.0; 6],
+        [0.0, 1.0, 2.0, 0.0, 1.0, 2.0],
+        [0.0, 1.0, 0.0, 0.0, 0.0, f64::NAN],
+        [f64::INFINITY, 1.0, 0.0, 0.0, 0.0, -1.0],
+        [0.0, 1e-200, 0.0, 0.0, 0.0, -1e-200],
+    ];
+    for coefficients in refused {
+        let error = Affine::from_gdal(coefficients).unwrap_err().to_string();
+        assert!(error.contains("no inverse"), "{error}");
+    }
+    // Nor read from a file.
+    let good = Affine::from_gdal([1.0, 2.0, 0.0, 3.0, 0.0, -4.0]).unwrap();
+    let text = serde_json::to_string(&good).unwrap();
+    assert_eq!(serde_json::from_str::<Affine>(&text).unwrap(), good);
+    let singular = text.replace("\"x_from_col\":2.0", "\"x_from_col\":0.0");
+    assert_ne!(singular, text);
+    assert!(serde_json::from_str::<Affine>(&singular).is_err());
 }

@@ -191,9 +191,9 @@ fn up_bearing_and_resolution_agree_with_convergence_and_scale() {
         };
         let epsg = entry["epsg"].as_u64().unwrap();
         let (x, y) = (number(entry, "x"), number(entry, "y"));
-        let affine = Affine::from_gdal([x, 0.5, 0.0, y, 0.0, -0.5]);
+        let affine = Affine::from_gdal([x, 0.5, 0.0, y, 0.0, -0.5]).unwrap();
         let crs = Crs::from_epsg(epsg as u32).unwrap();
-        let map = grimnet_geo::Georeference::new(affine, crs, (1000, 1000)).unwrap();
+        let map = grimnet_geo::Georeference::new(affine, crs, (1000, 1000));
         // Grid north lies `convergence` clockwise of true north. PROJ's is on the projection's own
         // ellipsoid: after the datum shift it differs by seconds of arc.
         let up = map.up_bearing_deg(MapPx::new(0.0, 0.0)).unwrap();

@@ -65,8 +65,8 @@ fn finland_is_one_mosaic() {
         (4300..4400).contains(&w) && (6250..6350).contains(&h),
         "{w} x {h}"
     );
-    let center = map.georeference().center_px();
-    let (x_m, y_m) = map.georeference().ground_resolution_m(center).unwrap();
+    let centre = map.georeference().centre_px();
+    let (x_m, y_m) = map.georeference().ground_resolution_m(centre).unwrap();
     assert!(
         (x_m - 0.1375).abs() < 0.002 && (y_m - x_m).abs() < 0.001,
         "{x_m} {y_m}"

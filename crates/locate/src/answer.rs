@@ -122,7 +122,9 @@ impl Judged {
             confidence,
         } = self;
         let runner_up = best.runner_up.and_then(|other| {
-            let lonlat = level.lonlat_from_level_px(other.centre_level_px?).ok()?;
+            let lonlat = level
+                .lonlat_from_level_px(other.centre_level_px?.into())
+                .ok()?;
             Some(RunnerUp {
                 lat_deg: lonlat.lat_deg,
                 lon_deg: lonlat.lon_deg,

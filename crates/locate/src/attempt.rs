@@ -148,7 +148,7 @@ impl Localizer {
         let level = &self.pack.levels()[first.level];
         let up_bearing_deg = level
             .georeference()
-            .up_bearing_deg(level.georeference().center_px())?;
+            .up_bearing_deg(level.georeference().centre_px())?;
         let made: Vec<_> = hypotheses
             .par_iter()
             .map(|hypothesis| maker.make(hypothesis.heading_deg - up_bearing_deg))
@@ -259,10 +259,10 @@ impl Localizer {
         let mut tiles = vec![verified.candidate.tile];
         if let Some(centre) = verified.centre_level_px {
             let stride = f64::from(level.manifest().stride_px);
+            let tile_centre = <[f64; 2]>::from(tile.centre_px);
             let step = |axis: usize| {
-                (f64::from(tile.grid[axis])
-                    + ((centre[axis] - tile.center_px[axis]) / stride).round())
-                .max(0.0) as u32
+                (f64::from(tile.grid[axis]) + ((centre[axis] - tile_centre[axis]) / stride).round())
+                    .max(0.0) as u32
             };
             tiles.extend(
                 level

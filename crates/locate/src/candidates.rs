@@ -122,7 +122,7 @@ fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
     let reach_m = near.radius_m + level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
     (0..level.tile_count())
         .map(|tile| {
-            let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).center_px)?;
+            let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
             Ok(distance_m(centre, near.centre) <= reach_m)
         })
         .collect()

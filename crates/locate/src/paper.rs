@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use grimnet_geo::{LonLat, MapPx, PaperCorners, PaperTile};
+use grimnet_geo::{LevelPx, LonLat, MapPx, PaperCorners, PaperTile};
 use grimnet_pack::{Level, Mode as PackMode};
 use grimnet_photo::{Photo, View};
 use image::imageops::{FilterType, resize};
@@ -124,7 +124,7 @@ impl Localizer {
         let (center, from_transform) = match center.zip(found) {
             Some((center, place)) => (center, Some(place)),
             None => (
-                level.lonlat_from_level_px(level.tile(candidate.tile).center_px)?,
+                level.lonlat_from_level_px(level.tile(candidate.tile).centre_px)?,
                 None,
             ),
         };
@@ -172,11 +172,11 @@ impl Localizer {
         query: &QueryFeatures,
         best: &Verified,
     ) -> Result<Option<LonLat>> {
-        let Some(center_px) = best.centre_level_px else {
+        let Some(centre_px) = best.centre_level_px else {
             return Ok(None);
         };
         if self.options.coordinates == Coordinates::Georeference {
-            return Ok(level.lonlat_from_level_px(center_px).ok());
+            return Ok(level.lonlat_from_level_px(centre_px.into()).ok());
         }
         let Some(in_tile) = best
             .transform
@@ -208,20 +208,20 @@ impl Localizer {
         let in_tile_px =
             PaperCorners::tile_px_from_processing_px((in_tile.x, in_tile.y), side, side, tile_px);
         Ok(Some(corners.lonlat_from_tile_px(
-            corners.tile_center(place, tile_px, stride_px),
+            corners.tile_centre(place, tile_px, stride_px),
             in_tile_px,
             tile_px,
         )))
     }
 
     fn map_corner(&self, level: &Level, x: f64, y: f64) -> MapPx {
-        level.map_px_from_level_px([x, y])
+        level.map_px_from_level_px(LevelPx::new(x, y))
     }
 }
 
 /// Covariance and 95 % radius of a position anywhere on a tile.
 fn uniform_over_tile(level: &Level, candidate: Candidate) -> Result<([f64; 3], f64)> {
-    let jacobian = en_m_from_level_px_jacobian(level, level.tile(candidate.tile).center_px)?;
+    let jacobian = en_m_from_level_px_jacobian(level, level.tile(candidate.tile).centre_px)?;
     let covariance = jacobian * jacobian.transpose() * (f64::from(level.tile_px()).powi(2) / 12.0);
     Ok((
         [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]],

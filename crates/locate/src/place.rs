@@ -1,6 +1,6 @@
 //! From a transform between query and tile to degrees, metres and headings.
 
-use grimnet_geo::{LonLat, MapPx};
+use grimnet_geo::{LevelPx, LonLat, MapPx};
 use grimnet_net::PositionError;
 use grimnet_pack::Level;
 use grimnet_photo::Photo;
@@ -54,7 +54,7 @@ pub(crate) fn level_from_photo(
 /// Metres east and north per level pixel, at a place of the level.
 pub(crate) fn en_m_from_level_px_jacobian(
     level: &Level,
-    level_px: [f64; 2],
+    level_px: LevelPx,
 ) -> Result<Matrix2<f64>> {
     let frame = level.frame();
     let by_map_px = level
@@ -94,7 +94,7 @@ pub(crate) fn place(
     let Some(level_px_by_photo_px) = level_from_photo.point_jacobian(photo_centre) else {
         return Ok(None);
     };
-    let en_by_level_px = en_m_from_level_px_jacobian(level, centre_px)?;
+    let en_by_level_px = en_m_from_level_px_jacobian(level, centre_px.into())?;
     let en_by_photo_px = en_by_level_px * level_px_by_photo_px;
     let up: Vector2<f64> = en_by_photo_px * Vector2::new(0.0, -1.0);
     // `Photo::image` may be a reduced copy.
@@ -113,11 +113,15 @@ pub(crate) fn place(
     let outline_lonlat_deg = corners
         .iter()
         .filter_map(|&(x, y)| level_from_photo.map(Point2::new(f64::from(x), f64::from(y))))
-        .filter_map(|corner| level.lonlat_from_level_px(corner.into()).ok())
+        .filter_map(|corner| {
+            level
+                .lonlat_from_level_px(LevelPx::new(corner.x, corner.y))
+                .ok()
+        })
         .map(|corner| [corner.lon_deg, corner.lat_deg])
         .collect();
     Ok(Some(Place {
-        centre: level.lonlat_from_level_px(centre_px)?,
+        centre: level.lonlat_from_level_px(centre_px.into())?,
         heading_deg: up.x.atan2(up.y).to_degrees().rem_euclid(360.0),
         gsd_m: en_by_photo_px.determinant().abs().sqrt() * photo_px_per_full_px,
         inlier_covariance_en_m2: upper(&of_inliers),
@@ -140,7 +144,7 @@ pub(crate) fn matched_points(
 ) -> MatchedPoints {
     let frame = TileFrame::new(level, verified.candidate.tile);
     let map_px = |level_px: [f64; 2]| -> [f64; 2] {
-        let MapPx { x, y } = level.map_px_from_level_px(level_px);
+        let MapPx { x, y } = level.map_px_from_level_px(level_px.into());
         [x, y]
     };
     let photo_px = |at: Point2<f64>| {

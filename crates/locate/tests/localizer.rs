@@ -369,9 +369,9 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
         )
         .unwrap();
     assert!(
-        error_m(&outcome, tile.center_map_px) < 2.0,
+        error_m(&outcome, tile.centre_map_px) < 2.0,
         "{}",
-        error_m(&outcome, tile.center_map_px)
+        error_m(&outcome, tile.centre_map_px)
     );
     let wrong = localizer
         .locate(&photo(&town(2), place, 0.0), &Prior::none())

@@ -161,7 +161,7 @@ fn manifest(raster: &dyn Raster, model: &Model, options: &BuildOptions) -> Resul
     let hex = |bytes: [u8; 32]| blake3::Hash::from_bytes(bytes).to_hex().to_string();
     let (width, height) = raster.size_px();
     let georeference = raster.georeference().clone();
-    let (x_m, y_m) = georeference.ground_resolution_m(georeference.center_px())?;
+    let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
     let json = |e: serde_json::Error| PackError::Options(format!("cannot be written as JSON: {e}"));
     let mut manifest = Manifest {
         format_version: FORMAT_VERSION,

@@ -1,6 +1,6 @@
 //! A small picture of the map with the tiles of a level.
 
-use grimnet_geo::{Raster, WindowPx};
+use grimnet_geo::{LevelPx, Raster, WindowPx};
 use image::{Rgb, RgbImage};
 
 use crate::error::{PackError, Result};
@@ -46,10 +46,8 @@ pub fn draw(pack: &Pack, level: usize, raster: &dyn Raster) -> Result<RgbImage> 
     let span = [0, 1].map(|a| (to[a] - from[a]) as f64);
     let per_px = (span[0].max(span[1]) / LONGER_SIDE_PX).max(1.0);
     let out = span.map(|s| ((s / per_px).round() as u32).max(1));
-    let window: WindowPx =
-        level
-            .frame()
-            .map_window(from[0] as f64, from[1] as f64, span[0], span[1]);
+    let top_left = LevelPx::new(from[0] as f64, from[1] as f64);
+    let window: WindowPx = level.frame().map_window(top_left, span[0], span[1]);
     let mut picture = raster.read(window, out[0], out[1])?.rgb;
     let at = |place: i64, a: usize| {
         (((place - from[a]) as f64) / span[a] * f64::from(out[a])).round() as i64

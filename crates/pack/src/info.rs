@@ -38,7 +38,8 @@ pub struct PackInfo {
     /// GDAL geotransform.
     pub geotransform: [f64; 6],
     /// Longitude and latitude of the map's centre, degrees.
-    pub center_lon_lat_deg: Option<[f64; 2]>,
+    #[serde(rename = "center_lon_lat_deg")]
+    pub centre_lon_lat_deg: Option<[f64; 2]>,
     /// Levels, finest first.
     pub levels: Vec<LevelInfo>,
 }
@@ -78,8 +79,8 @@ impl Pack {
         let card = |key: &str| manifest.model.card.get(key);
         let name = card("name").and_then(|v| v.as_str()).unwrap_or_default();
         let georeference = self.georeference();
-        let center = georeference
-            .lonlat_from_map_px(georeference.center_px())
+        let centre = georeference
+            .lonlat_from_map_px(georeference.centre_px())
             .ok();
         PackInfo {
             len_bytes: self.len_bytes(),
@@ -97,7 +98,7 @@ impl Pack {
             map_m: std::array::from_fn(|a| map.size_px[a] as f64 * map.ground_resolution_m[a]),
             crs: georeference.crs().definition().to_owned(),
             geotransform: georeference.affine().to_gdal(),
-            center_lon_lat_deg: center.map(|place| [place.lon_deg, place.lat_deg]),
+            centre_lon_lat_deg: centre.map(|place| [place.lon_deg, place.lat_deg]),
             levels: self
                 .levels()
                 .iter()
@@ -154,7 +155,7 @@ impl fmt::Display for PackInfo {
             "         {w} x {h} px, {:.0} x {:.0} m, {}",
             self.map_m[0], self.map_m[1], self.crs
         )?;
-        if let Some([lon, lat]) = self.center_lon_lat_deg {
+        if let Some([lon, lat]) = self.centre_lon_lat_deg {
             writeln!(f, "centre   {lat:.6}, {lon:.6} (lat, lon)")?;
         }
         for level in &self.levels {

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use grimnet_geo::{Georeference, LevelFrame, LonLat, MapPx};
+use grimnet_geo::{Georeference, LevelFrame, LevelPx, LonLat, MapPx};
 use grimnet_net::Statistics;
 
 use crate::error::{PackError, Result};
@@ -63,10 +63,10 @@ pub struct TileInfo {
     pub grid: [u32; 2],
     /// Top-left corner, level pixels.
     pub origin_px: [i64; 2],
-    /// Centre, continuous level pixels.
-    pub center_px: [f64; 2],
-    /// Centre, map pixels.
-    pub center_map_px: MapPx,
+    /// Centre.
+    pub centre_px: LevelPx,
+    /// Centre on the map.
+    pub centre_map_px: MapPx,
 }
 
 impl Level {
@@ -258,13 +258,13 @@ impl Level {
             |a: usize, step: u32| m.origin_px[a] + i64::from(step) * i64::from(m.stride_px);
         let origin_px = [origin(0, column), origin(1, row)];
         let half = f64::from(m.tile_px) / 2.0;
-        let center_px = origin_px.map(|v| v as f64 + half);
+        let centre_px = LevelPx::from(origin_px.map(|v| v as f64 + half));
         TileInfo {
             index: i,
             grid: [column, row],
             origin_px,
-            center_px,
-            center_map_px: self.map_px_from_level_px(center_px),
+            centre_px,
+            centre_map_px: self.map_px_from_level_px(centre_px),
         }
     }
 
@@ -276,33 +276,31 @@ impl Level {
             .ok()
     }
 
-    /// Map pixel of a level pixel, both continuous.
-    pub fn map_px_from_level_px(&self, level_px: [f64; 2]) -> MapPx {
-        self.manifest
-            .frame
-            .map_px_from_level_px(level_px[0], level_px[1])
+    /// Map pixel of a point of the level.
+    pub fn map_px_from_level_px(&self, point: LevelPx) -> MapPx {
+        self.manifest.frame.map_px_from_level_px(point)
     }
 
-    /// Level pixel of a map pixel, both continuous.
-    pub fn level_px_from_map_px(&self, map_px: MapPx) -> [f64; 2] {
-        self.manifest.frame.level_px_from_map_px(map_px).into()
+    /// Point of the level that a map pixel lies at.
+    pub fn level_px_from_map_px(&self, point: MapPx) -> LevelPx {
+        self.manifest.frame.level_px_from_map_px(point)
     }
 
-    /// Longitude and latitude of a continuous level pixel.
+    /// Longitude and latitude of a point of the level.
     ///
     /// # Errors
-    /// Where the map's coordinate system has no such place.
-    pub fn lonlat_from_level_px(&self, level_px: [f64; 2]) -> Result<LonLat> {
+    /// Returns [`PackError::Map`] if the map's coordinate system does not cover the point.
+    pub fn lonlat_from_level_px(&self, point: LevelPx) -> Result<LonLat> {
         Ok(self
             .georeference
-            .lonlat_from_map_px(self.map_px_from_level_px(level_px))?)
+            .lonlat_from_map_px(self.map_px_from_level_px(point))?)
     }
 
-    /// Continuous level pixel of a longitude and latitude.
+    /// Point of the level at a longitude and latitude.
     ///
     /// # Errors
-    /// Where the map's coordinate system does not reach there.
-    pub fn level_px_from_lonlat(&self, place: LonLat) -> Result<[f64; 2]> {
+    /// Returns [`PackError::Map`] if the map's coordinate system does not cover the position.
+    pub fn level_px_from_lonlat(&self, place: LonLat) -> Result<LevelPx> {
         Ok(self.level_px_from_map_px(self.georeference.map_px_from_lonlat(place)?))
     }
 

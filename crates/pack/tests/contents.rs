@@ -2,7 +2,7 @@
 
 mod support;
 
-use grimnet_geo::{Raster, WindowPx};
+use grimnet_geo::{LevelPx, Raster, WindowPx};
 use grimnet_net::{Domain, ExtractOptions, Extractor};
 use grimnet_pack::{BuildOptions, CELL_PX, Index, Levels, Mode, TILE_PX, draw};
 use support::*;
@@ -29,16 +29,14 @@ fn tiles_and_features_lie_where_the_map_says() {
     assert_eq!((tile.grid, level.tile_at([2, 1])), ([2, 1], Some(7)));
     assert_eq!(tile.origin_px, [-17 + 2 * 256, -89 + 256]);
     let back = level
-        .level_px_from_lonlat(level.lonlat_from_level_px(tile.center_px).unwrap())
+        .level_px_from_lonlat(level.lonlat_from_level_px(tile.centre_px).unwrap())
         .unwrap();
-    assert!(
-        (back[0] - tile.center_px[0]).abs() < 1e-3 && (back[1] - tile.center_px[1]).abs() < 1e-3
-    );
+    assert!((back.x - tile.centre_px.x).abs() < 1e-3 && (back.y - tile.centre_px.y).abs() < 1e-3);
     let expected = map
         .georeference()
-        .lonlat_from_map_px(tile.center_map_px)
+        .lonlat_from_map_px(tile.centre_map_px)
         .unwrap();
-    let found = level.lonlat_from_level_px(tile.center_px).unwrap();
+    let found = level.lonlat_from_level_px(tile.centre_px).unwrap();
     assert!((expected.lon_deg - found.lon_deg).abs() < 1e-12);
 
     // Features of the tile against a network pass over the tile alone, where both see the same surroundings.
@@ -47,9 +45,10 @@ fn tiles_and_features_lie_where_the_map_says() {
     let seen_around = |tile: usize| {
         let [x, y] = level.tile(tile).origin_px.map(|v| v as f64 - 64.0);
         let side = TILE_PX + 128;
-        let window: WindowPx = level
-            .frame()
-            .map_window(x, y, f64::from(side), f64::from(side));
+        let window: WindowPx =
+            level
+                .frame()
+                .map_window(LevelPx::new(x, y), f64::from(side), f64::from(side));
         let patch = map.read(window, side, side).unwrap();
         let dense = extractor.dense(&patch.rgb, Some(&patch.valid)).unwrap();
         (dense, patch.valid)
@@ -134,10 +133,10 @@ fn nothing_of_the_map_is_lost_and_small_maps_are_padded() {
             // Keypoints lie on the map, not on the padding.
             let tile = level.tile(i);
             for [x, y] in level.features(i).xy_px {
-                let place = level.map_px_from_level_px([
+                let place = level.map_px_from_level_px(LevelPx::new(
                     tile.origin_px[0] as f64 + f64::from(x) + 0.5,
                     tile.origin_px[1] as f64 + f64::from(y) + 0.5,
-                ]);
+                ));
                 assert!(
                     place.x >= 0.0
                         && place.x <= width as f64
@@ -179,7 +178,7 @@ fn nodata_and_black_are_skipped_and_counted() {
     );
     for i in 0..pack.levels()[0].tile_count() {
         let tile = pack.levels()[0].tile(i);
-        assert!(tile.center_map_px.x > 1024.0 - 200.0 && tile.center_map_px.y > 1024.0 - 200.0);
+        assert!(tile.centre_map_px.x > 1024.0 - 200.0 && tile.centre_map_px.y > 1024.0 - 200.0);
     }
     let picture = draw(&pack, 0, &map).unwrap();
     let has = |colour: [u8; 3]| picture.pixels().any(|p| p.0 == colour);
@@ -249,7 +248,7 @@ fn levels_go_by_factors_of_two() {
     assert_eq!(pack.nearest_level(90.0), 3);
     // Each level covers the same ground.
     for level in pack.levels() {
-        let corner = level.map_px_from_level_px([0.0, level.size_px()[1] as f64]);
+        let corner = level.map_px_from_level_px(LevelPx::new(0.0, level.size_px()[1] as f64));
         assert!(corner.x == 0.0 && (corner.y - 2300.0).abs() < 9.0);
     }
 }

@@ -175,7 +175,7 @@ impl<'a> Bench<'a> {
             let since = Instant::now();
             let mut best: Option<(usize, Outcome)> = None;
             for tile in finder.retrieve(&shot.photo, &prior)? {
-                let centre = level.lonlat_from_level_px(level.tile(tile).center_px)?;
+                let centre = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
                 let outcome = matcher.locate(&shot.photo, &prior.near(centre, reach_m))?;
                 let inliers = outcome.fix().map_or(0, |fix| fix.inliers);
                 if best.as_ref().is_none_or(|(most, _)| inliers > *most) {

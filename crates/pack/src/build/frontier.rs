@@ -125,10 +125,9 @@ mod tests {
     use proptest::prelude::*;
 
     fn plan(width: u64, height: u64) -> LevelPlan {
-        let affine = Affine::from_gdal([500_000.0, 1.0, 0.0, 4_982_950.0, 0.0, -1.0]);
+        let affine = Affine::from_gdal([500_000.0, 1.0, 0.0, 4_982_950.0, 0.0, -1.0]).unwrap();
         let size = (width, height);
-        let georeference =
-            Georeference::new(affine, Crs::parse("EPSG:32632").unwrap(), size).unwrap();
+        let georeference = Georeference::new(affine, Crs::parse("EPSG:32632").unwrap(), size);
         let options = BuildOptions {
             levels: Levels::Gsd(vec![1.0]),
             ..BuildOptions::standard()

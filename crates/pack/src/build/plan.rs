@@ -165,7 +165,7 @@ pub fn plan_levels(
     options: &BuildOptions,
 ) -> Result<Vec<LevelPlan>> {
     check(options)?;
-    let (x_m, y_m) = georeference.ground_resolution_m(georeference.center_px())?;
+    let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
     let own_gsd_m = (x_m * y_m).sqrt();
     let usable = map_px.0 > 0 && map_px.1 > 0 && own_gsd_m.is_finite() && own_gsd_m > 0.0;
     if !usable {
@@ -242,9 +242,10 @@ mod tests {
 
     /// A north-up map at 45 degrees north in UTM with pixels of these metres.
     fn utm(map_px: (u64, u64), x_m: f64, y_m: f64) -> Georeference {
-        let affine = grimnet_geo::Affine::from_gdal([500_000.0, x_m, 0.0, 4_982_950.0, 0.0, -y_m]);
+        let affine =
+            grimnet_geo::Affine::from_gdal([500_000.0, x_m, 0.0, 4_982_950.0, 0.0, -y_m]).unwrap();
         let crs = grimnet_geo::Crs::parse("EPSG:32632").unwrap();
-        Georeference::new(affine, crs, map_px).unwrap()
+        Georeference::new(affine, crs, map_px)
     }
 
     fn plan(map_px: (u64, u64), gsd_m: f64, options: &BuildOptions) -> LevelPlan {

@@ -1,6 +1,6 @@
 //! Features of one piece of work: a block of cells (default mode) or a row of tiles (paper mode).
 
-use grimnet_geo::{Raster, RasterPatch, WindowPx};
+use grimnet_geo::{LevelPx, Raster, RasterPatch, WindowPx};
 use grimnet_net::{Dense, ExtractOptions, Extractor, Keypoint};
 use image::{GrayImage, RgbImage, imageops};
 use rayon::prelude::*;
@@ -119,7 +119,7 @@ pub fn read_window(
 ) -> Result<RasterPatch> {
     let [x, y] = origin_px.map(|v| v as f64);
     let [w, h] = size_px.map(f64::from);
-    let window: WindowPx = plan.frame.map_window(x, y, w, h);
+    let window: WindowPx = plan.frame.map_window(LevelPx::new(x, y), w, h);
     Ok(raster.read(window, size_px[0], size_px[1])?)
 }
 

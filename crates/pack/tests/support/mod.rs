@@ -25,9 +25,9 @@ pub struct TestMap {
 
 impl TestMap {
     pub fn new(width: u64, height: u64) -> Self {
-        let affine = Affine::from_gdal([500_000.0, GSD_M, 0.0, 4_982_950.0, 0.0, -GSD_M]);
+        let affine = Affine::from_gdal([500_000.0, GSD_M, 0.0, 4_982_950.0, 0.0, -GSD_M]).unwrap();
         let crs = Crs::parse("EPSG:32632").unwrap();
-        let georeference = Georeference::new(affine, crs, (width, height)).unwrap();
+        let georeference = Georeference::new(affine, crs, (width, height));
         Self {
             size: (width, height),
             seed: 1,

@@ -1,4 +1,4 @@
-//! Georeferenced rasters, coordinate systems, tile grids and metres on the ellipsoid.
+//! Georeferenced rasters, coordinate systems and metres on the ellipsoid.
 //!
 //! [`open_map`] opens a GeoTIFF or COG, a picture with a world file, a picture with two corners
 //! or a CSV of corner-annotated pictures, and gives a [`Raster`]: windows of it can be read at
@@ -49,7 +49,6 @@ mod samples;
 mod tiff;
 mod tiff_georeference;
 mod tiff_images;
-mod tile_grid;
 mod windowed;
 mod world_file;
 
@@ -67,4 +66,3 @@ pub use metres::{
 pub use open::{MapOptions, open_map};
 pub use paper_equations::{PaperCorners, PaperTile};
 pub use raster::{Raster, RasterPatch};
-pub use tile_grid::{Tile, TileGrid, TilePlan};

@@ -3,7 +3,7 @@
 use approx::assert_relative_eq;
 use grimnet_geo::{
     Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, PaperCorners, PaperTile,
-    TileGrid, TilePlan, bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
+    bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
 };
 use proptest::prelude::*;
 
@@ -104,63 +104,6 @@ proptest! {
         let (east, north) = offset_en_m(from, to);
         prop_assert!(distance_m(destination_en_m(from, east, north), to) < 1e-6);
     }
-
-    #[test]
-    fn clamped_tiles_cover_every_pixel(
-        width in 1_u64..3000, height in 1_u64..3000, tile in 1_u64..700, share in 0.01..1.0_f64,
-    ) {
-        let stride = ((tile as f64 * share) as u64).max(1);
-        let grid = TileGrid::new(width, height, tile, stride, TilePlan::Clamped).unwrap();
-        // One axis at a time: which columns of pixels are under a tile.
-        let mut next_x = 0;
-        for column in 0..grid.columns() {
-            let t = grid.tile(column).unwrap();
-            prop_assert!(t.x_px <= next_x, "a hole before {}", t.x_px);
-            next_x = t.x_px + tile;
-        }
-        prop_assert!(next_x >= width);
-        prop_assert!(width < tile || next_x == width, "ends at the edge");
-        let mut next_y = 0;
-        for row in 0..grid.rows() {
-            let t = grid.tile(row * grid.columns()).unwrap();
-            prop_assert!(t.y_px <= next_y);
-            next_y = t.y_px + tile;
-        }
-        prop_assert!(next_y >= height);
-        prop_assert_eq!(grid.iter().count() as u64, grid.len());
-        prop_assert!(grid.tile(grid.len()).is_none());
-    }
-
-    #[test]
-    fn paper_tiles_fit_and_no_more_would(width in 1_u64..5000, height in 1_u64..5000) {
-        let grid = TileGrid::paper(width, height).unwrap();
-        for t in grid.iter() {
-            prop_assert!(t.x_px + 512 <= width && t.y_px + 512 <= height);
-            prop_assert_eq!((t.x_px, t.y_px), (t.column * 256, t.row * 256));
-        }
-        if !grid.is_empty() {
-            prop_assert!(grid.columns() * 256 + 512 > width && grid.rows() * 256 + 512 > height);
-        } else {
-            prop_assert!(width < 512 || height < 512);
-        }
-    }
-}
-
-#[test]
-fn equation_1_by_hand() {
-    // W = 4103: j in 0..=(4103 - 512) / 256 = 14; H = 3894: i in 0..=13.
-    let grid = TileGrid::paper(4103, 3894).unwrap();
-    assert_eq!((grid.columns(), grid.rows(), grid.len()), (15, 14, 210));
-    let clamped = TileGrid::clamped(4103, 3894).unwrap();
-    assert_eq!((clamped.columns(), clamped.rows()), (16, 15));
-    let last = clamped.tile(clamped.len() - 1).unwrap();
-    assert_eq!((last.x_px, last.y_px), (4103 - 512, 3894 - 512));
-    // A map that a tile fits exactly has one, in both plans.
-    assert_eq!(TileGrid::paper(512, 512).unwrap().len(), 1);
-    assert_eq!(TileGrid::clamped(512, 512).unwrap().len(), 1);
-    // Smaller than a tile: none in the paper's, one in ours.
-    assert!(TileGrid::paper(511, 4000).unwrap().is_empty());
-    assert_eq!(TileGrid::clamped(300, 200).unwrap().len(), 1);
 }
 
 #[test]

@@ -84,19 +84,19 @@ pub(crate) fn by_descriptor(
         return Ok(Vec::new());
     }
     let index = match options.search {
-        Search::AsBuilt => Index::of(level),
+        Search::AsBuilt => level.index(),
         Search::Exact => Index::Exact,
         Search::IvfPq {
             nprobe,
             rerank_factor,
-        } => Index::IvfPq {
-            nprobe,
-            rerank_factor,
-        },
+        } => level.index().with_probes(
+            nprobe.try_into().unwrap_or(u32::MAX),
+            rerank_factor.try_into().unwrap_or(u32::MAX),
+        )?,
     };
     let allowed = near.map(|near| allowed_tiles(level, near)).transpose()?;
     let keep = |tile: usize| allowed.as_ref().is_none_or(|allowed| allowed[tile]);
-    let found = index.search(level, &globals, options.top_k, Some(&keep))?;
+    let found = level.search_with(index, &globals, options.top_k, Some(&keep))?;
     let mut candidates: Vec<Candidate> = found
         .into_iter()
         .enumerate()

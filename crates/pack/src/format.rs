@@ -23,7 +23,7 @@ use bytemuck::{Pod, Zeroable};
 pub const MAGIC: [u8; 8] = *b"GRIMPACK";
 
 /// Version of the layout described above; another version is refused.
-pub const FORMAT_VERSION: u32 = 2;
+pub const FORMAT_VERSION: u32 = 3;
 
 /// Sections and feature blobs start at multiples of this many bytes (a cache line).
 pub const ALIGNMENT: u64 = 64;

@@ -4,8 +4,8 @@ use std::fmt;
 
 use serde::Serialize;
 
-use crate::manifest::IndexManifest;
-use crate::options::Mode;
+use crate::index::Index;
+use crate::mode::Mode;
 use crate::pack::Pack;
 
 /// A pack in short.
@@ -67,8 +67,14 @@ pub struct LevelInfo {
     pub bytes_per_unit: f64,
     /// Tiles that adapted statistics were taken from; 0 where the model's own were used.
     pub adapted_from_tiles: u32,
-    /// Index.
-    pub index: IndexManifest,
+    /// Units along the side of a tile: 2 cells, or 1 in paper mode.
+    pub units_per_tile_side: u32,
+    /// How tile descriptors are searched.
+    pub index: Index,
+    /// Why the index is not the one that could be expected; empty if it is.
+    pub index_note: String,
+    /// Share of the ten nearest neighbours that an IVF-PQ index finds.
+    pub index_recall_at_10: Option<f64>,
 }
 
 impl Pack {
@@ -116,7 +122,10 @@ impl Pack {
                         len_bytes: level.len_bytes(),
                         bytes_per_unit: per_unit(level.len_bytes()),
                         adapted_from_tiles: m.adapted_from_tiles,
-                        index: m.index.clone(),
+                        units_per_tile_side: m.units_per_tile_side,
+                        index: m.index,
+                        index_note: m.index_note.clone(),
+                        index_recall_at_10: m.index_recall_at_10,
                     }
                 })
                 .collect(),
@@ -126,10 +135,7 @@ impl Pack {
 
 impl fmt::Display for PackInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let (mode, unit) = match self.mode {
-            Mode::Default => ("default", "cell"),
-            Mode::Paper => ("paper", "tile"),
-        };
+        let mode = self.mode;
         let short = |hash: &str| hash.chars().take(16).collect::<String>();
         writeln!(
             f,
@@ -159,6 +165,11 @@ impl fmt::Display for PackInfo {
             writeln!(f, "centre   {lat:.6}, {lon:.6} (lat, lon)")?;
         }
         for level in &self.levels {
+            let unit = if level.units_per_tile_side == 1 {
+                "tile"
+            } else {
+                "cell"
+            };
             write!(
                 f,
                 "level    {:.3} m/px: {} tiles of {:.0} m ({} skipped), {} {unit}s ({} skipped), \
@@ -172,27 +183,25 @@ impl fmt::Display for PackInfo {
                 level.keypoints_per_unit,
                 Bytes(level.bytes_per_unit),
             )?;
-            match &level.index {
-                IndexManifest::Exact { note } if note.is_empty() => write!(f, "exact search")?,
-                IndexManifest::Exact { note } => write!(f, "exact search ({note})")?,
-                IndexManifest::IvfPq {
+            match level.index {
+                Index::Exact => write!(f, "exact search")?,
+                Index::IvfPq {
                     nlist,
                     subquantisers,
                     nprobe,
                     rerank_factor,
-                    measured_recall_at_10,
                 } => {
-                    let rerank = if *rerank_factor > 0 {
-                        ", re-ranked"
-                    } else {
-                        ""
-                    };
-                    write!(
-                        f,
-                        "IVF{nlist} PQ{subquantisers} nprobe {nprobe}{rerank}, recall at 10 of {:.1} %",
-                        100.0 * measured_recall_at_10
-                    )?;
+                    write!(f, "IVF{nlist} PQ{subquantisers} nprobe {nprobe}")?;
+                    if rerank_factor > 0 {
+                        write!(f, ", re-ranked")?;
+                    }
                 }
+            }
+            if let Some(recall) = level.index_recall_at_10 {
+                write!(f, ", recall at 10 of {:.1} %", 100.0 * recall)?;
+            }
+            if !level.index_note.is_empty() {
+                write!(f, " ({})", level.index_note)?;
             }
             if level.adapted_from_tiles > 0 {
                 write!(

@@ -9,9 +9,9 @@ use grimnet_net::Statistics;
 use crate::error::{PackError, Result};
 use crate::features::{FeatureBlock, TileFeatures};
 use crate::format::{TileEntry, UnitEntry, UnitState};
-use crate::manifest::{IndexManifest, LevelManifest, Manifest};
-use crate::options::Mode;
-use crate::pack::Mapped;
+use crate::index::Index;
+use crate::manifest::{LevelManifest, Manifest};
+use crate::mapped::Mapped;
 use crate::search::ivf_pq::IvfPqView;
 
 /// Side of a cell, level pixels: half a tile.
@@ -26,7 +26,6 @@ pub struct Level {
     file: Arc<Mapped>,
     georeference: Arc<Georeference>,
     manifest: LevelManifest,
-    mode: Mode,
     descriptor_dim: usize,
     global_dim: usize,
     tiles: Part,
@@ -93,8 +92,8 @@ impl Level {
             })
         };
         let ivf_lists = match manifest.index {
-            IndexManifest::Exact { .. } => None,
-            IndexManifest::IvfPq { .. } => Some(IvfParts {
+            Index::Exact => None,
+            Index::IvfPq { .. } => Some(IvfParts {
                 centroids: need("ivf.centroids")?,
                 codebooks: need("ivf.codebooks")?,
                 list_starts: need("ivf.list_starts")?,
@@ -105,7 +104,6 @@ impl Level {
         let level = Self {
             file: Arc::clone(file),
             georeference: Arc::clone(georeference),
-            mode: pack.mode,
             descriptor_dim: pack.model.descriptor_dim,
             global_dim: pack.model.global_dim,
             tiles: need("tiles")?,
@@ -149,7 +147,9 @@ impl Level {
         if expected.iter().any(|(part, len)| Some(part.len) != *len) {
             return wrong("sections of the wrong length");
         }
-        let span = if self.mode == Mode::Paper { 0 } else { 1 };
+        let Some(span) = m.units_per_tile_side.checked_sub(1) else {
+            return wrong("impossible sizes");
+        };
         let fits = |tile: &TileEntry| {
             tile.column < m.tile_grid[0]
                 && tile.row < m.tile_grid[1]
@@ -242,7 +242,12 @@ impl Level {
         &self.georeference
     }
 
-    /// Tiles with a descriptor.
+    /// The index that the level was built with.
+    pub fn index(&self) -> Index {
+        self.manifest.index
+    }
+
+    /// Number of tiles with a descriptor.
     pub fn tile_count(&self) -> usize {
         self.tile_entries().len()
     }
@@ -304,7 +309,7 @@ impl Level {
         Ok(self.level_px_from_map_px(self.georeference.map_px_from_lonlat(place)?))
     }
 
-    /// Features of tile `i` as they lie in the file: four cells, or one block in paper mode.
+    /// Features of tile `i` as they are stored: one block per cell, or a single one in paper mode.
     ///
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
@@ -312,24 +317,21 @@ impl Level {
         let TileEntry { column, row } = self.tile_entries()[i];
         let m = &self.manifest;
         let px_per_stored_px = m.tile_px as f32 / m.network_px as f32;
-        let (side, scale) = match self.mode {
-            Mode::Paper => (1, px_per_stored_px),
-            Mode::Default => (2, 1.0),
-        };
+        let side = m.units_per_tile_side;
         let (units, features) = (self.unit_entries(), self.bytes(self.features));
         let places = (0..side).flat_map(|dy| (0..side).map(move |dx| (dx, dy)));
         places
             .filter_map(|(dx, dy)| {
                 let at = (row + dy) as usize * m.unit_grid[0] as usize + (column + dx) as usize;
                 let unit = units.get(at).filter(|u| u.keypoints > 0)?;
-                let offset_px = [dx, dy].map(|d| (d * CELL_PX) as f32);
+                let offset_px = [dx, dy].map(|d| (d * m.stride_px) as f32);
                 let blob = features.get(unit.offset as usize..)?;
                 FeatureBlock::new(
                     blob,
                     unit.keypoints as usize,
                     self.descriptor_dim,
                     offset_px,
-                    scale,
+                    px_per_stored_px,
                 )
             })
             .collect()
@@ -423,7 +425,7 @@ impl Level {
     }
 
     fn ivf_pq_of(&self, parts: &IvfParts) -> Option<IvfPqView<'_>> {
-        let IndexManifest::IvfPq {
+        let Index::IvfPq {
             nlist,
             subquantisers,
             ..

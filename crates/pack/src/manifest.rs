@@ -2,7 +2,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::options::{BuildOptions, Mode};
+use crate::index::Index;
+use crate::mode::Mode;
+use crate::options::BuildOptions;
 
 /// Everything about a pack but its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -77,6 +79,9 @@ pub struct LevelManifest {
     pub tile_grid: [u32; 2],
     /// Columns and rows of feature units: cells (one more than tiles) or, in paper mode, tiles.
     pub unit_grid: [u32; 2],
+    /// Feature units along the side of a tile: 2 cells or, in paper mode, 1. The unit at the top left of a tile has the
+    /// tile's column and row; neighbouring units are `stride_px` apart.
+    pub units_per_tile_side: u32,
     /// Tiles with a descriptor.
     pub tiles: u64,
     /// Tiles left out because (nearly) all of them is nodata or black.
@@ -94,31 +99,11 @@ pub struct LevelManifest {
     /// Tiles that adapted statistics were taken from; 0 where the model's own were used.
     pub adapted_from_tiles: u32,
     /// How tile descriptors are searched.
-    pub index: IndexManifest,
-}
-
-/// The index of a level.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case", tag = "kind")]
-pub enum IndexManifest {
-    /// Every row is compared.
-    Exact {
-        /// Why, where something else could have been expected.
-        note: String,
-    },
-    /// Inverted lists with product-quantised residuals.
-    IvfPq {
-        /// Number of lists.
-        nlist: u32,
-        /// Bytes a vector.
-        subquantisers: u32,
-        /// Lists visited by default.
-        nprobe: u32,
-        /// Candidates per answer that are ranked again by full vectors; 0: none (as the paper).
-        rerank_factor: u32,
-        /// Share of the ten exact nearest neighbours (of sampled tiles, themselves left out) that are found.
-        measured_recall_at_10: f64,
-    },
+    pub index: Index,
+    /// Why the index is not the one that could be expected; empty if it is.
+    pub index_note: String,
+    /// Share of the ten exact nearest neighbours (of sampled tiles, themselves left out) that an IVF-PQ index finds.
+    pub index_recall_at_10: Option<f64>,
 }
 
 /// A part of the file.

@@ -2,85 +2,48 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The paper's recipe to the letter, or what serves a user best.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Mode {
-    /// Features once per ground cell, tile descriptors summed from cells.
-    #[default]
-    Default,
-    /// Independent tiles of 512 px at stride 256, each resized for the network.
-    Paper,
-}
+use crate::index::Index;
+use crate::mode::Mode;
 
-/// Which ground resolutions the pack holds.
+/// The ground resolutions of a pack.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Levels {
-    /// Default mode: from the map's own resolution (not finer than 0.15 m) by factors of two until a tile is
-    /// about a kilometre or covers the map. Paper mode: the map's own resolution alone.
+    /// Default mode: from the map's own resolution (not finer than [`crate::FINEST_AUTO_GSD_M`]) by factors of two
+    /// until a tile is about a kilometre wide or covers the map. Paper mode: the map's own resolution alone.
     #[default]
     Auto,
-    /// These, metres a pixel.
+    /// These resolutions, metres per pixel.
     Gsd(Vec<f64>),
 }
 
-/// Which index is made for each level.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum IndexChoice {
-    /// Default mode: exact up to about 100,000 tiles, then IVF-PQ re-ranked by full vectors.
-    /// Paper mode: IVF256 + PQ64 where the tiles suffice to train it, else exact.
-    #[default]
-    Auto,
-    /// Every row is compared.
-    Exact,
-    /// Inverted lists with product quantisation, or an error where they cannot be trained.
-    IvfPq {
-        /// Number of lists.
-        nlist: u32,
-        /// Bytes a vector; must divide the descriptor's dimension.
-        subquantisers: u32,
-        /// Lists visited by default.
-        nprobe: u32,
-        /// Candidates per answer that are ranked again by full vectors; 0: none.
-        rerank_factor: u32,
-    },
-}
-
-/// The paper's index: IVF256, PQ64 (section 3.2). It does not give nprobe; faiss visits one list unless told.
-pub const PAPER_INDEX: IndexChoice = IndexChoice::IvfPq {
-    nlist: 256,
-    subquantisers: 64,
-    nprobe: 32,
-    rerank_factor: 0,
-};
-
-/// How a pack is built. Everything here changes the bytes of the result and is written into it.
+/// How a pack is built. Every option changes the bytes of the result and is written into it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BuildOptions {
-    /// Recipe.
+    /// Default or paper mode.
     pub mode: Mode,
     /// Ground resolutions.
     pub levels: Levels,
-    /// Paper mode: side of the picture that a tile is resized to, pixels, a multiple of 32 (paper: 320).
+    /// Paper mode: side of the image that a tile is resized to, pixels, a multiple of 32 (paper: 320).
     pub resolution: u32,
-    /// Side of the coarsest tiles that [`Levels::Auto`] makes, metres, roughly.
+    /// Approximate side of the coarsest tiles that [`Levels::Auto`] makes, metres.
     pub max_tile_m: f64,
-    /// Whether normalisation statistics are taken anew from the map, without labels.
+    /// Whether normalisation statistics are recomputed on the map, without labels.
     pub adapt: bool,
-    /// Keypoints below this probability are not kept.
+    /// Keypoints below this probability are discarded.
     pub keypoint_threshold: f32,
-    /// Keypoints nearer to a stronger one than this are not kept, pixels.
+    /// Radius of non-maximum suppression of keypoints, pixels.
     pub nms_radius_px: u32,
-    /// Most keypoints of a cell (default mode) or of a tile (paper mode).
+    /// Maximum number of keypoints of a cell (default mode) or of a tile (paper mode).
     pub max_keypoints: u32,
-    /// Index.
-    pub index: IndexChoice,
+    /// Search index of every level. `None`: chosen by mode and number of tiles. Default mode: exact up to about
+    /// 100,000 tiles, then IVF-PQ re-ranked by full descriptors. Paper mode: [`crate::PAPER_INDEX`] if there are
+    /// enough tiles to train it, else exact.
+    pub index: Option<Index>,
 }
 
 impl BuildOptions {
-    /// Options of the default mode.
+    /// Options of the default mode. [`BuildOptions::paper`] has those of paper mode.
     pub fn standard() -> Self {
         Self {
             mode: Mode::Default,
@@ -91,17 +54,7 @@ impl BuildOptions {
             keypoint_threshold: 0.005,
             nms_radius_px: 2,
             max_keypoints: 256,
-            index: IndexChoice::Auto,
-        }
-    }
-
-    /// The paper's options: tiles of 512 px resized to 320 x 320, threshold 0.015, 1024 keypoints.
-    pub fn paper() -> Self {
-        Self {
-            mode: Mode::Paper,
-            keypoint_threshold: 0.015,
-            max_keypoints: 1024,
-            ..Self::standard()
+            index: None,
         }
     }
 }

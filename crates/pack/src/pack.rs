@@ -12,7 +12,8 @@ use crate::error::{PackError, Result};
 use crate::format::{ALIGNMENT, FORMAT_VERSION, HEADER_LEN, Header, MAGIC};
 use crate::level::Level;
 use crate::manifest::{Manifest, Section};
-use crate::options::Mode;
+use crate::mapped::Mapped;
+use crate::mode::Mode;
 
 /// Files up to this size are checked byte by byte when opened; larger ones are, but for their features section,
 /// and [`Pack::verify`] checks the rest.
@@ -35,17 +36,6 @@ pub struct Pack {
     file: Arc<Mapped>,
     manifest: Arc<Manifest>,
     levels: Arc<[Level]>,
-}
-
-/// The mapped bytes of a file.
-#[derive(Debug)]
-pub(crate) struct Mapped(Mmap);
-
-impl Mapped {
-    /// Bytes of a section; its bounds were checked on opening.
-    pub(crate) fn section(&self, offset: u64, len: u64) -> &[u8] {
-        &self.0[offset as usize..(offset + len) as usize]
-    }
 }
 
 impl Pack {

@@ -4,7 +4,7 @@ mod support;
 
 use grimnet_geo::{LevelPx, Raster, WindowPx};
 use grimnet_net::{Domain, ExtractOptions, Extractor};
-use grimnet_pack::{BuildOptions, CELL_PX, Index, Levels, Mode, TILE_PX, draw};
+use grimnet_pack::{BuildOptions, CELL_PX, Index, Levels, Mode, PAPER_INDEX, TILE_PX, draw};
 use support::*;
 
 fn cosine(a: &[f32], b: &[f32]) -> f32 {
@@ -291,17 +291,12 @@ fn search_filters_and_takes_several_queries() {
         level.tile_count()
     );
     assert!(level.search(&queries[1..], 4, None).is_err());
-    let index = Index::IvfPq {
-        nprobe: 1,
-        rerank_factor: 0,
-    };
-    assert!(
-        index
-            .search(level, &queries, 4, None)
-            .unwrap_err()
-            .to_string()
-            .contains("without one")
-    );
+    assert_eq!(level.index(), Index::Exact);
+    assert!(level.index().with_probes(1, 0).is_err());
+    let error = level
+        .search_with(PAPER_INDEX, &queries, 4, None)
+        .unwrap_err();
+    assert!(error.to_string().contains("without IVF256"), "{error}");
 }
 
 #[test]

@@ -239,6 +239,11 @@ impl<'a> IvfPqView<'a> {
         })
     }
 
+    /// Whether the index has this many lists and bytes per code.
+    pub fn has_shape(&self, nlist: u32, subquantisers: u32) -> bool {
+        (self.nlist, self.subquantisers) == (nlist as usize, subquantisers as usize)
+    }
+
     /// The `k` best vectors of each query (`q x dim`), looking into `nprobe` lists.
     pub fn search(
         &self,

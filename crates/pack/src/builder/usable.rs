@@ -1,4 +1,4 @@
-//! Which pixels of a map say something: valid, and not part of a black margin.
+//! Which pixels of a map have image content: valid, and not part of a black margin.
 
 use grimnet_geo::RasterPatch;
 use image::{GrayImage, Luma};
@@ -10,13 +10,14 @@ const NEAR_BLACK: u8 = 8;
 /// Near-black counts as empty in squares of this side; smaller dark spots are shadows.
 const BLACK_SQUARE_PX: u32 = 8;
 
-/// Cells with less of their map part usable are skipped.
-pub const LEAST_USABLE_OF_CELL: f64 = 0.05;
+/// Cells with a smaller share of usable pixels inside the map are skipped.
+pub const MIN_USABLE_OF_CELL: f64 = 0.05;
 
-/// Tiles with less of their map part usable are skipped: a neighbour, shifted by half, sees that part better.
-pub const LEAST_USABLE_OF_TILE: f64 = 0.25;
+/// Tiles with a smaller share of usable pixels inside the map are skipped: a neighbour, shifted by half, covers that
+/// part better.
+pub const MIN_USABLE_OF_TILE: f64 = 0.25;
 
-/// 255 where the map says something, 0 elsewhere.
+/// 255 where the map has image content, 0 elsewhere.
 pub fn usable_mask(patch: &RasterPatch) -> GrayImage {
     let (width, height) = patch.rgb.dimensions();
     let mut mask = patch.valid.clone();
@@ -41,7 +42,7 @@ pub fn usable_mask(patch: &RasterPatch) -> GrayImage {
     mask
 }
 
-/// Number of usable pixels in a window of a mask.
+/// Number of usable pixels in a square of a mask.
 pub fn usable_px(mask: &GrayImage, left: u32, top: u32, side: u32) -> u64 {
     let width = mask.width() as usize;
     let rows = (top..top + side).map(|y| y as usize * width + left as usize);
@@ -54,9 +55,14 @@ pub fn usable_px(mask: &GrayImage, left: u32, top: u32, side: u32) -> u64 {
     .sum()
 }
 
-/// Whether so many usable pixels, of so many inside the map, are enough.
-pub fn is_enough(usable_px: u64, inside_px: u64, least: f64) -> bool {
-    usable_px > 0 && usable_px as f64 >= least * inside_px as f64
+/// The mask, or `None` if it hides nothing.
+pub fn mask_if_partial(mask: &GrayImage) -> Option<&GrayImage> {
+    mask.as_raw().contains(&0).then_some(mask)
+}
+
+/// Whether at least a share `min` of the pixels inside the map is usable.
+pub fn is_enough(usable_px: u64, inside_px: u64, min: f64) -> bool {
+    usable_px > 0 && usable_px as f64 >= min * inside_px as f64
 }
 
 #[cfg(test)]

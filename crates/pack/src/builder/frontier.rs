@@ -1,15 +1,16 @@
-//! Tile descriptors from cells, while blocks come in row by row.
+//! Tile descriptors from cells, while blocks are computed row by row.
 //!
-//! NetVLAD sums over positions (eq. 5), so a tile's is the sum of its four cells' before normalisation. Only the lower
-//! and right border of what was seen so far can still be part of a new tile: memory is one row of cells.
+//! NetVLAD is a sum over positions (equation 5), so the sum of a tile is that of its four cells before normalisation.
+//! Only cells at the lower and right border of the finished part can belong to a further tile: memory is one row of
+//! cells.
 
 use std::collections::HashMap;
 
-use crate::build::plan::{Item, LevelPlan};
-use crate::build::usable::{LEAST_USABLE_OF_TILE, is_enough};
+use crate::builder::level_plan::{Item, LevelPlan};
+use crate::builder::usable::{MIN_USABLE_OF_TILE, is_enough};
 use crate::format::TileEntry;
 
-/// A cell as its tiles need it.
+/// What the tiles of a cell need of it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CellSum {
     /// Unnormalised VLAD sum; `None` for a skipped cell.
@@ -20,24 +21,24 @@ pub struct CellSum {
     pub inside_px: u32,
 }
 
-/// The border between finished cells and those to come, of one level.
+/// The border between finished and remaining cells of one level.
 #[derive(Clone, Debug, Default)]
 pub struct Frontier {
-    /// Cells that tiles to come may need, by column and row.
+    /// Cells that remaining tiles may need, by column and row.
     cells: HashMap<[u32; 2], CellSum>,
 }
 
-/// A tile whose four cells are there.
+/// A tile whose four cells are computed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CompleteTile {
-    /// Its place.
+    /// Its place in the tile grid.
     pub place: TileEntry,
     /// Sum of its cells; `None` if it is to be skipped.
     pub vlad: Option<Vec<f32>>,
 }
 
 impl Frontier {
-    /// Takes the cells of an item (row by row) and gives the tiles that they complete, row by row.
+    /// Adds the cells of an item (row by row) and returns the tiles that they complete, row by row.
     pub fn complete(&mut self, item: &Item, cells: Vec<CellSum>) -> Vec<CompleteTile> {
         self.add(item, cells.into_iter().enumerate());
         let [first_x, first_y] = item.first;
@@ -60,17 +61,17 @@ impl Frontier {
         tiles
     }
 
-    /// Takes back the kept cells of an item that was finished earlier.
+    /// Restores the kept cells of an item that an earlier run finished.
     pub fn restore(&mut self, item: &Item, kept: impl IntoIterator<Item = (usize, CellSum)>) {
         self.add(item, kept);
         self.forget(item);
     }
 
-    /// Which units of an item later items need: its last row and column, where something follows.
+    /// Whether later items need a unit of an item: those of its last row and column, unless they are the level's.
     pub fn is_kept(plan: &LevelPlan, item: &Item, index: usize) -> bool {
         let [x, y] = [index as u32 % item.count[0], index as u32 / item.count[0]];
         let last = |a: usize, v: u32| {
-            v + 1 == item.count[a] && item.first[a] + item.count[a] < plan.unit_grid[a]
+            v + 1 == item.count[a] && item.first[a] + item.count[a] < plan.layout.unit_grid[a]
         };
         last(0, x) || last(1, y)
     }
@@ -91,7 +92,7 @@ impl Frontier {
         if !is_enough(
             count(|c| c.usable_px),
             count(|c| c.inside_px),
-            LEAST_USABLE_OF_TILE,
+            MIN_USABLE_OF_TILE,
         ) {
             return None;
         }
@@ -103,8 +104,8 @@ impl Frontier {
         Some(total)
     }
 
-    /// Drops what no tile to come can need: cells left of this item's last column in rows that end here, and those
-    /// of the row above that lie under it.
+    /// Drops what no remaining tile needs: cells left of this item's last column in rows that end here, and cells of
+    /// the row above.
     fn forget(&mut self, item: &Item) {
         let last = [0, 1].map(|a| item.first[a] + item.count[a] - 1);
         // The next item's first tile needs the last column, and the cell above it; the next row needs the last row.
@@ -119,7 +120,9 @@ impl Frontier {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::options::{BuildOptions, Levels, Mode};
+    use crate::builder::cells::Cells;
+    use crate::builder::planning::plan_levels;
+    use crate::options::{BuildOptions, Levels};
     use grimnet_geo::{Affine, Crs, Georeference};
     use grimnet_net::NetSpec;
     use proptest::prelude::*;
@@ -132,7 +135,7 @@ mod tests {
             levels: Levels::Gsd(vec![1.0]),
             ..BuildOptions::standard()
         };
-        super::super::plan::plan_levels(&georeference, size, &options)
+        plan_levels(&georeference, size, &options, &Cells, &NetSpec::compact())
             .unwrap()
             .remove(0)
     }
@@ -163,7 +166,7 @@ mod tests {
             let mut tiles = Vec::new();
             let mut frontier = Frontier::default();
             let mut journal = Vec::new();
-            for (n, item) in plan.items(0, Mode::Default, &NetSpec::compact()).enumerate() {
+            for (n, item) in plan.items(0).enumerate() {
                 if n == stop {
                     frontier = Frontier::default();
                     for (item, kept) in journal.clone() {
@@ -175,15 +178,15 @@ mod tests {
                     .filter(|(i, _)| Frontier::is_kept(&plan, &item, *i)).collect();
                 journal.push((item, kept));
                 tiles.extend(frontier.complete(&item, all));
-                let row = plan.unit_grid[0] as usize;
+                let row = plan.layout.unit_grid[0] as usize;
                 prop_assert!(frontier.cells.len() <= row + 2 * 4 + 4, "{} cells kept", frontier.cells.len());
             }
             tiles.sort_by_key(|t| (t.place.row, t.place.column));
-            prop_assert_eq!(tiles.len() as u64, plan.tile_places());
+            prop_assert_eq!(tiles.len() as u64, plan.grid_tiles());
             for (i, tile) in tiles.iter().enumerate() {
                 let place = TileEntry {
-                    column: i as u32 % plan.tile_grid[0],
-                    row: i as u32 / plan.tile_grid[0],
+                    column: i as u32 % plan.layout.tile_grid[0],
+                    row: i as u32 / plan.layout.tile_grid[0],
                 };
                 prop_assert_eq!(tile.place, place);
                 let mut expected: Option<Vec<f32>> = None;

@@ -1,0 +1,177 @@
+//! Builds a pack from a map: features of every cell or tile, once, offline.
+//!
+//! Finished work goes to a journal beside the output (`AREA.grim.partial`), so that a build that was stopped at any
+//! moment continues where it was when it is started again with the same map, model and options. The pack itself is
+//! assembled from the journal (`AREA.grim.assembling`) and renamed; an earlier pack stays intact until then.
+
+pub(crate) mod adapt;
+pub(crate) mod assemble;
+pub(crate) mod cells;
+pub(crate) mod frontier;
+pub(crate) mod index_build;
+pub(crate) mod journal;
+pub(crate) mod level_build;
+pub(crate) mod level_plan;
+pub(crate) mod level_state;
+pub(crate) mod planning;
+pub(crate) mod progress;
+pub(crate) mod recipe;
+pub(crate) mod record;
+pub(crate) mod resolutions;
+pub(crate) mod resume;
+pub(crate) mod summary;
+pub(crate) mod tile_descriptors;
+pub(crate) mod unit;
+pub(crate) mod usable;
+
+use std::path::{Path, PathBuf};
+
+use grimnet_geo::Raster;
+use grimnet_net::Model;
+
+use self::assemble::write_pack;
+use self::cells::Cells;
+use self::journal::Journal;
+use self::level_build::LevelBuild;
+use self::level_plan::LevelPlan;
+use self::planning::plan_levels;
+use self::progress::{BuildReport, Meter, Phase, Progress};
+use self::recipe::Recipe;
+use self::resume::Resume;
+use self::summary::new_manifest;
+use crate::error::{PackError, Result};
+use crate::manifest::LevelManifest;
+use crate::mode::Mode;
+use crate::options::BuildOptions;
+use crate::pack::Pack;
+use crate::paper::PaperTiles;
+
+/// Builds the pack `out` of a map, or continues an interrupted build. `on_progress` is called after each piece of work.
+///
+/// The bytes of the result depend on map, model, options and instruction set only: not on the number of threads, nor
+/// on interruptions. Memory does not grow with the map except for a few bytes per tile.
+///
+/// # Errors
+/// Returns an error if the options are invalid, the map cannot be read or has no usable tile, another process builds
+/// the same pack, the disk is full, or the folder cannot be written. What was computed is kept for the next run where
+/// that is possible.
+pub fn build(
+    raster: &dyn Raster,
+    model: &Model,
+    options: &BuildOptions,
+    out: &Path,
+    on_progress: &mut dyn FnMut(&Progress),
+) -> Result<BuildReport> {
+    let recipe = recipe(options);
+    let recipe = recipe.as_ref();
+    let plans = plan_levels(
+        raster.georeference(),
+        raster.size_px(),
+        options,
+        recipe,
+        model.spec(),
+    )?;
+    let manifest = new_manifest(raster, model, options)?;
+    let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
+    if let Some(pack) = finished(out, &manifest.fingerprint) {
+        return Ok(report(&pack, &meter, true));
+    }
+    let mut resume = Resume::new(&plans, recipe);
+    let mut journal = Journal::open(
+        &beside(out, "partial"),
+        out,
+        &manifest.fingerprint,
+        |kind, place, content| Ok(resume.accept(kind, place, content)),
+    )?;
+    let mut states = resume.into_levels();
+    let mut levels = Vec::new();
+    for (number, plan) in plans.into_iter().enumerate() {
+        meter.progress.level = number;
+        meter.progress.gsd_m = plan.frame.gsd_m;
+        let state = states.pop_front().unwrap_or_default();
+        let level = LevelBuild {
+            raster,
+            model,
+            options,
+            recipe,
+            plan,
+            number: number as u32,
+        };
+        levels.push(level.run(state, &mut journal, &mut meter, on_progress)?);
+    }
+    if levels.iter().all(|level| level.tiles.is_empty()) {
+        journal.remove()?;
+        let why = format!("{} of nodata or black", meter.progress.tiles_skipped);
+        return Err(PackError::Empty {
+            path: out.to_path_buf(),
+            why,
+        });
+    }
+    meter.progress.phase = Phase::Writing;
+    on_progress(&meter.progress);
+    let aside = beside(out, "assembling");
+    let written = write_pack(&aside, &mut journal, levels, manifest, recipe);
+    if let Err(error) = written {
+        // The journal stays; half a pack would only fill the disk.
+        let _ = fs_err::remove_file(&aside);
+        return Err(error);
+    }
+    fs_err::rename(&aside, out).map_err(|e| PackError::io("write", out, e))?;
+    sync_folder(out);
+    journal.remove()?;
+    Ok(report(&Pack::open(out)?, &meter, false))
+}
+
+/// What the options' mode does differently.
+fn recipe(options: &BuildOptions) -> Box<dyn Recipe> {
+    match options.mode {
+        Mode::Default => Box::new(Cells),
+        Mode::Paper => Box::new(PaperTiles {
+            resolution_px: options.resolution,
+        }),
+    }
+}
+
+/// The pack at `out`, if it is undamaged and was built from the same inputs.
+fn finished(out: &Path, fingerprint: &str) -> Option<Pack> {
+    out.try_exists().ok().filter(|&exists| exists)?;
+    match Pack::open(out) {
+        Ok(pack) => (pack.manifest().fingerprint == fingerprint).then_some(pack),
+        Err(error) => {
+            tracing::warn!(%error, "the existing output is not a usable pack; it will be replaced");
+            None
+        }
+    }
+}
+
+fn report(pack: &Pack, meter: &Meter, was_complete: bool) -> BuildReport {
+    let sum = |of: fn(&LevelManifest) -> u64| pack.manifest().levels.iter().map(of).sum();
+    BuildReport {
+        path: pack.path().to_path_buf(),
+        len_bytes: pack.len_bytes(),
+        tiles: sum(|level| level.tiles),
+        tiles_skipped: sum(|level| level.tiles_skipped),
+        tiles_resumed: meter.progress.tiles_resumed,
+        was_complete,
+        duration: meter.elapsed(),
+    }
+}
+
+/// `AREA.grim` -> `AREA.grim.SUFFIX`, in the same folder.
+fn beside(out: &Path, suffix: &str) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".");
+    name.push(suffix);
+    PathBuf::from(name)
+}
+
+/// Makes the rename durable. Not every system can; the pack is complete either way.
+fn sync_folder(out: &Path) {
+    let folder = match out.parent() {
+        Some(folder) if !folder.as_os_str().is_empty() => folder,
+        _ => Path::new("."),
+    };
+    if let Ok(folder) = std::fs::File::open(folder) {
+        let _ = folder.sync_all();
+    }
+}

@@ -1,0 +1,175 @@
+//! Assembles the pack from a finished journal.
+
+use std::path::Path;
+
+use crate::builder::index_build::{BuiltIndex, write_index};
+use crate::builder::journal::{Journal, Place};
+use crate::builder::level_plan::{Item, LevelPlan};
+use crate::builder::recipe::Recipe;
+use crate::builder::record::Record;
+use crate::builder::tile_descriptors::TileDescriptors;
+use crate::error::{PackError, Result};
+use crate::format::{TileEntry, UnitEntry};
+use crate::level::{CELL_PX, TILE_PX};
+use crate::manifest::{LevelManifest, Manifest};
+use crate::quantise::{descriptor_scale, quantise_row};
+use crate::writer::Writer;
+
+/// A level whose items are all in the journal.
+#[derive(Debug)]
+pub struct FinishedLevel {
+    pub plan: LevelPlan,
+    /// Items and where their records lie, in order.
+    pub items: Vec<(Item, Place)>,
+    /// Tiles with a descriptor and where it lies in the journal, in any order.
+    pub tiles: Vec<(TileEntry, u64)>,
+    pub keypoints_per_unit: u32,
+    /// Adapted statistics and the number of tiles they come from.
+    pub statistics: Option<(Vec<u8>, u32)>,
+}
+
+/// Writes the pack to `aside` and returns its manifest.
+///
+/// # Errors
+/// Returns an error if a file cannot be read or written, or if the options choose an index that cannot be trained.
+pub fn write_pack(
+    aside: &Path,
+    journal: &mut Journal,
+    levels: Vec<FinishedLevel>,
+    mut manifest: Manifest,
+    recipe: &dyn Recipe,
+) -> Result<Manifest> {
+    let mut writer = Writer::create(aside)?;
+    for (number, level) in levels.into_iter().enumerate() {
+        let entry = write_level(&mut writer, journal, level, number, &manifest, recipe)?;
+        manifest.levels.push(entry);
+    }
+    writer.finish(manifest)
+}
+
+fn write_level(
+    writer: &mut Writer,
+    journal: &mut Journal,
+    mut level: FinishedLevel,
+    number: usize,
+    manifest: &Manifest,
+    recipe: &dyn Recipe,
+) -> Result<LevelManifest> {
+    level.tiles.sort_by_key(|(tile, _)| (tile.row, tile.column));
+    let plan = &level.plan;
+    let units = write_features(writer, journal, &level, number)?;
+    writer.section(
+        format!("{number}/units"),
+        bytemuck::cast_slice(&units.entries),
+    )?;
+    let places: Vec<TileEntry> = level.tiles.iter().map(|(tile, _)| *tile).collect();
+    writer.section(format!("{number}/tiles"), bytemuck::cast_slice(&places))?;
+
+    let dim = manifest.model.global_dim;
+    let mut descriptors = TileDescriptors::new(journal, &level.tiles, dim);
+    if recipe.centres_descriptors() {
+        descriptors.centre()?;
+    }
+    let mut scales = Vec::with_capacity(places.len());
+    writer.begin(format!("{number}/globals"))?;
+    descriptors.for_each_batch(|_, batch| {
+        for row in batch.chunks_exact(dim) {
+            let (bytes, scale) = quantise_row(row);
+            writer.write(bytemuck::cast_slice(&bytes))?;
+            scales.push(scale);
+        }
+        Ok(())
+    })?;
+    writer.section(
+        format!("{number}/global_scales"),
+        bytemuck::cast_slice(&scales),
+    )?;
+    let adapted_from_tiles = match &level.statistics {
+        Some((bytes, tiles)) => {
+            writer.section(format!("{number}/statistics"), bytes)?;
+            *tiles
+        }
+        None => 0,
+    };
+    let BuiltIndex {
+        index,
+        note: index_note,
+        recall_at_10: index_recall_at_10,
+    } = write_index(
+        writer,
+        &mut descriptors,
+        number,
+        manifest.options.index,
+        recipe,
+    )?;
+    let tiles = places.len() as u64;
+    let unit_places = u64::from(plan.layout.unit_grid[0]) * u64::from(plan.layout.unit_grid[1]);
+    Ok(LevelManifest {
+        frame: plan.frame,
+        origin_px: plan.layout.origin_px,
+        tile_px: TILE_PX,
+        stride_px: CELL_PX,
+        network_px: plan.layout.network_px,
+        tile_grid: plan.layout.tile_grid,
+        unit_grid: plan.layout.unit_grid,
+        units_per_tile_side: recipe.units_per_tile_side(),
+        tiles,
+        tiles_skipped: plan.grid_tiles() - tiles,
+        units: units.computed,
+        units_skipped: unit_places - units.computed,
+        keypoints: units.keypoints,
+        keypoints_per_unit: level.keypoints_per_unit,
+        descriptor_scale: descriptor_scale(manifest.model.descriptor_dim),
+        adapted_from_tiles,
+        index,
+        index_note,
+        index_recall_at_10,
+    })
+}
+
+struct Units {
+    entries: Vec<UnitEntry>,
+    computed: u64,
+    keypoints: u64,
+}
+
+fn write_features(
+    writer: &mut Writer,
+    journal: &mut Journal,
+    level: &FinishedLevel,
+    number: usize,
+) -> Result<Units> {
+    let grid = level.plan.layout.unit_grid;
+    let entries = vec![UnitEntry::default(); grid[0] as usize * grid[1] as usize];
+    let mut units = Units {
+        entries,
+        computed: 0,
+        keypoints: 0,
+    };
+    let mut bytes = Vec::new();
+    writer.begin(format!("{number}/features"))?;
+    for (item, place) in &level.items {
+        journal.read(place.offset, place.len as usize, &mut bytes)?;
+        let record = Record::from_bytes(&bytes)
+            .ok_or_else(|| PackError::Options("the journal changed while it was read".into()))?;
+        let mut blobs = record.blobs.as_slice();
+        for (i, head) in record.units.iter().enumerate() {
+            let (blob, rest) = blobs
+                .split_at_checked(head.blob_len as usize)
+                .unwrap_or((&[], &[]));
+            blobs = rest;
+            let at = [i as u32 % item.count[0], i as u32 / item.count[0]];
+            let unit = (item.first[1] + at[1]) as usize * grid[0] as usize
+                + (item.first[0] + at[0]) as usize;
+            units.entries[unit] = UnitEntry {
+                offset: writer.section_len(),
+                keypoints: head.keypoints,
+                state: head.state,
+            };
+            units.computed += u64::from(head.state);
+            units.keypoints += u64::from(head.keypoints);
+            writer.write(blob)?;
+        }
+    }
+    Ok(units)
+}

@@ -1,11 +1,15 @@
 //! One file a command.
 
+pub mod absent;
+#[cfg(feature = "experiments")]
 pub mod calibrate;
 pub mod demo;
 pub mod eval;
 pub mod eval_layout;
 pub mod eval_pictures;
+#[cfg(feature = "experiments")]
 pub mod experiment;
+pub mod experiment_options;
 pub mod gallery;
 pub mod locate;
 pub mod map;

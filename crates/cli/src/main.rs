@@ -51,7 +51,11 @@ enum Command {
     /// Measure accuracy on photos whose place is known
     Eval(commands::eval::EvalArgs),
     /// Fit how far a model's answers may be off, and how often they are wrong
+    #[cfg(feature = "experiments")]
     Calibrate(commands::calibrate::CalibrateArgs),
+    /// Fit how far a model's answers may be off, and how often they are wrong (needs --features experiments)
+    #[cfg(not(feature = "experiments"))]
+    Calibrate(commands::absent::AbsentArgs),
     /// Watch a flight over a made-up town being located
     Demo(commands::demo::DemoArgs),
     /// Look into a model file
@@ -68,7 +72,13 @@ fn main() -> std::process::ExitCode {
         Command::Map(command) => commands::map::run(command),
         Command::Locate(arguments) => commands::locate::run(&arguments),
         Command::Eval(arguments) => commands::eval::run(&arguments),
+        #[cfg(feature = "experiments")]
         Command::Calibrate(arguments) => commands::calibrate::run(&arguments),
+        #[cfg(not(feature = "experiments"))]
+        Command::Calibrate(_) => Err(anyhow::anyhow!(commands::absent::message(
+            "grim calibrate",
+            "experiments"
+        ))),
         Command::Demo(arguments) => commands::demo::run(&arguments),
         Command::Model(command) => commands::model::run(command),
         Command::Train(arguments) => commands::train::run(&arguments),

@@ -274,8 +274,23 @@ fn wrong_use_and_unreadable_input_end_with_2_and_say_what_to_do() {
     #[cfg(not(feature = "train"))]
     fails(
         &["eval", "--experiment", "loss-weights", "--out", out],
-        "--features train",
+        if cfg!(feature = "experiments") {
+            "--features train"
+        } else {
+            "--features experiments"
+        },
     );
+    #[cfg(not(feature = "experiments"))]
+    {
+        fails(
+            &["eval", "--sweep", "yaw", "--worlds", "2", "--out", out],
+            "--features experiments",
+        );
+        fails(
+            &["calibrate", "-o", out, "--worlds", "3"],
+            "--features experiments",
+        );
+    }
     assert!(!Path::new(out).exists());
 }
 

@@ -6,7 +6,7 @@ td:first-child,th:first-child{text-align:left}img,svg{max-width:100%;height:auto
 figcaption{color:#555}.miss{color:#b00}";
 
 /// A page up to its heading; it refers to nothing outside itself.
-pub(crate) fn page_head(title: &str) -> String {
+pub fn page_head(title: &str) -> String {
     let title = escape(title);
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>{title}</title><style>{STYLE}</style><h1>{title}</h1>"
@@ -14,7 +14,7 @@ pub(crate) fn page_head(title: &str) -> String {
 }
 
 /// Text as it may stand in an element or a quoted attribute.
-pub(crate) fn escape(text: &str) -> String {
+pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;")
         .replace('<', "&lt;")
         .replace('>', "&gt;")

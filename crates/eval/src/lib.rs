@@ -6,12 +6,7 @@
 
 pub mod anyvisloc;
 pub mod calibration;
-pub mod claims;
-pub mod experiment;
-pub mod experiment_table;
-pub mod flight;
-pub mod gallery;
-mod html;
+pub mod html;
 pub mod map_picture;
 pub mod metrics;
 pub mod msdi;
@@ -23,7 +18,5 @@ pub mod recall;
 pub mod report;
 pub mod risk_coverage;
 pub mod sample;
-pub mod sift;
-pub mod sift_map;
 pub mod truth;
 pub mod visloc;

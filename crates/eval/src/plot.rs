@@ -27,8 +27,7 @@ const SIZE_PX: (u32, u32) = (900, 320);
 const AXIS_M: f64 = 30.0;
 
 /// A chart with straight axes.
-pub(crate) type Chart<'s> =
-    ChartContext<'s, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
+pub type Chart<'s> = ChartContext<'s, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// What the axes show, and what stands beside them.
 struct Axes {
@@ -39,7 +38,7 @@ struct Axes {
 }
 
 /// An SVG picture of `size_px` that `draw` draws, `below_px` left for what stands below the horizontal axis.
-pub(crate) fn svg_chart(
+pub fn svg_chart(
     size_px: (u32, u32),
     below_px: u32,
     (x, y): (Range<f64>, Range<f64>),
@@ -74,21 +73,14 @@ fn curves(
 }
 
 /// Names a series in the key.
-pub(crate) fn name_in_key<'c>(
-    series: &mut SeriesAnno<'c, SVGBackend<'_>>,
-    name: &str,
-    colour: RGBAColor,
-) {
+pub fn name_in_key<'c>(series: &mut SeriesAnno<'c, SVGBackend<'_>>, name: &str, colour: RGBAColor) {
     series
         .label(name)
         .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
 }
 
 /// Draws the key of all named series.
-pub(crate) fn draw_key(
-    chart: &mut Chart<'_>,
-    position: SeriesLabelPosition,
-) -> Result<(), PlotError> {
+pub fn draw_key(chart: &mut Chart<'_>, position: SeriesLabelPosition) -> Result<(), PlotError> {
     chart
         .configure_series_labels()
         .position(position)

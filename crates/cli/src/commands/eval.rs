@@ -13,7 +13,9 @@ use grimnet_pack::{BuildOptions, Pack};
 
 use super::eval_layout::{Layout, LayoutChoice};
 use super::eval_pictures::{self, Drawn};
-use super::experiment::{self, ExperimentOptions, Subject};
+#[cfg(feature = "experiments")]
+use super::experiment::{self, Subject};
+use super::experiment_options::ExperimentOptions;
 use super::gallery::{GalleryOptions, RunRecall, print_recall};
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one_traced};
 use super::map::{MapPlace, build_with_bar};
@@ -131,6 +133,8 @@ pub struct EvalArgs {
 /// # Errors
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
+    arguments.experiment.check_present()?;
+    #[cfg(feature = "experiments")]
     if arguments.experiment.is_asked() {
         let subject = Subject {
             folder: arguments.folder.as_deref(),

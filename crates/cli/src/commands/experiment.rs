@@ -1,4 +1,4 @@
-//! `grim eval --experiment` and `--sweep`: the paper's tables, and robustness, on any data set or the procedural world.
+//! `grim eval --experiment` and `--sweep`: the paper's tables, and robustness, on any data set or procedural worlds.
 
 mod training;
 
@@ -6,221 +6,84 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use clap::{Args, ValueEnum};
-use grimnet_eval::experiment::bench::Bench;
-use grimnet_eval::experiment::flight::WorldFlight;
-use grimnet_eval::experiment::page;
-use grimnet_eval::experiment::scene::Scene;
-use grimnet_eval::experiment::sweep::{self, Sweep};
-use grimnet_eval::experiment::tables::{self, Experiment, Recipe};
-use grimnet_eval::experiment_table::ExperimentTable;
+use grimnet_experiments::bench::Bench;
+use grimnet_experiments::experiment_table::ExperimentTable;
+use grimnet_experiments::page;
+use grimnet_experiments::scene::Scene;
+use grimnet_experiments::sweep::{self, Sweep};
+use grimnet_experiments::tables::{self, Experiment, Recipe};
+use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_geo::open_map;
 use grimnet_net::Model;
 
 use super::ModeChoice;
 use super::eval_layout::{Layout, LayoutChoice};
+use super::experiment_options::{ExperimentChoice, ExperimentOptions, SweepChoice, WORLDS};
 use super::map::MapPlace;
 use crate::exit::Exit;
 use crate::progress;
 use training::Training;
 
-/// The scenes of the procedural world: name, share of town. As many kinds of ground as the paper has scenes.
-const WORLDS: [(&str, f32); 5] = [
-    ("town", 0.95),
-    ("suburb", 0.7),
-    ("edge of town", 0.5),
-    ("village", 0.3),
-    ("fields", 0.1),
-];
-
-/// An experiment by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ExperimentChoice {
-    /// Processing resolution (table 2)
-    Resolution,
-    /// Combinations of modules (table 4)
-    Modules,
-    /// Number of candidates: recall, error and time (tables 5 and 6)
-    TopK,
-    /// Changes of light (table 7)
-    Photometry,
-    /// Methods compared (table 8)
-    Methods,
-    /// Success rate (table 9)
-    Success,
-    /// Normalisation by domain (table 10)
-    DaBn,
-    /// Weights of the losses (table 3); trains nine networks
-    LossWeights,
-    /// Retrieval and matching trained apart (table 4); trains three networks
-    ModulesTrained,
-    /// A network trained with plain normalisation (table 10); trains two networks
-    DaBnTrained,
-    /// All that need no training
-    All,
-}
-
-impl ExperimentChoice {
-    /// Whether it trains networks.
-    fn trains(self) -> bool {
-        matches!(
-            self,
-            Self::LossWeights | Self::ModulesTrained | Self::DaBnTrained
-        )
-    }
-
-    /// Its name on the command line.
-    fn name(self) -> String {
-        self.to_possible_value()
-            .map_or_else(|| format!("{self:?}"), |value| value.get_name().to_owned())
-    }
-
-    /// The tables that need no training.
-    fn tables(self) -> Vec<Experiment> {
-        match self {
-            Self::LossWeights | Self::ModulesTrained | Self::DaBnTrained => vec![],
-            Self::Resolution => vec![Experiment::Resolution],
-            Self::Modules => vec![Experiment::Modules],
-            Self::TopK => vec![Experiment::TopKRecall, Experiment::TopK],
-            Self::Photometry => vec![Experiment::Photometry],
-            Self::Methods => vec![Experiment::Methods],
-            Self::Success => vec![Experiment::Success],
-            Self::DaBn => vec![Experiment::DaBn],
-            Self::All => vec![
-                Experiment::Success,
-                Experiment::Methods,
-                Experiment::TopKRecall,
-                Experiment::TopK,
-                Experiment::Photometry,
-                Experiment::DaBn,
-                Experiment::Modules,
-                Experiment::Resolution,
-            ],
-        }
+/// The tables of a choice that need no training.
+fn tables_of(choice: ExperimentChoice) -> Vec<Experiment> {
+    match choice {
+        ExperimentChoice::LossWeights
+        | ExperimentChoice::ModulesTrained
+        | ExperimentChoice::DaBnTrained => vec![],
+        ExperimentChoice::Resolution => vec![Experiment::Resolution],
+        ExperimentChoice::Modules => vec![Experiment::Modules],
+        ExperimentChoice::TopK => vec![Experiment::TopKRecall, Experiment::TopK],
+        ExperimentChoice::Photometry => vec![Experiment::Photometry],
+        ExperimentChoice::Methods => vec![Experiment::Methods],
+        ExperimentChoice::Success => vec![Experiment::Success],
+        ExperimentChoice::DaBn => vec![Experiment::DaBn],
+        ExperimentChoice::All => vec![
+            Experiment::Success,
+            Experiment::Methods,
+            Experiment::TopKRecall,
+            Experiment::TopK,
+            Experiment::Photometry,
+            Experiment::DaBn,
+            Experiment::Modules,
+            Experiment::Resolution,
+        ],
     }
 }
 
-/// A sweep by name.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum SweepChoice {
-    /// Heading of the photos, told and not told
-    Yaw,
-    /// Height, 0.5 to 2 times, told and not told
-    Scale,
-    /// Camera up to 45 degrees ahead of straight down
-    Pitch,
-    /// Brightness
-    Brightness,
-    /// Contrast
-    Contrast,
-    /// Blur
-    Blur,
-    /// Noise
-    Noise,
-    /// Season of the photos
-    Season,
-    /// Change since the map was made
-    MapAge,
-    /// Photos of another place, which must get no fix
-    WrongArea,
-    /// All of these
-    All,
+/// The sweeps of a choice.
+fn sweeps_of(choice: SweepChoice) -> Vec<Sweep> {
+    let one = match choice {
+        SweepChoice::Yaw => Sweep::Yaw,
+        SweepChoice::Scale => Sweep::Scale,
+        SweepChoice::Pitch => Sweep::Pitch,
+        SweepChoice::Brightness => Sweep::Brightness,
+        SweepChoice::Contrast => Sweep::Contrast,
+        SweepChoice::Blur => Sweep::Blur,
+        SweepChoice::Noise => Sweep::Noise,
+        SweepChoice::Season => Sweep::Season,
+        SweepChoice::MapAge => Sweep::MapAge,
+        SweepChoice::WrongArea => Sweep::WrongArea,
+        SweepChoice::All => return Sweep::ALL.to_vec(),
+    };
+    vec![one]
 }
 
-impl SweepChoice {
-    fn sweeps(self) -> Vec<Sweep> {
-        let one = match self {
-            Self::Yaw => Sweep::Yaw,
-            Self::Scale => Sweep::Scale,
-            Self::Pitch => Sweep::Pitch,
-            Self::Brightness => Sweep::Brightness,
-            Self::Contrast => Sweep::Contrast,
-            Self::Blur => Sweep::Blur,
-            Self::Noise => Sweep::Noise,
-            Self::Season => Sweep::Season,
-            Self::MapAge => Sweep::MapAge,
-            Self::WrongArea => Sweep::WrongArea,
-            Self::All => return Sweep::ALL.to_vec(),
-        };
-        vec![one]
-    }
-}
-
-/// Which experiments to run, and on how large a procedural world.
-#[derive(Debug, Clone, Args)]
-pub struct ExperimentOptions {
-    /// Run these experiments of the paper, on FOLDER (a data set, or a folder of data sets) or on procedural worlds
-    #[arg(
-        long = "experiment",
-        value_enum,
-        value_name = "NAME",
-        value_delimiter = ','
-    )]
-    pub experiments: Vec<ExperimentChoice>,
-
-    /// What the networks of an experiment that trains have in common, as for `grim train` [default: the paper's losses and weights,
-    /// the compact network, pairs from procedural worlds]
-    #[arg(long, value_name = "FILE")]
-    pub train_config: Option<PathBuf>,
-
-    /// Length of each training, steps [default: what the configuration says; without one 300]
-    #[arg(long, value_name = "N")]
-    pub train_steps: Option<u64>,
-
-    /// Model that each training starts from [default: random numbers]
-    #[arg(long, value_name = "FILE")]
-    pub train_start: Option<PathBuf>,
-
-    /// Run these robustness sweeps on procedural worlds
-    #[arg(long = "sweep", value_enum, value_name = "NAME", value_delimiter = ',')]
-    pub sweeps: Vec<SweepChoice>,
-
-    /// Procedural worlds, each of another kind of ground
-    #[arg(long, value_name = "N", default_value_t = WORLDS.len(), value_parser = worlds_count)]
-    pub worlds: usize,
-
-    /// Photos over each procedural world
-    #[arg(long, value_name = "N", default_value_t = 12)]
-    pub world_photos: usize,
-
-    /// Side of a procedural world, metres
-    #[arg(long, value_name = "M", default_value_t = 700.0)]
-    pub world_size: f64,
-
-    /// Other procedural worlds for another number
-    #[arg(long, value_name = "N", default_value_t = 100)]
-    pub world_seed: u64,
-}
-
-fn worlds_count(text: &str) -> Result<usize, String> {
-    match text.parse() {
-        Ok(count) if (1..=WORLDS.len()).contains(&count) => Ok(count),
-        _ => Err(format!("a number from 1 to {}", WORLDS.len())),
-    }
-}
-
-impl ExperimentOptions {
-    /// Whether anything is asked for.
-    pub fn is_asked(&self) -> bool {
-        !(self.experiments.is_empty() && self.sweeps.is_empty())
-    }
-
-    fn flights(&self) -> Vec<WorldFlight> {
-        WORLDS
-            .iter()
-            .enumerate()
-            .take(self.worlds)
-            .map(|(i, &(name, urban))| {
-                WorldFlight::over(
-                    name,
-                    self.world_seed + i as u64,
-                    self.world_size,
-                    urban,
-                    self.world_photos,
-                )
-            })
-            .collect()
-    }
+/// The flights over the procedural worlds.
+fn flights(options: &ExperimentOptions) -> Vec<WorldFlight> {
+    WORLDS
+        .iter()
+        .enumerate()
+        .take(options.worlds)
+        .map(|(i, &(name, urban))| {
+            WorldFlight::over(
+                name,
+                options.world_seed + i as u64,
+                options.world_size,
+                urban,
+                options.world_photos,
+            )
+        })
+        .collect()
 }
 
 /// What the experiments run on, and with.
@@ -291,7 +154,7 @@ fn experiments(
     let mut bench = Bench::new(subject.model, work)?;
     let mut made = Vec::new();
     for choice in &options.experiments {
-        for experiment in choice.tables() {
+        for experiment in tables_of(*choice) {
             let bar = progress::spinner(&format!("{experiment:?}"));
             let table = tables::run(experiment, &mut bench, &scenes, recipe)
                 .with_context(|| format!("{experiment:?}"))?;
@@ -313,18 +176,18 @@ fn sweeps(
     out: &Path,
     work: &Path,
 ) -> Result<Vec<ExperimentTable>> {
-    let flights = options.flights();
+    let flown = flights(options);
     let measured_on = Conditions {
-        data: worlds_in_words(options, flights.len()),
-        frames: flights.len() * options.world_photos,
+        data: worlds_in_words(options, flown.len()),
+        frames: flown.len() * options.world_photos,
         recipe: Recipe::Default,
     };
     let mut bench = Bench::new(subject.model, work)?;
     let mut made = Vec::new();
-    for sweep in options.sweeps.iter().flat_map(|s| s.sweeps()) {
+    for sweep in options.sweeps.iter().flat_map(|s| sweeps_of(*s)) {
         let bar = progress::spinner(&format!("sweep {}", sweep.id()));
         let table =
-            sweep::run(sweep, &mut bench, &flights, work).with_context(|| format!("{sweep:?}"))?;
+            sweep::run(sweep, &mut bench, &flown, work).with_context(|| format!("{sweep:?}"))?;
         bar.finish_and_clear();
         let table = measured_on.told_by(table, Some(subject.model));
         table.write(out)?;

@@ -1,16 +1,19 @@
 //! `grim eval --distractors`: a gallery with foreign tiles, and recall in it.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, ensure};
+#[cfg(feature = "experiments")]
+use anyhow::Context;
+use anyhow::{Result, ensure};
 use clap::Args;
-use grimnet_eval::gallery::{Gallery, open_foreign};
 use grimnet_eval::rank_distance::{FrameDistances, RankDistance};
 use grimnet_eval::recall::{
     FrameRecall, MOST_RANKS, PAPER_RADIUS_PX, RECALL_AT, Recall, RightTile,
 };
 use grimnet_eval::truth::TruthFrame;
+#[cfg(feature = "experiments")]
+use grimnet_experiments::gallery::{Gallery, open_foreign};
 use grimnet_geo::{LonLat, Raster};
 use grimnet_locate::Trace;
 use grimnet_pack::{Levels, Pack};
@@ -23,7 +26,12 @@ const DISTANCE_AT: [usize; 3] = [1, 5, 10];
 #[derive(Debug, Clone, Args)]
 pub struct GalleryOptions {
     /// Add the tiles of this foreign map, or of all pictures in this folder, to the gallery
-    #[arg(long, value_name = "MAP|FOLDER", requires = "gsd")]
+    #[arg(
+        long,
+        value_name = "MAP|FOLDER",
+        requires = "gsd",
+        hide = cfg!(not(feature = "experiments"))
+    )]
     pub distractors: Option<PathBuf>,
 
     /// Only this ground resolution of the map, metres per pixel; distractors without a georeference are taken to have it
@@ -50,11 +58,7 @@ impl GalleryOptions {
         let (Some(path), Some(gsd_m)) = (&self.distractors, self.gsd) else {
             return Ok(map);
         };
-        let foreign = open_foreign(path, gsd_m)?;
-        let gallery = Gallery::new(map, foreign, gsd_m, path)
-            .with_context(|| format!("cannot add the distractors of {}", path.display()))?;
-        tracing::info!("{}", gallery.describe());
-        Ok(Box::new(gallery))
+        lay_beside(map, path, gsd_m)
     }
 
     /// The levels to build.
@@ -62,6 +66,21 @@ impl GalleryOptions {
         self.gsd
             .map_or(Levels::Auto, |gsd_m| Levels::Gsd(vec![gsd_m]))
     }
+}
+
+/// The map with the foreign tiles of `path` beside it.
+#[cfg(feature = "experiments")]
+fn lay_beside(map: Box<dyn Raster>, path: &Path, gsd_m: f64) -> Result<Box<dyn Raster>> {
+    let foreign = open_foreign(path, gsd_m)?;
+    let gallery = Gallery::new(map, foreign, gsd_m, path)
+        .with_context(|| format!("cannot add the distractors of {}", path.display()))?;
+    tracing::info!("{}", gallery.describe());
+    Ok(Box::new(gallery))
+}
+
+#[cfg(not(feature = "experiments"))]
+fn lay_beside(_: Box<dyn Raster>, _: &Path, _: f64) -> Result<Box<dyn Raster>> {
+    anyhow::bail!(super::absent::message("--distractors", "experiments"))
 }
 
 /// Recall of one run.

@@ -97,11 +97,7 @@ pub fn count(scenes: &[Scene]) -> usize {
 ///
 /// # Errors
 /// The map or the pack is refused.
-pub(crate) fn localizer(
-    model: &Model,
-    scene: &Scene,
-    pack: &Path,
-) -> Result<Localizer, TrialError> {
+pub fn localizer(model: &Model, scene: &Scene, pack: &Path) -> Result<Localizer, TrialError> {
     let map = open_map(&scene.map, &MapOptions::default())?;
     build(
         map.as_ref(),
@@ -117,7 +113,7 @@ pub(crate) fn localizer(
 ///
 /// # Errors
 /// The localiser refuses.
-pub(crate) fn answer(
+pub fn answer(
     localizer: &Localizer,
     shot: &Shot,
     heading_known: bool,

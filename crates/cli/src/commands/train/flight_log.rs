@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use grimnet_eval::flight::Flight;
+use grimnet_experiments::training_flight::Flight;
 use grimnet_net::Card;
 use grimnet_train::{Checkpoint, Stage, TrainConfig};
 

@@ -1,33 +1,27 @@
-//! What stands in for training in builds without the trainer.
+//! In builds without the trainer: experiments that train give no table.
 
 use std::path::Path;
 
-use anyhow::{Result, bail};
-use grimnet_eval::experiment::scene::Scene;
-use grimnet_eval::experiment::tables::Recipe;
-use grimnet_eval::experiment_table::ExperimentTable;
+use anyhow::Result;
+use grimnet_experiments::experiment_table::ExperimentTable;
+use grimnet_experiments::scene::Scene;
+use grimnet_experiments::tables::Recipe;
 
-use crate::commands::experiment::{ExperimentChoice, ExperimentOptions};
+use crate::commands::experiment_options::{ExperimentChoice, ExperimentOptions};
 
 /// What the experiments that train have in common: nothing, in this build.
 pub struct Training;
 
 impl Training {
-    /// Says how to get the trainer, if it is needed.
+    /// Nothing: options that need the trainer were refused before.
     ///
     /// # Errors
-    /// An experiment was asked for that trains.
-    pub fn open(options: &ExperimentOptions, _: &Path) -> Result<Self> {
-        match options.experiments.iter().find(|choice| choice.trains()) {
-            None => Ok(Self),
-            Some(choice) => bail!(
-                "--experiment {} trains networks, and this grim was built without the trainer; build it with: cargo build --release -p grimnet-cli --features train",
-                choice.name()
-            ),
-        }
+    /// Never.
+    pub fn open(_: &ExperimentOptions, _: &Path) -> Result<Self> {
+        Ok(Self)
     }
 
-    /// No table: nothing that trains gets past [`Training::open`].
+    /// No table.
     ///
     /// # Errors
     /// Never.

@@ -5,14 +5,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
-use grimnet_eval::experiment::networks::Networks;
-use grimnet_eval::experiment::scene::Scene;
-use grimnet_eval::experiment::tables::Recipe;
-use grimnet_eval::experiment::training::{TrainedExperiment, run};
-use grimnet_eval::experiment_table::ExperimentTable;
+use grimnet_experiments::experiment_table::ExperimentTable;
+use grimnet_experiments::networks::Networks;
+use grimnet_experiments::scene::Scene;
+use grimnet_experiments::tables::Recipe;
+use grimnet_experiments::training::{TrainedExperiment, run};
 use grimnet_train::{Progress, TrainConfig};
 
-use crate::commands::experiment::{ExperimentChoice, ExperimentOptions};
+use crate::commands::experiment_options::{ExperimentChoice, ExperimentOptions};
 use crate::{interrupt, progress};
 
 /// Steps of each training where neither a number nor a configuration is given.

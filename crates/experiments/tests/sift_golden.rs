@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use grimnet_eval::sift::{DESCRIPTOR_DIM, SiftFeatures, SiftKeypoint, SiftOptions, sift};
+use grimnet_experiments::sift::{DESCRIPTOR_DIM, SiftFeatures, SiftKeypoint, SiftOptions, sift};
 use grimnet_kernels::Isa;
 use grimnet_locate::matching::{Descriptors, Matcher};
 

@@ -4,13 +4,13 @@ use std::path::Path;
 
 use grimnet_world::Season;
 
-use super::bench::{Bench, BenchError, Setup};
-use super::flight::{PoseChange, WorldFlight};
-use super::photometry::Photometry;
-use super::scene::SceneError;
-use super::tables::Recipe;
+use crate::bench::{Bench, BenchError, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
-use crate::metrics::Summary;
+use crate::photometry::Photometry;
+use crate::scene::SceneError;
+use crate::tables::Recipe;
+use crate::world_flight::{PoseChange, WorldFlight};
+use grimnet_eval::metrics::Summary;
 
 /// What is made worse.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -213,7 +213,7 @@ pub fn run(
     flights: &[WorldFlight],
     folder: &Path,
 ) -> Result<ExperimentTable, SweepError> {
-    let mut rows: Vec<(String, Vec<crate::metrics::Frame>)> = Vec::new();
+    let mut rows: Vec<(String, Vec<grimnet_eval::metrics::Frame>)> = Vec::new();
     for flight in flights {
         for (i, step) in sweep.steps(flight).into_iter().enumerate() {
             let mut scene = step.flight.make(folder)?;

@@ -2,7 +2,7 @@
 //!
 //! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
 //! `experiments/`, with the tables of `grim eval --experiment`. The page is made by
-//! `cargo run -p grimnet-eval --example evaluation`; a test fails where page and stored figures differ.
+//! `cargo run -p grimnet-experiments --example evaluation`; a test fails where page and stored figures differ.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -70,7 +70,7 @@ pub enum ClaimError {
 const HEAD: &str = "\
 # Evaluation
 
-Made from the stored figures under `evaluation/` by `cargo run -p grimnet-eval --example evaluation`; do not edit. Shares are of
+Made from the stored figures under `evaluation/` by `cargo run -p grimnet-experiments --example evaluation`; do not edit. Shares are of
 all frames, a frame without a fix is a miss. \"Behind\" stands where another system on the same frames is better than this one.
 ";
 

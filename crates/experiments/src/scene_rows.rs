@@ -1,9 +1,9 @@
 //! What the tables of several scenes have in common: a column a scene, a row a setup, and the paper's own figures beside them.
 
-use super::bench::{Bench, BenchError, Measured, Setup};
-use super::scene::Scene;
+use crate::bench::{Bench, BenchError, Measured, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
-use crate::metrics::{Frame, Summary};
+use crate::scene::Scene;
+use grimnet_eval::metrics::{Frame, Summary};
 
 /// The paper's scenes.
 pub(super) const PAPER_SCENES: [&str; 5] = [

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-use grimnet_eval::experiment::networks::{Networks, NetworksError};
+use grimnet_experiments::networks::{Networks, NetworksError};
 use grimnet_train::TrainConfig;
 use grimnet_train::data::{PairOptions, WorldOptions};
 

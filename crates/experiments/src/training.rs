@@ -5,15 +5,15 @@ use std::path::Path;
 
 use grimnet_train::{Norms, Weights};
 
-use super::bench::{Bench, BenchError, Measured};
-use super::networks::{Networks, NetworksError};
-use super::scene::Scene;
-use super::scene_rows::{
+use crate::bench::{Bench, BenchError, Measured};
+use crate::experiment_table::{Column, ExperimentTable, Row};
+use crate::networks::{Networks, NetworksError};
+use crate::scene::Scene;
+use crate::scene_rows::{
     PAPER_DA_BN, PAPER_MODULES, ale, all_frames, mean, over, paper_scenes, scene_row, table,
 };
-use super::tables::{PAPER_K, Recipe};
-use crate::experiment_table::{Column, ExperimentTable, Row};
-use crate::metrics::Summary;
+use crate::tables::{PAPER_K, Recipe};
+use grimnet_eval::metrics::Summary;
 
 /// Name of the network with nothing changed, which all experiments share.
 const UNCHANGED: &str = "default";

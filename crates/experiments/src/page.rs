@@ -5,8 +5,8 @@ use std::fmt::Write as _;
 use plotters::prelude::*;
 
 use crate::experiment_table::ExperimentTable;
-use crate::html::{escape, page_head};
-use crate::plot::{PlotError, draw_key, name_in_key, svg_chart};
+use grimnet_eval::html::{escape, page_head};
+use grimnet_eval::plot::{PlotError, draw_key, name_in_key, svg_chart};
 
 const SIZE_PX: (u32, u32) = (760, 280);
 

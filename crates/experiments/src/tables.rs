@@ -4,17 +4,17 @@ use grimnet_locate::Options;
 use grimnet_net::Domain;
 use grimnet_pack::BuildOptions;
 
-use super::bench::{Bench, BenchError, Measured, Method, Setup, at_gsd};
-use super::photometry::Photometry;
-use super::scene::Scene;
-use super::scene_rows::{
+use crate::bench::{Bench, BenchError, Measured, Method, Setup, at_gsd};
+use crate::experiment_table::{Column, ExperimentTable, Row};
+use crate::photometry::Photometry;
+use crate::scene::Scene;
+use crate::scene_rows::{
     ALE_NOTE, PAPER_DA_BN, PAPER_MODULES, PAPER_SCENES, ale, all_frames, mean, mean_time_s, over,
     paper_scenes, scene_row, table,
 };
-use crate::experiment_table::{Column, ExperimentTable, Row};
-use crate::metrics::{Frame, Summary};
-use crate::rank_distance::{FrameDistances, RankDistance};
-use crate::recall::Recall;
+use grimnet_eval::metrics::{Frame, Summary};
+use grimnet_eval::rank_distance::{FrameDistances, RankDistance};
+use grimnet_eval::recall::Recall;
 
 /// The experiments that need no training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -232,7 +232,7 @@ fn top_k_recall(
     let mut setup = recipe.setup();
     setup.options.top_k = setup.options.top_k.max(RECALL_K[RECALL_K.len() - 1]);
     let measured = over(bench, scenes, &setup)?;
-    let join = |ranks: fn(&Measured) -> &Vec<crate::recall::FrameRecall>| {
+    let join = |ranks: fn(&Measured) -> &Vec<grimnet_eval::recall::FrameRecall>| {
         let all: Vec<_> = measured
             .iter()
             .flat_map(|m| ranks(m).iter().copied())

@@ -9,7 +9,7 @@ use grimnet_world::{
     write_geotiff,
 };
 
-use super::scene::{Scene, SceneError, Shot};
+use crate::scene::{Scene, SceneError, Shot};
 
 /// Where made-up places lie: in the Gulf of Guinea, where there is no land.
 const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];

@@ -2,12 +2,12 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use grimnet_eval::experiment::bench::{Bench, Method, Setup};
-use grimnet_eval::experiment::flight::WorldFlight;
-use grimnet_eval::experiment::photometry::Photometry;
-use grimnet_eval::experiment::scene::{Scene, Shot};
-use grimnet_eval::experiment::tables::{self, Experiment, Recipe};
 use grimnet_eval::truth::TruthFrame;
+use grimnet_experiments::bench::{Bench, Method, Setup};
+use grimnet_experiments::photometry::Photometry;
+use grimnet_experiments::scene::{Scene, Shot};
+use grimnet_experiments::tables::{self, Experiment, Recipe};
+use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_geo::{WindowPx, distance_m};
 use grimnet_net::Model;
 use grimnet_photo::{Metadata, Photo};

@@ -6,9 +6,9 @@
 use std::error::Error;
 use std::path::Path;
 
-use grimnet_eval::experiment::scene::{Scene, Shot};
 use grimnet_eval::recall::{RECALL_AT, RightTile, rank_of_right};
 use grimnet_eval::truth;
+use grimnet_experiments::scene::{Scene, Shot};
 use grimnet_geo::{MapOptions, MapPx, Raster, WindowPx, open_map};
 use grimnet_locate::Options;
 use grimnet_net::{Domain, Extractor, Model};

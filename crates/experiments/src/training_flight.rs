@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use grimnet_net::Model;
 
-use crate::calibration::RIGHT_WITHIN_M;
-use crate::calibration::scene::{Scene, SceneError, world};
-use crate::calibration::trial::{TrialError, answer, localizer};
+use grimnet_eval::calibration::RIGHT_WITHIN_M;
+use grimnet_eval::calibration::scene::{Scene, SceneError, world};
+use grimnet_eval::calibration::trial::{TrialError, answer, localizer};
 
 /// A procedural world and photos of it.
 #[derive(Debug)]

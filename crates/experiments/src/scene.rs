@@ -6,7 +6,7 @@ use grimnet_geo::{GeoError, LonLat, Raster};
 use grimnet_locate::Prior;
 use grimnet_photo::{Photo, PhotoError};
 
-use crate::truth::TruthFrame;
+use grimnet_eval::truth::TruthFrame;
 
 /// The true heading is given to the localiser with this uncertainty, degrees (1 sigma).
 pub const HEADING_SIGMA_DEG: f64 = 5.0;

@@ -9,12 +9,12 @@ use grimnet_net::{Domain, Model};
 use grimnet_pack::{BuildOptions, Levels, Pack, PackError, build};
 use grimnet_photo::{Metadata, Photo};
 
-use super::photometry::Photometry;
-use super::scene::{Scene, Shot};
-use crate::metrics::{Frame, ScoredFix};
-use crate::rank_distance::FrameDistances;
-use crate::recall::{FrameRecall, MOST_RANKS, RightTile};
+use crate::photometry::Photometry;
+use crate::scene::{Scene, Shot};
 use crate::sift_map::{SiftMap, SiftMapError};
+use grimnet_eval::metrics::{Frame, ScoredFix};
+use grimnet_eval::rank_distance::FrameDistances;
+use grimnet_eval::recall::{FrameRecall, MOST_RANKS, RightTile};
 
 /// What answers.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -1,0 +1,24 @@
+//! The paper's experiments, robustness sweeps, the SIFT baseline, and the page of stored evaluation figures.
+//!
+//! A [`scene::Scene`] is a map with photos; a [`bench::Setup`] is a way to localise them; the [`bench::Bench`] runs setups over
+//! scenes and caches the results; [`tables`] and [`sweep`] define which setups make which table, `training` and `networks` (with
+//! the `train` feature) those that compare trained networks. [`claims`] makes EVALUATION.md from stored figures.
+
+pub mod bench;
+pub mod claims;
+pub mod experiment_table;
+pub mod gallery;
+#[cfg(feature = "train")]
+pub mod networks;
+pub mod page;
+pub mod photometry;
+pub mod scene;
+mod scene_rows;
+pub mod sift;
+pub mod sift_map;
+pub mod sweep;
+pub mod tables;
+#[cfg(feature = "train")]
+pub mod training;
+pub mod training_flight;
+pub mod world_flight;

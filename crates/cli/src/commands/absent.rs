@@ -1,14 +1,12 @@
 //! Commands and options that this build leaves out: they are accepted and answered with how to get them.
 
-use std::ffi::OsString;
-
 /// Arguments of a command that this build leaves out, whatever they are.
 #[cfg(not(feature = "experiments"))]
 #[derive(Debug, clap::Args)]
 #[command(disable_help_flag = true)]
 pub struct AbsentArgs {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
-    arguments: Vec<OsString>,
+    arguments: Vec<std::ffi::OsString>,
 }
 
 /// What to tell a user who asks for `what`, which needs the cargo feature `feature`.

@@ -79,6 +79,7 @@ impl Layout {
     }
 
     /// Whether a folder says by its files that it is a data set.
+    #[cfg(feature = "experiments")]
     pub fn is_told(folder: &Path) -> bool {
         folder.join("truth.csv").is_file()
             || visloc::is_scene(folder)

@@ -199,8 +199,7 @@ fn sweeps(
 /// The data set, each data set of a folder of such, or procedural worlds.
 fn scenes(options: &ExperimentOptions, subject: &Subject<'_>, work: &Path) -> Result<Vec<Scene>> {
     let Some(folder) = subject.folder else {
-        return options
-            .flights()
+        return flights(options)
             .iter()
             .map(|flight| Ok(flight.make(work)?))
             .collect();

@@ -29,6 +29,7 @@ mod features;
 mod file;
 mod forward;
 mod heatmap;
+mod k_means;
 mod keypoints;
 mod layer;
 mod model;
@@ -50,6 +51,7 @@ pub use error::{
 };
 pub use extractor::Extractor;
 pub use features::{ExtractOptions, Features, Keypoint};
+pub use k_means::{KMeans, nearest_by_distance, nearest_by_product};
 pub use model::{Card, Model, ModelHash};
 pub use parameter::{Parameter, Precision};
 pub use spec::{

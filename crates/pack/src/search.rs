@@ -2,7 +2,6 @@
 
 mod exact;
 pub(crate) mod ivf_pq;
-mod k_means;
 pub(crate) mod top_k;
 
 pub use exact::Filter;

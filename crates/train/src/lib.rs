@@ -35,7 +35,7 @@ mod whitening;
 pub use burn::tensor::Device;
 
 pub use batch::{InputBuilder, Norms, input_of};
-pub use centres::{start_centres, unit_clusters};
+pub use centres::start_centres;
 pub use checkpoint::{Checkpoint, Position};
 pub use config::{DescriptorLoss, GlobalLoss, Stage, TrainConfig, Weights};
 pub use curves::Curves;

@@ -4,10 +4,10 @@
 //! compared as `q c + sum_m q_m codeword_m`. Rows are unit vectors, so products are cosines.
 
 use grimnet_kernels::{Isa, matmul_nt};
+use grimnet_net::{KMeans, nearest_by_distance, nearest_by_product};
 use rayon::prelude::*;
 
 use super::exact::Filter;
-use super::k_means::{KMeans, nearest_by_distance, nearest_by_product};
 use super::top_k::{Hit, TopK};
 use crate::error::{PackError, Result};
 

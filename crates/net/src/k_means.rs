@@ -1,4 +1,4 @@
-//! Lloyd's k-means, seeded, the same on any number of threads.
+//! k-means clustering (Lloyd 1982) of descriptors, seeded; the result does not depend on the number of threads.
 
 use grimnet_kernels::{Isa, matmul_nt};
 use rand::SeedableRng;
@@ -12,19 +12,25 @@ const POINTS_PER_TASK: usize = 1024;
 /// Relative size of the step that splits a centroid in two (faiss: `Clustering.cpp`, EPS = 1/1024).
 const SPLIT: f32 = 1.0 / 1024.0;
 
-/// How to cluster.
+/// Settings of a k-means run.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct KMeans {
-    pub(crate) clusters: usize,
-    pub(crate) iterations: usize,
-    /// Nearest by inner product, centroids of length one.
-    pub(crate) spherical: bool,
-    pub(crate) seed: u64,
+pub struct KMeans {
+    /// Number of clusters.
+    pub clusters: usize,
+    /// Number of iterations; each assigns every point and moves every centroid.
+    pub iterations: usize,
+    /// Spherical k-means (Dhillon and Modha 2001): points are assigned by inner product, centroids have unit length.
+    pub spherical: bool,
+    /// Seed of the choice of the first centroids.
+    pub seed: u64,
 }
 
 impl KMeans {
-    /// Centroids (`clusters x dim`) of `points` (`n x dim`, `n >= clusters`).
-    pub(crate) fn run(&self, points: &[f32], dim: usize) -> Vec<f32> {
+    /// Centroids of points, row by row. A cluster that loses all its points takes half of the largest one.
+    ///
+    /// # Shapes
+    /// `points` `[n, dim]`, result `[min(clusters, n), dim]`.
+    pub fn run(&self, points: &[f32], dim: usize) -> Vec<f32> {
         let n = points.len() / dim;
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         let mut first = index::sample(&mut rng, n, self.clusters.min(n)).into_vec();
@@ -100,13 +106,19 @@ impl KMeans {
     }
 }
 
-/// Index of the centroid with the largest inner product, for each point; the first of equals.
-pub(crate) fn nearest_by_product(centroids: &[f32], points: &[f32], dim: usize) -> Vec<u32> {
+/// Index of the centroid with the largest inner product with each point; the first one if several are equal.
+///
+/// # Shapes
+/// `centroids` `[clusters, dim]`, `points` `[n, dim]`, result `[n]`.
+pub fn nearest_by_product(centroids: &[f32], points: &[f32], dim: usize) -> Vec<u32> {
     nearest(centroids, points, dim, |_| 0.0)
 }
 
-/// Index of the centroid with the smallest Euclidean distance, for each point; the first of equals.
-pub(crate) fn nearest_by_distance(centroids: &[f32], points: &[f32], dim: usize) -> Vec<u32> {
+/// Index of the centroid with the smallest Euclidean distance to each point; the first one if several are equal.
+///
+/// # Shapes
+/// As [`nearest_by_product`].
+pub fn nearest_by_distance(centroids: &[f32], points: &[f32], dim: usize) -> Vec<u32> {
     // |x - c|^2 = |x|^2 - 2 (x c - |c|^2 / 2)
     nearest(centroids, points, dim, |c| {
         0.5 * c.iter().map(|v| v * v).sum::<f32>()

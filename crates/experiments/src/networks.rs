@@ -6,10 +6,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use grimnet_net::Model;
-use grimnet_train::data::Data;
 use grimnet_train::{
-    Device, ExportOptions, Progress, TrainConfig, TrainError, Trainer, checkpoint_path, export,
-    save_model,
+    Data, Device, ExportOptions, Progress, TrainConfig, TrainError, Trainer, checkpoint_path,
+    export, save_model,
 };
 
 /// Pairs that an exported network is measured on, for its card: the experiment measures it on its scenes.

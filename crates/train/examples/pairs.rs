@@ -1,9 +1,9 @@
-//! Writes training pairs as PNG files, to be looked at: `pairs CONFIG.toml OUT_DIR`.
+//! Writes training pairs as PNG files for inspection: `pairs CONFIG.toml OUT_DIR`.
 
 #![allow(clippy::print_stdout)]
 
-use grimnet_train::TrainConfig;
-use grimnet_train::data::{Data, batch_of};
+use grimnet_train::data::batch_of;
+use grimnet_train::{Data, TrainConfig};
 use image::{Rgb, RgbImage};
 use std::path::Path;
 use std::time::Instant;
@@ -20,6 +20,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let started = Instant::now();
         let batch = batch_of(
             &data.training,
+            None,
             &config.pairs,
             config.pairs_per_step,
             config.seed,

@@ -1,6 +1,6 @@
 //! Files that are whole or absent, whenever the process is killed.
 
-use crate::TrainError;
+use crate::error::TrainError;
 use std::io::Write as _;
 use std::path::Path;
 

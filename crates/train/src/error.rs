@@ -1,55 +1,54 @@
-//! What can go wrong while training.
+//! Errors of training.
 
-use crate::data::Layout;
 use grimnet_net::NetError;
 use std::path::PathBuf;
 
-/// Why training, or a part of it, stopped.
+/// An error of this crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TrainError {
-    /// A file or folder cannot be read or written; the message of the operating system names it.
+    /// A file or folder cannot be read or written. The message names it.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// The configuration asks for something that cannot be done.
-    #[error("the training configuration is wrong: {reason}")]
+    /// A value in the configuration is not usable.
+    #[error("training configuration: {reason}")]
     Config {
-        /// What, and what to write instead.
+        /// What is wrong and what is accepted.
         reason: String,
     },
     /// Not enough pictures.
     #[error(
-        "{found} usable pictures found ({unreadable} unreadable) under {folders}; at least {needed} are needed"
+        "found {found} usable pictures ({unreadable} unreadable) in {folders}; at least {needed} are needed"
     )]
     TooFewPictures {
-        /// Pictures that can be used.
+        /// Usable pictures.
         found: usize,
-        /// Files that look like pictures and cannot be decoded or are too small.
+        /// Picture files that cannot be decoded or are too small.
         unreadable: usize,
-        /// Where they were looked for.
+        /// The folders.
         folders: String,
         /// How many are needed.
         needed: usize,
     },
-    /// A data set is not laid out as its configuration says.
-    #[error("{path} is not laid out as {layout:?} data: {missing} is missing")]
+    /// A data set's folder does not have the layout in the configuration.
+    #[error("{path}: not a data set of `layout = \"{layout}\"`: {missing} is missing")]
     Layout {
         /// The data set's folder.
         path: PathBuf,
-        /// What was expected.
-        layout: Layout,
+        /// The layout in the configuration.
+        layout: &'static str,
         /// What is missing.
         missing: String,
     },
-    /// The pictures or worlds gave no pairs.
+    /// No pairs could be made for a step.
     #[error(
-        "step {step}: no pairs could be made; the pictures are too small for `pairs.side_px`, cannot be decoded, or `pairs.points` is too high for what both views see"
+        "step {step}: no pairs could be made: the pictures cannot be decoded or are too small for `pairs.side_px`, or `pairs.points` is more than both views share"
     )]
     NoPairs {
         /// The step.
         step: u64,
     },
-    /// A checkpoint is damaged, or belongs to another network.
+    /// A checkpoint is damaged or belongs to another network.
     #[error("checkpoint {path}: {reason}")]
     Checkpoint {
         /// The file.
@@ -63,7 +62,7 @@ pub enum TrainError {
         /// What is wrong, and what to do.
         reason: String,
     },
-    /// A file of weights from another program cannot be used.
+    /// A weights file of another program cannot be used.
     #[error("weights {path}: {reason}")]
     Weights {
         /// The file.
@@ -71,9 +70,9 @@ pub enum TrainError {
         /// What is wrong.
         reason: String,
     },
-    /// A loss or gradient is not a number.
+    /// A loss or gradient is not finite.
     #[error(
-        "step {step}: {what} is not finite; the last good checkpoint is {checkpoint}; resume from it with a lower learning rate"
+        "step {step}: {what} is not finite; resume from the last checkpoint, {checkpoint}, with a lower learning rate"
     )]
     NotFinite {
         /// The step.
@@ -83,13 +82,13 @@ pub enum TrainError {
         /// Where to resume from.
         checkpoint: String,
     },
-    /// The model file's library refused.
+    /// An error of `grimnet-net`.
     #[error(transparent)]
     Net(#[from] NetError),
-    /// Values could not be read back from the device.
-    #[error("values could not be read back from the training device: {reason}")]
+    /// Values cannot be read from the training device.
+    #[error("cannot read values from the training device: {reason}")]
     Device {
-        /// What the device said.
+        /// The device's message.
         reason: String,
     },
 }

@@ -1,56 +1,46 @@
-//! Training the GRiM-Net network: modules, losses, data, loop, export.
+//! Training the GRiM-Net network.
+//!
+//! [`TrainConfig`] describes a run, [`Data`] lists its pictures, [`Trainer`] runs it and writes [`Checkpoint`]s, and [`export`]
+//! makes the model file that `grimnet-net` reads. The modules: `model` (the network on burn tensors), [`loss`], [`ops`] (operations
+//! with their own CPU kernels), [`data`] (training pairs), `run` (the training loop), `measure` (validation and export), and
+//! [`import`] (weights of other programs).
 
 mod aside;
-mod batch;
-mod centres;
-mod checkpoint;
 mod config;
-mod curves;
 pub mod data;
-mod detector;
-mod device;
 mod error;
-mod export;
-mod first;
-mod grow;
 pub mod import;
-mod labelling;
 pub mod loss;
-mod memory;
-mod network;
-mod objective;
+mod measure;
+mod model;
 pub mod ops;
-mod optimiser;
-mod parameters;
-mod scene_accuracy;
-mod schedule;
-mod teacher;
+mod run;
 #[cfg(test)]
 mod test_numbers;
-mod trainer;
-mod validation;
-mod validator;
-mod whitening;
 
 pub use burn::tensor::Device;
 
-pub use batch::{InputBuilder, Norms, input_of};
-pub use centres::start_centres;
-pub use checkpoint::{Checkpoint, Position};
-pub use config::{DescriptorLoss, GlobalLoss, Stage, TrainConfig, Weights};
-pub use curves::Curves;
-pub use detector::Detector;
-pub use device::Accelerator;
+pub use config::{DescriptorLoss, ExportOptions, GlobalLoss, Stage, TrainConfig, Weights};
 pub use error::TrainError;
-pub use export::{ExportOptions, Exported, export, save_model, with_fresh_statistics};
-pub use labelling::{LabelProgress, label_pictures};
-pub use network::{Input, Network, Output, Part, Statistics};
-pub use objective::Losses;
-pub use optimiser::Adam;
-pub use parameters::Parameters;
-pub use scene_accuracy::{SceneAccuracy, scene_accuracy};
-pub use teacher::TeacherOptions;
-pub use trainer::{Progress, Trainer, checkpoint_path};
-pub use validation::{Sight, Validation, Validations, pairs_of, validation_options};
-pub use validator::{Figures, Validator};
-pub use whitening::{PrincipalAxes, Projection, WhiteningKind};
+pub use measure::export::{Exported, export, save_model};
+pub use measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
+pub use measure::statistics::with_recomputed_statistics;
+pub use measure::validation::{
+    MatchingFigures, PairOutputs, Validation, Validations, pairs_of, validation_options,
+};
+pub use measure::validator::{Figures, Validator};
+pub use measure::whitening::{PrincipalAxes, Projection, WhiteningKind};
+pub use model::device::Accelerator;
+pub use model::input::{Input, InputBuilder, Norms, Part, input_of};
+pub use model::network::{Network, Output};
+pub use model::normalisation::Statistics;
+pub use model::parameters::Parameters;
+pub use model::teacher::TeacherOptions;
+pub use run::checkpoint::{Checkpoint, Position};
+pub use run::curves::Curves;
+pub use run::data::Data;
+pub use run::detector::Detector;
+pub use run::labelling::{LabelProgress, label_pictures};
+pub use run::losses::Losses;
+pub use run::optimiser::{Adam, AdamOptions, StepOptions};
+pub use run::trainer::{Progress, Trainer, checkpoint_path};

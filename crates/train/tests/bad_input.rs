@@ -3,9 +3,9 @@
 #![allow(clippy::unwrap_used)]
 
 use grimnet_net::{Model, NetSpec};
-use grimnet_train::data::{Data, Folder, Layout, PairOptions};
+use grimnet_train::data::{Folder, Layout, PairOptions, Serves};
 use grimnet_train::{
-    Checkpoint, Detector, Device, TrainConfig, TrainError, Trainer, checkpoint_path,
+    Checkpoint, Data, Detector, Device, TrainConfig, TrainError, Trainer, checkpoint_path,
 };
 use image::{Rgb, RgbImage};
 use std::path::Path;
@@ -27,6 +27,7 @@ fn pictures(folder: &Path) -> Folder {
         path,
         repeat: 1,
         layout: Layout::Pictures,
+        serves: Serves::default(),
     }
 }
 
@@ -181,7 +182,7 @@ fn resuming_what_never_began_says_so() {
         .err()
         .unwrap()
         .to_string();
-    assert!(error.contains("begin without resuming"), "{error}");
+    assert!(error.contains("without resuming"), "{error}");
 }
 
 #[test]

@@ -8,10 +8,12 @@ use grimnet_locate::{Localizer, Outcome, Prior};
 use grimnet_net::{Card, Model};
 use grimnet_pack::{BuildOptions, Levels, Pack, build};
 use grimnet_photo::{Metadata, Photo};
-use grimnet_train::data::{Data, Folder, Layout, Pair, PairOptions, Source, Sources};
+use grimnet_train::data::{
+    Folder, Layout, Pair, PairOptions, Serves, Source, Sources, WeightedSource,
+};
 use grimnet_train::{
-    GlobalLoss, Losses, TeacherOptions, TrainConfig, Trainer, Weights, save_model,
-    with_fresh_statistics,
+    Data, GlobalLoss, Losses, TeacherOptions, TrainConfig, Trainer, Weights, save_model,
+    with_recomputed_statistics,
 };
 use image::{Rgb, RgbImage, imageops};
 use rand::{Rng, SeedableRng};
@@ -49,6 +51,7 @@ fn config(folder: &Path) -> TrainConfig {
         data: vec![Folder {
             path: folder.join("pictures"),
             layout: Layout::default(),
+            serves: Serves::default(),
             repeat: 1,
         }],
         minutes: 60.0,
@@ -149,7 +152,10 @@ fn every_loss_falls(#[case] recipe: TrainConfig, #[case] losses: usize) {
     let all = Data::open(&config).unwrap().training;
     let same: Sources = all
         .into_iter()
-        .map(|(share, source)| (share, Arc::new(Same(source)) as Arc<dyn Source>))
+        .map(|one| WeightedSource {
+            source: Arc::new(Same(one.source)),
+            ..one
+        })
         .collect();
     let (_, first, last) = train(&config, same, 4);
     assert_lower(&first, &last, losses);
@@ -163,7 +169,8 @@ fn a_trained_model_localises() {
     let sources = Data::open(&config).unwrap().training;
     let (trainer, ..) = train(&config, sources.clone(), 12);
     let average = &trainer.state().average;
-    let parameters = with_fresh_statistics(average, &sources, &config, &Device::flex()).unwrap();
+    let parameters =
+        with_recomputed_statistics(average, &sources, &config, &Device::flex()).unwrap();
     let model = parameters.to_model(Card::default()).unwrap();
     let path = folder.path().join("model.safetensors");
     save_model(&model, &path).unwrap();

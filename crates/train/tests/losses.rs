@@ -12,7 +12,7 @@ use grimnet_train::loss::{
     scene_cross_entropy, similarity_distillation, triplet,
 };
 use grimnet_train::ops::{Group, follow_moments, norm_relu};
-use grimnet_train::{Adam, Parameters};
+use grimnet_train::{Adam, AdamOptions, Parameters, StepOptions};
 use rstest::rstest;
 use serde_json::Value;
 use std::sync::Arc;
@@ -290,6 +290,10 @@ fn adam_clips_by_the_global_norm_and_steps_as_pytorchs() {
         parameters.set(name, tensor(value, [to], &device)).unwrap();
     }
     let mut adam = Adam::default();
+    let options = StepOptions {
+        adam: AdamOptions::default(),
+        clip: 2.0,
+    };
     for (pull, expected) in case["pulls"]
         .as_array()
         .unwrap()
@@ -316,7 +320,7 @@ fn adam_clips_by_the_global_norm_and_steps_as_pytorchs() {
             }
         };
         let found = adam
-            .step(&mut parameters, &tracked, &mut gradients, 2.0, rate)
+            .step(&mut parameters, &tracked, &mut gradients, &options, rate)
             .unwrap();
         close(&[found], &[expected], "gradient length");
     }

@@ -4,10 +4,12 @@
 
 use std::path::Path;
 
-use grimnet_train::data::{Data, PairOptions, WorldOptions};
-use grimnet_train::{Device, Norms, Parameters, TrainConfig, Trainer, with_fresh_statistics};
+use grimnet_train::data::{PairOptions, WorldOptions};
+use grimnet_train::{
+    Data, Device, Norms, Parameters, TrainConfig, Trainer, with_recomputed_statistics,
+};
 
-/// Trains a few steps on procedural worlds, and takes the statistics anew.
+/// Trains a few steps on procedural worlds, and recomputes the statistics.
 fn trained(folder: &Path, norms: Norms) -> Parameters {
     let config = TrainConfig {
         out: folder.join(format!("{norms:?}")),
@@ -33,7 +35,7 @@ fn trained(folder: &Path, norms: Norms) -> Parameters {
     let device = Device::flex();
     let mut trainer = Trainer::new(config.clone(), data.training.clone(), &device, false).unwrap();
     trainer.run(&mut |_, _| true).unwrap();
-    with_fresh_statistics(&trainer.state().average, &data.training, &config, &device).unwrap()
+    with_recomputed_statistics(&trainer.state().average, &data.training, &config, &device).unwrap()
 }
 
 fn values(parameters: &Parameters, name: &str) -> Vec<f32> {

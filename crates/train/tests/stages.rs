@@ -3,10 +3,10 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use grimnet_train::data::{
-    Data, Folder, LABEL_NONE, LabelOptions, Layout, Look, PairOptions, batch_of,
+    Folder, LABEL_NONE, LabelOptions, Layout, Look, PairOptions, Serves, batch_of,
 };
 use grimnet_train::{
-    Checkpoint, Device, Figures, Losses, Stage, TrainConfig, TrainError, Trainer, Validator,
+    Checkpoint, Data, Device, Figures, Losses, Stage, TrainConfig, TrainError, Trainer, Validator,
     checkpoint_path, label_pictures,
 };
 use image::{Rgb, RgbImage};
@@ -35,6 +35,7 @@ fn classes(folder: &Path) -> Folder {
         path,
         repeat: 1,
         layout: Layout::Classes,
+        serves: Serves::default(),
     }
 }
 
@@ -89,7 +90,7 @@ fn blind_loss(config: &TrainConfig) -> f32 {
     let data = Data::open(config).unwrap();
     let mut mass = [0.0f32; 65];
     for step in 0..60 {
-        for pair in batch_of(&data.training, &config.pairs, 4, 9, step) {
+        for pair in batch_of(&data.training, None, &config.pairs, 4, 9, step) {
             let seen = pair.uav_labels.iter().zip(&pair.uav_seen);
             let seen = seen.filter_map(|(label, seen)| seen.then_some(label));
             for &label in pair.sat_labels.iter().chain(seen) {
@@ -222,7 +223,7 @@ fn a_detector_labels_pictures_for_the_joint_stage() {
     };
     let device = Device::flex();
     let error = Data::open(&joint).err().unwrap().to_string();
-    assert!(error.contains("--labels"), "{error}");
+    assert!(error.contains("have no labels"), "{error}");
 
     let first = label_pictures(&joint, &device, &mut |_| false).unwrap();
     assert!(
@@ -235,7 +236,7 @@ fn a_detector_labels_pictures_for_the_joint_stage() {
     assert!(second.keypoints > 0);
 
     let source = Data::open(&joint).unwrap().training;
-    let with_labels = batch_of(&source, &joint.pairs, 4, 1, 0);
+    let with_labels = batch_of(&source, None, &joint.pairs, 4, 1, 0);
     let labelled = with_labels.iter().flat_map(|pair| &pair.sat_labels);
     assert!(labelled.filter(|label| **label != LABEL_NONE).count() > 20);
     let corners = TrainConfig {
@@ -245,7 +246,7 @@ fn a_detector_labels_pictures_for_the_joint_stage() {
     let source = Data::open(&corners).unwrap().training;
     for (a, b) in with_labels
         .iter()
-        .zip(batch_of(&source, &joint.pairs, 4, 1, 0))
+        .zip(batch_of(&source, None, &joint.pairs, 4, 1, 0))
     {
         assert_eq!(a.sat, b.sat);
         assert_ne!(a.sat_labels, b.sat_labels);

@@ -39,6 +39,13 @@ impl Rgb {
     }
 }
 
+/// The colour made brighter or darker by a factor on its display value; positive for every factor.
+#[inline]
+pub(crate) fn toned(colour: Rgb, tone: f32) -> Rgb {
+    let t = tone.max(0.2);
+    colour * (t * t)
+}
+
 impl Mul<f32> for Rgb {
     type Output = Self;
     #[inline]

@@ -109,7 +109,7 @@ impl Flight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::WorldConfig;
+    use crate::config::WorldConfig;
 
     #[test]
     fn flight_covers_the_map_inside_its_margin() {

@@ -1,11 +1,12 @@
 //! GeoTIFF writing (OGC 19-008r4), tiled, deflated.
 
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
 use image::RgbImage;
 use rayon::prelude::*;
-use tiff::encoder::TiffEncoder;
+use tiff::TiffResult;
+use tiff::encoder::{DirectoryEncoder, TiffEncoder, TiffKind};
 use tiff::tags::Tag;
 
 use crate::error::WorldError;
@@ -56,82 +57,57 @@ pub fn write_geotiff(
         offsets.push(u32::try_from(at).map_err(|_| WorldError::encode(path, "larger than 4 GiB"))?);
         sizes.push(bytes.len() as u32);
     }
-    directory
-        .write_tag(Tag::ImageWidth, width)
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::ImageLength, height)
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::BitsPerSample, [8_u16; 3].as_slice())
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::Compression, 8_u16)
-        .map_err(encode)?; // Adobe deflate
-    directory
-        .write_tag(Tag::PhotometricInterpretation, 2_u16)
-        .map_err(encode)?; // RGB
-    directory
-        .write_tag(Tag::SamplesPerPixel, 3_u16)
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::PlanarConfiguration, 1_u16)
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::SampleFormat, [1_u16; 3].as_slice())
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::TileWidth, TILE_PX)
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::TileLength, TILE_PX)
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::TileOffsets, offsets.as_slice())
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::TileByteCounts, sizes.as_slice())
-        .map_err(encode)?;
+    write_raster_tags(&mut directory, [width, height], &offsets, &sizes).map_err(encode)?;
+    write_geo_tags(&mut directory, gsd_m, north_west_m, epsg).map_err(encode)?;
+    directory.finish().map_err(encode)?;
+    out.flush().map_err(WorldError::write(path))
+}
+
+fn write_raster_tags<W: Write + Seek, K: TiffKind>(
+    directory: &mut DirectoryEncoder<'_, W, K>,
+    [width, height]: [u32; 2],
+    offsets: &[u32],
+    sizes: &[u32],
+) -> TiffResult<()> {
+    directory.write_tag(Tag::ImageWidth, width)?;
+    directory.write_tag(Tag::ImageLength, height)?;
+    directory.write_tag(Tag::BitsPerSample, [8_u16; 3].as_slice())?;
+    directory.write_tag(Tag::Compression, 8_u16)?; // Adobe deflate
+    directory.write_tag(Tag::PhotometricInterpretation, 2_u16)?; // RGB
+    directory.write_tag(Tag::SamplesPerPixel, 3_u16)?;
+    directory.write_tag(Tag::PlanarConfiguration, 1_u16)?;
+    directory.write_tag(Tag::SampleFormat, [1_u16; 3].as_slice())?;
+    directory.write_tag(Tag::TileWidth, TILE_PX)?;
+    directory.write_tag(Tag::TileLength, TILE_PX)?;
+    directory.write_tag(Tag::TileOffsets, offsets)?;
+    directory.write_tag(Tag::TileByteCounts, sizes)?;
+    Ok(())
+}
+
+/// The tags of OGC GeoTIFF 1.1: pixel size, position of the top-left corner, coordinate system.
+fn write_geo_tags<W: Write + Seek, K: TiffKind>(
+    directory: &mut DirectoryEncoder<'_, W, K>,
+    gsd_m: f64,
+    north_west_m: [f64; 2],
+    epsg: u16,
+) -> TiffResult<()> {
     let citation = "grimnet procedural world|";
-    // Version 1.1.0; then key, location, count, value.
+    // Version 1.1.0 and the number of keys; then key, location, count, value.
+    #[rustfmt::skip]
     let keys: [u16; 20] = [
-        1,
-        1,
-        0,
-        4, //
-        1024,
-        0,
-        1,
-        1, // GTModelType: projected
-        1025,
-        0,
-        1,
-        1, // GTRasterType: pixel is area
-        1026,
-        GEO_ASCII_PARAMS,
-        citation.len() as u16,
-        0, //
-        3072,
-        0,
-        1,
-        epsg, // ProjectedCRS
+        1, 1, 0, 4,
+        1024, 0, 1, 1, // GTModelType: projected
+        1025, 0, 1, 1, // GTRasterType: pixel is area
+        1026, GEO_ASCII_PARAMS, citation.len() as u16, 0, // GTCitation
+        3072, 0, 1, epsg, // ProjectedCRS
     ];
     let scale = [gsd_m, gsd_m, 0.0];
     let tie = [0.0, 0.0, 0.0, north_west_m[0], north_west_m[1], 0.0];
-    directory
-        .write_tag(Tag::Unknown(MODEL_PIXEL_SCALE), scale.as_slice())
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::Unknown(MODEL_TIEPOINT), tie.as_slice())
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::Unknown(GEO_KEY_DIRECTORY), keys.as_slice())
-        .map_err(encode)?;
-    directory
-        .write_tag(Tag::Unknown(GEO_ASCII_PARAMS), citation)
-        .map_err(encode)?;
-    directory.finish().map_err(encode)?;
-    out.flush().map_err(WorldError::write(path))
+    directory.write_tag(Tag::Unknown(MODEL_PIXEL_SCALE), scale.as_slice())?;
+    directory.write_tag(Tag::Unknown(MODEL_TIEPOINT), tie.as_slice())?;
+    directory.write_tag(Tag::Unknown(GEO_KEY_DIRECTORY), keys.as_slice())?;
+    directory.write_tag(Tag::Unknown(GEO_ASCII_PARAMS), citation)?;
+    Ok(())
 }
 
 /// One tile's bytes; beyond the picture its border is repeated.

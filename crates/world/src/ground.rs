@@ -5,9 +5,10 @@ use nalgebra::Vector2;
 use crate::bucket_grid::BucketGrid;
 use crate::colour::Rgb;
 use crate::cover::{Cover, Inside, Patch};
+use crate::ground_noise::{GroundNoise, specks};
 use crate::look::Season;
 use crate::road::{Road, road_surface};
-use crate::texture::{GroundNoise, patch_albedo, specks};
+use crate::texture::{GroundPoint, patch_albedo};
 use crate::warp::Warp;
 
 type V2 = Vector2<f32>;
@@ -92,7 +93,14 @@ impl Ground {
         let noise = GroundNoise::at(soil, pixel_m);
         let patch = Self::topmost(&self.patches, self.patch_grid.at(p), p);
         let colour_of = |patch: &Patch, at: &Inside, q: V2| {
-            let (albedo, kind) = patch_albedo(patch, at, q, &noise, season, pixel_m);
+            let (albedo, kind) = patch_albedo(&GroundPoint {
+                patch,
+                at,
+                p: q,
+                noise: &noise,
+                season,
+                pixel_m,
+            });
             let strength = match patch.cover {
                 Cover::Water | Cover::Pool | Cover::Court | Cover::Track | Cover::Pitch => 0.0,
                 Cover::Crop | Cover::Orchard => 0.12,

@@ -12,7 +12,7 @@ impl World {
     /// [`World::render_map`] makes of `frame` under `look`, row by row. The surface at height z seen
     /// at a map pixel stands at the pixel's ground point less z times [`Look::lean_en`].
     pub fn map_heights_m(&self, frame: &MapFrame, look: &Look) -> Vec<f32> {
-        let rays = MapRays::new(frame, look.lean_en, self.top_m + 1.0);
+        let rays = MapRays::new(frame, look.lean_en, self.objects.top_m + 1.0);
         self.heights_m(&rays, frame.width_px, frame.height_px, look)
     }
 
@@ -30,7 +30,8 @@ impl World {
             .flat_map_iter(|y| {
                 (0..width).map(move |x| {
                     let (o, d) = rays.ray(x as f32 + 0.5, y as f32 + 0.5);
-                    self.cast(o, d, look)
+                    self.objects
+                        .cast(o, d, look)
                         .map_or(0.0, |hit| (o.z + d.z * hit.t()).max(0.0))
                 })
             })

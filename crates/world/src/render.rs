@@ -309,7 +309,7 @@ impl World {
         let pixel_m = gsd_m as f32;
         let picture = Picture {
             world: self,
-            rays: MapRays::new(&frame, look.lean_en, self.top_m + 1.0),
+            rays: MapRays::new(&frame, look.lean_en, self.objects.top_m + 1.0),
             look,
             light: Light::new(look),
             width: frame.width_px as usize,

@@ -5,10 +5,11 @@ use nalgebra::Vector2;
 use crate::bucket_grid::Extent;
 use crate::colour::{Rgb, rgb8};
 use crate::convex::left_of;
+use crate::grass::grass;
+use crate::ground_noise::GroundNoise;
 use crate::look::Season;
 use crate::noise::fbm;
 use crate::random::{hash_cell, hash2, unit};
-use crate::texture::{GroundNoise, grass};
 
 type V2 = Vector2<f32>;
 

@@ -1,14 +1,13 @@
-//! Light and colour of what a ray meets.
+//! Radiance of what a ray hits.
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::cast::{Hit, Skip};
-use crate::colour::{Rgb, rgb8};
-use crate::look::{Look, Season};
+use crate::colour::Rgb;
+use crate::look::Look;
 use crate::noise::fbm;
-use crate::random::{hash_cell, hash2, unit};
-use crate::solid::{Face, Finish, Solid, SolidHit};
-use crate::tree::{Species, Tree, TreeHit};
+use crate::object_albedo::{solid_albedo, tree_albedo};
+use crate::objects::{Hit, Skip};
+use crate::random::hash2;
 use crate::world::World;
 
 type V2 = Vector2<f32>;
@@ -46,7 +45,7 @@ impl Light {
     }
 }
 
-/// Radiance at a picture element and what it belongs to.
+/// Radiance of a sample, and a number that tells apart the surfaces whose borders are antialiased.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Sample {
     pub(crate) rgb: Rgb,
@@ -54,28 +53,31 @@ pub(crate) struct Sample {
 }
 
 impl World {
-    /// What the ray `o + t d` (downwards) sees; `pixel_m` is a picture element's size on the ground.
+    /// Radiance along the downward ray `o + t d`; `pixel_m` is the size of a pixel on the ground.
     #[inline]
     pub(crate) fn sample(&self, o: V3, d: V3, look: &Look, light: &Light, pixel_m: f32) -> Sample {
-        match self.cast(o, d, look) {
+        match self.objects.cast(o, d, look) {
             None => {
                 let p = o - d * (o.z / d.z);
                 let ground = self.ground.surface(V2::new(p.x, p.y), look.season, pixel_m);
                 let above = V3::new(p.x, p.y, 0.01);
-                let visible = self.sunlight(above, light.to_sun, Skip::Nothing, look);
+                let visible = self
+                    .objects
+                    .sunlight(above, light.to_sun, Skip::Nothing, look);
                 Sample {
                     rgb: ground.albedo.times(light.on(V3::z(), visible)),
                     id: ground.id ^ if visible < 0.5 { 0x8000_0000 } else { 0 },
                 }
             }
             Some(Hit::Solid { index, hit }) => {
-                let solid = &self.solids[index as usize];
+                let solid = &self.objects.solids[index as usize];
                 let p = o + d * hit.t;
                 let albedo = solid_albedo(solid, &hit, p, look.season, pixel_m);
                 let lit = hit.normal.dot(&light.to_sun) > 0.0;
                 let visible = if lit {
                     let start = p + hit.normal * 0.02;
-                    self.sunlight(start, light.to_sun, Skip::Solid(index), look)
+                    self.objects
+                        .sunlight(start, light.to_sun, Skip::Solid(index), look)
                 } else {
                     0.0
                 };
@@ -86,9 +88,11 @@ impl World {
                 }
             }
             Some(Hit::Tree { index, hit }) => {
-                let tree = &self.trees[index as usize];
+                let tree = &self.objects.trees[index as usize];
                 let p = o + d * hit.t;
-                let visible = self.sunlight(p, light.to_sun, Skip::Tree(index), look);
+                let visible = self
+                    .objects
+                    .sunlight(p, light.to_sun, Skip::Tree(index), look);
                 let leaves =
                     fbm(p.x * 27.0 + p.z * 5.0, p.y * 27.0 - p.z * 5.0) * (0.12 / pixel_m).min(1.0);
                 let h = hit.clump.height;
@@ -98,282 +102,6 @@ impl World {
                     rgb: tree_albedo(tree, &hit, look.season).times(lit) * open,
                     id: 0x4000_0000 | index,
                 }
-            }
-        }
-    }
-}
-
-fn tree_albedo(tree: &Tree, hit: &TreeHit, season: Season) -> Rgb {
-    let a = unit(hash2(tree.seed, 1));
-    let b = unit(hash2(tree.seed, 2));
-    if tree.bare(season) {
-        return rgb8(128, 112, 96).mix(rgb8(98, 86, 76), a);
-    }
-    let leaf = match (tree.species, season) {
-        (Species::Conifer, _) => rgb8(58, 78, 50).mix(rgb8(72, 92, 62), a),
-        (Species::Evergreen, _) => rgb8(74, 96, 50).mix(rgb8(96, 112, 62), a),
-        (_, Season::Spring) => rgb8(122, 148, 70).mix(rgb8(96, 126, 56), a),
-        (_, Season::Summer) => rgb8(78, 108, 48)
-            .mix(rgb8(110, 130, 66), a)
-            .mix(rgb8(88, 116, 76), b * 0.5),
-        (_, Season::Autumn) => {
-            let turned = match tree.seed & 3 {
-                0 => rgb8(178, 140, 60),
-                1 => rgb8(158, 98, 54),
-                2 => rgb8(138, 126, 62),
-                _ => rgb8(104, 116, 58),
-            };
-            turned.mix(rgb8(110, 112, 60), a * 0.6)
-        }
-        (_, Season::Winter) => rgb8(96, 104, 70),
-    };
-    leaf * (0.9 + 0.35 * b - 0.12 * hit.rho)
-}
-
-fn rgb_of(c: [u8; 3]) -> Rgb {
-    rgb8(c[0], c[1], c[2])
-}
-
-fn toned(colour: Rgb, tone: f32) -> Rgb {
-    let t = tone.max(0.2);
-    colour * (t * t)
-}
-
-fn solid_albedo(solid: &Solid, hit: &SolidHit, p: V3, season: Season, pixel_m: f32) -> Rgb {
-    match (solid.finish, hit.face) {
-        (Finish::Car | Finish::Van | Finish::Truck, face) => vehicle(solid, hit, p, face),
-        (Finish::Hedge, _) => {
-            let n = fbm(p.x * 14.0, p.y * 14.0 + p.z * 9.0);
-            let brown = if season == Season::Winter { 0.5 } else { 0.0 };
-            toned(
-                rgb_of(solid.roof_rgb).mix(rgb8(104, 90, 70), brown),
-                1.0 + 0.35 * n,
-            )
-        }
-        (_, Face::Wall) => wall(solid, hit, p),
-        (_, Face::Roof) => roof(solid, hit, p, pixel_m),
-    }
-}
-
-fn wall(solid: &Solid, hit: &SolidHit, p: V3) -> Rgb {
-    let base = rgb_of(solid.wall_rgb);
-    let along = if hit.face_index < 2 {
-        hit.local.y
-    } else {
-        hit.local.x
-    };
-    let height = p.z - solid.base_m;
-    let stain = 1.0 + 0.08 * fbm(along * 3.0 + unit(solid.seed) * 99.0, height * 2.0);
-    if solid.finish == Finish::Glass {
-        return toned(base, stain);
-    }
-    let tall = solid.eaves_m - solid.base_m;
-    if tall < 2.4 || solid.finish == Finish::Plain {
-        return toned(base, stain);
-    }
-    if solid.finish == Finish::Metal {
-        let door = along.rem_euclid(11.0) < 4.0 && height < 3.8;
-        return toned(base, stain * if door { 0.7 } else { 1.0 });
-    }
-    // Windows: one row a storey.
-    let storey = (height - 0.9).rem_euclid(3.1);
-    let bay = 2.2 + 1.6 * unit(hash2(solid.seed, 4));
-    let across = along.rem_euclid(bay);
-    if storey < 1.5 && across > bay * 0.28 && across < bay * 0.72 && height < tall - 0.4 {
-        return rgb8(58, 64, 72);
-    }
-    toned(base, stain)
-}
-
-fn roof(solid: &Solid, hit: &SolidHit, p: V3, pixel_m: f32) -> Rgb {
-    let base = rgb_of(solid.roof_rgb);
-    let (u, v) = (hit.local.x, hit.local.y);
-    let shift = unit(solid.seed) * 430.0;
-    // Stains and wear at two scales, fixed to the roof.
-    let grime = fbm(u * 2.2 + shift, v * 2.2 - shift);
-    let fine = fbm(u * 9.0 - shift, v * 9.0 + shift) * (0.22 / pixel_m).min(1.2);
-    let seen = |period: f32| ((period / pixel_m - 1.5) * 0.8).clamp(0.0, 1.0);
-    let edge = solid.half.x - u.abs();
-    let edge = edge.min(solid.half.y - v.abs());
-    match solid.finish {
-        Finish::Tiles => {
-            let down = if hit.face_index >= 8 { u } else { v };
-            let course = (down * (std::f32::consts::TAU / 0.42)).cos() * 0.05 * seen(0.42);
-            let ridge = match solid.roof {
-                crate::solid::Roof::Gable(_) => v.abs(),
-                crate::solid::Roof::Hip(_) => {
-                    let h = solid.half;
-                    let on_ridge = if u.abs() < h.x - h.y {
-                        v.abs()
-                    } else {
-                        f32::INFINITY
-                    };
-                    on_ridge.min(((h.x - u.abs()) - (h.y - v.abs())).abs() * 0.7)
-                }
-                _ => f32::INFINITY,
-            };
-            let cap = if ridge < 0.17 { 0.14 } else { 0.0 };
-            let moss = (grime * 1.4 - 0.35).clamp(0.0, 0.5);
-            let replaced = hash_cell(
-                solid.seed,
-                (u / 1.7).floor() as i32,
-                (down / 1.3).floor() as i32,
-            );
-            let swap = if replaced.is_multiple_of(29) {
-                0.12
-            } else {
-                0.0
-            };
-            toned(
-                base.mix(rgb8(84, 84, 62), moss * 0.5),
-                1.0 + course + cap + swap + 0.10 * fine + 0.08 * grime,
-            )
-        }
-        Finish::Metal => {
-            let pitch = if solid.half.x * solid.half.y > 300.0 {
-                1.1
-            } else {
-                0.7
-            };
-            let seam = if u.rem_euclid(pitch) < 0.16 {
-                -0.09 * seen(pitch)
-            } else {
-                0.0
-            };
-            let sheet = hash_cell(
-                solid.seed,
-                (u / 3.3).floor() as i32,
-                (v / 7.0).floor() as i32,
-            );
-            let rust = ((grime * 1.6 - 0.3).clamp(0.0, 0.8))
-                * if solid.seed & 3 == 0 { 1.0 } else { 0.25 };
-            // Light strips of translucent sheet.
-            let strip = solid.seed & 12 == 0
-                && u.rem_euclid(7.0) < 1.0
-                && v.abs() < solid.half.y * 0.85
-                && v.abs() > 0.6;
-            if strip {
-                return toned(rgb8(202, 206, 196), 1.0 + 0.05 * fine);
-            }
-            let tone = 1.0
-                + seam
-                + 0.07 * (unit(sheet) - 0.5)
-                + 0.06 * fine
-                + 0.07 * grime
-                + if edge < 0.25 { 0.08 } else { 0.0 };
-            toned(base.mix(rgb8(140, 96, 70), rust), tone)
-        }
-        Finish::Bitumen | Finish::Gravel | Finish::Membrane | Finish::Slab => {
-            if edge < 0.35 {
-                // Parapet.
-                return toned(rgb_of(solid.wall_rgb), 0.98 + 0.06 * fine);
-            }
-            let damp = if edge < 1.1 { -0.10 } else { 0.0 };
-            let field = hash_cell(
-                solid.seed,
-                (u / 4.2).floor() as i32,
-                (v / 5.3).floor() as i32,
-            );
-            let joint = if u.rem_euclid(4.2) < 0.14 || v.rem_euclid(5.3) < 0.14 {
-                -0.08
-            } else {
-                0.0
-            };
-            let pool = -0.16 * ((grime - 0.25) * 3.0).clamp(0.0, 1.0);
-            let patch = if field.is_multiple_of(7) {
-                0.12 * (unit(field) - 0.5) * 2.0
-            } else {
-                0.0
-            };
-            toned(
-                base,
-                1.0 + damp + joint + pool + patch + 0.12 * fine + 0.08 * grime,
-            )
-        }
-        Finish::Glass => {
-            let bar = u.rem_euclid(1.5) < 0.14 || v.rem_euclid(1.5) < 0.14;
-            let hazy = toned(base, 0.85 + 0.10 * fine + 0.15 * grime);
-            if bar { toned(hazy, 1.12) } else { hazy }
-        }
-        Finish::Solar => {
-            let frame = u.rem_euclid(1.05) < 0.09 || v.rem_euclid(1.75) < 0.09;
-            if frame {
-                rgb8(150, 154, 160)
-            } else {
-                toned(base, 1.0 + 0.06 * fine)
-            }
-        }
-        Finish::Wood => {
-            let plank = if u.rem_euclid(0.6) < 0.1 { -0.1 } else { 0.0 };
-            toned(base, 1.0 + plank + 0.1 * fine + 0.08 * grime)
-        }
-        _ => {
-            let _ = p;
-            toned(
-                base,
-                1.0 + 0.05 * fine + 0.06 * grime + if edge < 0.2 { 0.05 } else { 0.0 },
-            )
-        }
-    }
-}
-
-fn vehicle(solid: &Solid, hit: &SolidHit, p: V3, face: Face) -> Rgb {
-    let paint = rgb_of(solid.roof_rgb);
-    const PANE: Rgb = rgb8(46, 52, 60);
-    if face == Face::Wall {
-        let low = p.z < 0.45;
-        let glazed = solid.finish == Finish::Car && p.z > 0.9;
-        return if low {
-            rgb8(40, 40, 42)
-        } else if glazed {
-            PANE
-        } else {
-            paint * 0.9
-        };
-    }
-    let (x, y) = (hit.local.x / solid.half.x, hit.local.y.abs() / solid.half.y);
-    match solid.finish {
-        Finish::Car => {
-            if (0.12..0.42).contains(&x) && y < 0.86
-                || (-0.78..-0.56).contains(&x) && y < 0.8
-                || (-0.56..0.12).contains(&x) && y > 0.8
-            {
-                PANE
-            } else if x.abs() > 0.95 || y > 0.95 {
-                paint * 0.7
-            } else {
-                paint * if x > 0.42 { 0.94 } else { 1.05 }
-            }
-        }
-        Finish::Van => {
-            if (0.62..0.84).contains(&x) && y < 0.88 {
-                PANE
-            } else {
-                paint
-            }
-        }
-        _ => {
-            // Cab in front, load behind.
-            if x > 0.66 {
-                if (0.88..0.97).contains(&x) {
-                    PANE
-                } else {
-                    paint
-                }
-            } else if x > 0.6 {
-                rgb8(50, 50, 52)
-            } else {
-                let load = if solid.seed & 1 == 0 {
-                    rgb8(210, 208, 202)
-                } else {
-                    paint
-                };
-                let rib = if hit.local.x.rem_euclid(1.3) < 0.12 {
-                    0.92
-                } else {
-                    1.0
-                };
-                toned(load, rib)
             }
         }
     }

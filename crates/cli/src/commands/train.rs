@@ -1,9 +1,6 @@
 //! `grim train`: only in builds with the trainer.
 
-use std::path::PathBuf;
-
-use clap::Args;
-
+mod arguments;
 #[cfg(feature = "train")]
 mod flight_log;
 #[cfg(feature = "train")]
@@ -11,26 +8,35 @@ mod labels;
 #[cfg(feature = "train")]
 mod session;
 #[cfg(feature = "train")]
-pub use session::run;
+mod share_bar;
 
-/// Arguments of `grim train`.
-#[derive(Debug, Args)]
-pub struct TrainArgs {
-    /// What to train, on which pictures, for how long (TOML)
-    config: Option<PathBuf>,
+pub use arguments::TrainArgs;
 
-    /// Go on from the last checkpoint
-    #[arg(long)]
-    resume: bool,
+/// Runs the command.
+///
+/// # Errors
+/// Returns an error if the configuration, the data or a checkpoint cannot be used, or a loss is not finite.
+#[cfg(feature = "train")]
+pub fn run(arguments: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
+    use anyhow::Context as _;
+    use grimnet_train::{TrainConfig, TrainError};
 
-    /// Train nothing: find keypoints in the pictures by homographic adaptation, as the table `labels` says; what was found by
-    /// an earlier run is kept
-    #[arg(long, conflicts_with_all = ["resume", "export"])]
-    labels: bool,
-
-    /// Train no more: make the model file of the last checkpoint
-    #[arg(long, conflicts_with = "resume")]
-    export: bool,
+    let path = arguments.config.as_deref().context(
+        "a configuration file is missing, as in: grim train training.toml (see TRAINING.md)",
+    )?;
+    let config = TrainConfig::open(path)?;
+    if arguments.labels {
+        return labels::run(path, &config);
+    }
+    session::run(path, &config, arguments).map_err(|error| {
+        match error.downcast_ref::<TrainError>() {
+            Some(TrainError::Labels { .. }) => error.context(format!(
+                "label the pictures with: grim train {} --labels",
+                path.display()
+            )),
+            _ => error,
+        }
+    })
 }
 
 /// Says how to get the trainer.

@@ -1,7 +1,8 @@
 //! Keypoint labels: one class for each 8 x 8 cell of a view, its 64 pixels or "none" (DeTone et al. 2018).
 
 use super::corners::corners;
-use super::mapping::{Mapping, Seen};
+use super::counterpart::Counterpart;
+use super::mapping::Mapping;
 use image::RgbImage;
 
 /// The label of a cell without a keypoint; the others are `8 * row + column` inside the cell.
@@ -95,7 +96,7 @@ pub(super) fn surviving_corners(
             continue;
         }
         match mapping.uav_from_sat([x as f64, y as f64], side as f64, 1.0) {
-            Seen::At([u, v]) => {
+            Counterpart::At([u, v]) => {
                 let (u, v) = (u.round() as usize, v.round() as usize);
                 if !uav_seen[uav_labels.cell(u, v)] {
                     sat_labels.set(x, y);
@@ -104,14 +105,14 @@ pub(super) fn surviving_corners(
                     uav_labels.set(u, v);
                 }
             }
-            Seen::Outside => sat_labels.set(x, y),
-            Seen::Hidden => {}
+            Counterpart::Outside => sat_labels.set(x, y),
+            Counterpart::Hidden => {}
         }
     }
     let in_plain = near_corners(&corners(uav_plain, 2, MOST_CORNERS), side);
     for [x, y] in uav_corners {
         let unseen_by_sat =
-            mapping.sat_from_uav([x as f64, y as f64], side as f64, 1.0) == Seen::Outside;
+            mapping.sat_from_uav([x as f64, y as f64], side as f64, 1.0) == Counterpart::Outside;
         if unseen_by_sat && in_plain[y * side + x] && uav_seen[uav_labels.cell(x, y)] {
             uav_labels.set(x, y);
         }

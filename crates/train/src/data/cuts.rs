@@ -1,9 +1,11 @@
-//! Pairs cut from pictures: both views from one, related by a random homography.
+//! Pairs cut from single pictures: both views show one picture, related by a random homography.
 
 use super::homography::{apply, random_homography};
+use super::layout::Fold;
 use super::mapping::Mapping;
 use super::pair::{Keypoints, Pair, PairOptions, Place, Source, Views};
-use super::pictures::{Aside, Fold, Picture, Pictures};
+use super::picture::Picture;
+use super::pictures::{HeldOut, Pictures};
 use super::resample::{pyramid_level, warp};
 use super::scene::Scene;
 use nalgebra::Matrix3;
@@ -21,7 +23,7 @@ impl Source for Pictures {
     }
 }
 
-impl Source for Aside {
+impl Source for HeldOut {
     fn group(&self, count: usize, options: &PairOptions, random: &mut ChaCha8Rng) -> Vec<Pair> {
         group_of(&self.0, Fold::Validation, count, options, random)
     }
@@ -31,7 +33,7 @@ impl Source for Aside {
     }
 }
 
-/// Windows of one picture that lie apart; of a small picture only two, then the next picture.
+/// Pairs at windows of one picture that overlap little; only two of a small picture, then the next picture.
 fn group_of(
     pictures: &Pictures,
     fold: Fold,
@@ -56,7 +58,13 @@ fn group_of(
                 (index, picture, Vec::new())
             }
         };
-        let window = choose_window(index, &picture, options.side_px, &taken, random);
+        let window = choose_window(
+            pictures.place_of(index),
+            &picture,
+            options.side_px,
+            &taken,
+            random,
+        );
         let scene = pictures.scene(index);
         let Some(pair) = pair_at(&picture, window, scene, options, random) else {
             refused += 1;
@@ -73,9 +81,9 @@ fn group_of(
     out
 }
 
-/// A window whose scale suits the picture, as far from those already taken as some tries find.
+/// A window of random scale; of several random windows, the one that overlaps least with those already taken.
 pub(super) fn choose_window(
-    index: usize,
+    picture_number: usize,
     picture: &Picture,
     side_px: u32,
     taken: &[Place],
@@ -100,8 +108,8 @@ pub(super) fn choose_window(
         let x = random.random_range(0.0..=(width - side).max(0.0));
         let y = random.random_range(0.0..=(height - side).max(0.0));
         let place = Place {
-            picture: index,
-            window_px: [x, y, x + side, y + side],
+            picture: picture_number,
+            window: [x, y, x + side, y + side],
         };
         let overlap = taken.iter().map(|t| t.overlap(&place)).fold(0.0, f64::max);
         if best.is_none_or(|(least, _)| overlap < least) {
@@ -110,14 +118,14 @@ pub(super) fn choose_window(
     }
     best.map_or(
         Place {
-            picture: index,
-            window_px: [0.0, 0.0, side, side],
+            picture: picture_number,
+            window: [0.0, 0.0, side, side],
         },
         |(_, place)| place,
     )
 }
 
-/// One of the eight turns and mirrorings of a square of that side, as view pixels from view pixels.
+/// One of the eight symmetries of a square, as a homography between its pixels.
 pub(super) fn random_turn(side: f64, random: &mut impl Rng) -> Matrix3<f64> {
     let last = side - 1.0;
     let flip = if random.random() {
@@ -129,7 +137,7 @@ pub(super) fn random_turn(side: f64, random: &mut impl Rng) -> Matrix3<f64> {
     (0..random.random_range(0..4)).fold(flip, |m, _| turn * m)
 }
 
-/// A pair at a window; `None` where too few points are seen in both views.
+/// A pair at a window; `None` if the views share too few points.
 pub(super) fn pair_at(
     picture: &Picture,
     place: Place,
@@ -138,7 +146,7 @@ pub(super) fn pair_at(
     random: &mut ChaCha8Rng,
 ) -> Option<Pair> {
     let side = f64::from(options.side_px);
-    let [left, top, right, _] = place.window_px;
+    let [left, top, right, _] = place.window;
     let scale = (right - left) / side;
     // Pixel centres: picture = (view + 0.5) * scale - 0.5 + corner.
     let picture_from_window = Matrix3::new(
@@ -178,7 +186,7 @@ pub(super) fn pair_at(
     .finish(options, random)
 }
 
-/// The picture's known keypoints in a view, of the pyramid level that the view is cut from.
+/// The picture's known keypoints in view pixels, those of the pyramid level that the view is cut from.
 fn keypoints_of(
     picture: &Picture,
     picture_from_view: &Matrix3<f64>,
@@ -195,7 +203,7 @@ fn keypoints_of(
     )
 }
 
-/// What a photo's frame, turned by any angle, leaves unseen: photos are wider than high, and need not fill a tile.
+/// Marks the pixels outside a rotated rectangular frame as not seen: photos are wider than high and need not fill a tile.
 pub(super) fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng) {
     let (sin, cos) = random.random_range(0.0..std::f32::consts::PI).sin_cos();
     let long = random.random_range(0.42..0.75) * side as f32;
@@ -214,8 +222,8 @@ pub(super) fn cut_corners(seen: &mut [bool], side: usize, random: &mut impl Rng)
 #[cfg(test)]
 mod tests {
     use super::super::cell_labels::LABEL_NONE;
+    use super::super::counterpart::Counterpart;
     use super::super::homography::HomographyRange;
-    use super::super::mapping::Seen;
     use super::*;
     use image::RgbImage;
     use rand::SeedableRng;
@@ -290,7 +298,7 @@ mod tests {
         for y in 0..128 {
             for x in 0..128 {
                 let plane = Mapping::plane(h).unwrap();
-                if let Seen::At([u, v]) =
+                if let Counterpart::At([u, v]) =
                     plane.uav_from_sat([f64::from(x), f64::from(y)], 128.0, 1.0)
                 {
                     let (u, v) = (u.round() as u32, v.round() as u32);

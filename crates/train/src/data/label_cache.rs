@@ -1,27 +1,27 @@
-//! Where the labels of each picture are kept: by detector, settings and the picture's bytes, so that none of them can change
-//! unnoticed and the same work is never done twice.
+//! The label files of pictures, named by detector, settings and the picture's bytes: changing one of them gives another file, and
+//! no picture is labelled twice.
 
 use super::label_options::LabelOptions;
-use crate::TrainError;
+use crate::error::TrainError;
 use grimnet_net::ModelHash;
 use std::path::{Path, PathBuf};
 
-/// The labels by one detector under one set of options.
+/// The label files of one detector with one set of options.
 #[derive(Clone, Debug)]
 pub struct LabelCache {
     folder: PathBuf,
 }
 
-/// The first sixteen hexadecimal digits are enough for the files of a folder.
+/// The first 16 hexadecimal digits.
 fn short(hash: blake3::Hash) -> String {
     hash.to_hex()[..16].to_owned()
 }
 
 impl LabelCache {
-    /// The cache of a detector.
+    /// The label files of a detector.
     ///
     /// # Errors
-    /// [`TrainError::Labels`] where the options cannot be written down.
+    /// [`TrainError::Labels`] if the options cannot be serialised.
     pub fn new(options: &LabelOptions, detector: ModelHash) -> Result<Self, TrainError> {
         let settings = LabelOptions {
             folder: PathBuf::new(),
@@ -37,20 +37,20 @@ impl LabelCache {
         })
     }
 
-    /// The file for a picture's labels, whether it exists or not.
+    /// The label file of a picture, which need not exist.
     ///
     /// # Errors
-    /// [`TrainError::Io`] where the picture cannot be read.
+    /// [`TrainError::Io`] if the picture cannot be read.
     pub fn file_of(&self, picture: &Path) -> Result<PathBuf, TrainError> {
         let name = short(blake3::hash(&fs_err::read(picture)?));
         Ok(self.folder.join(format!("{name}.safetensors")))
     }
 
-    /// Says that labels are missing, and how to make them.
+    /// The error for pictures without labels.
     pub(super) fn incomplete(&self, missing: usize, all: usize) -> TrainError {
         TrainError::Labels {
             reason: format!(
-                "{missing} of {all} pictures have none by this detector and these settings in {}; make them with: grim train CONFIG --labels",
+                "{missing} of {all} pictures have no labels by this detector and these settings in {}; label the pictures first",
                 self.folder.display()
             ),
         }

@@ -1,6 +1,6 @@
-//! A picture's keypoint labels as they lie on disk.
+//! The file of a picture's keypoint labels.
 
-use crate::TrainError;
+use crate::error::TrainError;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::path::Path;
 

@@ -1,7 +1,6 @@
-//! Which files of a data set are pictures to train on, for the layouts that publishers give.
+//! Folders of training data: which files are pictures, for the layouts that publishers use.
 
-use super::pictures::{Fold, Folder};
-use crate::TrainError;
+use crate::error::TrainError;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -12,20 +11,109 @@ pub enum Layout {
     /// Any pictures, read recursively.
     #[default]
     Pictures,
-    /// One folder of pictures a scene class, named after it.
+    /// One folder of pictures for each scene class, named after the class.
     Classes,
     /// VTRN, the UAV data of the ICRA 2022 General Place Recognition Competition (a part of ALTO), after its readme:
-    /// `Train` and `Val`, each with `query_images` and `reference_images/offset_0_None`. `Val` is kept aside whole.
+    /// `Train` and `Val`, each with `query_images`, `reference_images/offset_0_None`, `gt_matches.csv` and
+    /// `reference.csv`. `Val` is held out.
     Vtrn,
     /// RSSDIVCS (Li et al. 2021), which is laid out as [`Layout::Classes`].
     Rssdivcs,
     /// Manchester Surface Drone Imagery (doi:10.5281/zenodo.6977602), after its tool's readme: `calibrated_images`, in the
-    /// folder itself or under `data`, and, where they were fetched, the stitched maps beside it. The checkerboards, the raw
-    /// pictures and the maps with watermarks are left out.
+    /// folder itself or under `data`, and the stitched maps beside it if they were downloaded. Checkerboards, raw pictures
+    /// and maps with watermarks are skipped.
     Msdi,
 }
 
-/// A picture file, the fold that the publisher put it in, and the scene class.
+impl Layout {
+    /// The name in a configuration.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Pictures => "pictures",
+            Self::Classes => "classes",
+            Self::Vtrn => "vtrn",
+            Self::Rssdivcs => "rssdivcs",
+            Self::Msdi => "msdi",
+        }
+    }
+}
+
+/// The tasks that a data set's pairs train.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Serves {
+    /// Retrieval and matching.
+    #[default]
+    Both,
+    /// Retrieval (encoder and NetVLAD). With [`Layout::Vtrn`], pairs are an aircraft picture and the map picture that
+    /// `gt_matches.csv` names.
+    Retrieval,
+    /// Matching (encoder, keypoint and descriptor decoders).
+    Matching,
+}
+
+impl Serves {
+    /// Whether its pairs can train a task; every data set serves `None`, which stands for any task.
+    pub(crate) fn includes(self, task: Option<Task>) -> bool {
+        match (self, task) {
+            (Self::Both, _) | (_, None) => true,
+            (Self::Retrieval, Some(task)) => task == Task::Retrieval,
+            (Self::Matching, Some(task)) => task == Task::Matching,
+        }
+    }
+}
+
+/// The paper's two tasks, trained in turns (section 4.2).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// Trains encoder and NetVLAD.
+    Retrieval,
+    /// Trains encoder and decoders.
+    Matching,
+}
+
+impl Task {
+    /// The task of a step, when they are trained in turns.
+    pub(crate) fn of_step(step: u64) -> Self {
+        if step % 2 == 1 {
+            Self::Retrieval
+        } else {
+            Self::Matching
+        }
+    }
+}
+
+/// A folder of training data.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Folder {
+    /// The folder.
+    pub path: PathBuf,
+    /// How its files are laid out.
+    #[serde(default)]
+    pub layout: Layout,
+    /// Weight of each of its pictures in the random choice, so that few large maps can balance thousands of small pictures.
+    #[serde(default = "one")]
+    pub repeat: usize,
+    /// The tasks that its pairs train. Other than `both` needs `alternate`.
+    #[serde(default)]
+    pub serves: Serves,
+}
+
+fn one() -> usize {
+    1
+}
+
+/// Part of a data set. Where the publisher made no split, one picture in twenty, chosen by its path, is held out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fold {
+    /// Trained on.
+    Training,
+    /// Held out for validation.
+    Validation,
+}
+
+/// A picture file, its part in the publisher's split, and its scene class.
 pub(super) struct Listed {
     pub(super) path: PathBuf,
     pub(super) fold: Option<Fold>,
@@ -58,7 +146,7 @@ pub(super) fn files_of(folder: &Folder) -> Result<Vec<Listed>, TrainError> {
                 }
             }
             if classes.len() < 2 {
-                return Err(wrong(folder, "a folder for each scene class"));
+                return Err(layout_error(folder, "a folder for each scene class"));
             }
             classes.sort();
             let mut out = Vec::new();
@@ -87,19 +175,19 @@ pub(super) fn files_of(folder: &Folder) -> Result<Vec<Listed>, TrainError> {
     }
 }
 
-/// The first of some folders that exists.
-fn needed(folder: &Folder, choices: &[&str]) -> Result<PathBuf, TrainError> {
+/// The first of several alternative folders that exists.
+pub(super) fn needed(folder: &Folder, choices: &[&str]) -> Result<PathBuf, TrainError> {
     choices
         .iter()
         .map(|choice| folder.path.join(choice))
         .find(|path| path.is_dir())
-        .ok_or_else(|| wrong(folder, &format!("the folder {}", choices.join(" or "))))
+        .ok_or_else(|| layout_error(folder, &format!("the folder {}", choices.join(" or "))))
 }
 
-fn wrong(folder: &Folder, missing: &str) -> TrainError {
+pub(super) fn layout_error(folder: &Folder, missing: &str) -> TrainError {
     TrainError::Layout {
         path: folder.path.clone(),
-        layout: folder.layout,
+        layout: folder.layout.name(),
         missing: missing.to_owned(),
     }
 }
@@ -151,6 +239,7 @@ mod tests {
             path: root.to_owned(),
             repeat: 1,
             layout,
+            serves: Serves::default(),
         };
         let inside = |path: &Path| path.strip_prefix(root).unwrap().display().to_string();
         Ok(files_of(&folder)?

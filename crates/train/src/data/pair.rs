@@ -1,8 +1,9 @@
-//! One training pair: two views with their looks, labels and corresponding points.
+//! A training pair: two views of one place with labels and corresponding points.
 
 use super::cell_labels::{CellLabels, surviving_corners};
+use super::counterpart::Counterpart;
 use super::homography::HomographyRange;
-use super::mapping::{Mapping, Seen};
+use super::mapping::Mapping;
 use super::photometric::{Look, change_look};
 use super::scene::Scene;
 use grimnet_net::Domain;
@@ -19,15 +20,15 @@ use serde::{Deserialize, Serialize};
 pub struct PairOptions {
     /// Side of both views, pixels; a multiple of 32.
     pub side_px: u32,
-    /// Windows taken from one picture: hard negatives of each other.
+    /// Number of windows taken from one picture; they are hard negatives of each other.
     pub group: usize,
-    /// Points compared by the descriptor loss.
+    /// Corresponding points that the descriptor loss compares.
     pub points: usize,
-    /// Share of pairs whose photo has black corners where the picture ends or a rotated frame would.
+    /// Share of pairs whose photo has black corners, like a photo that was rotated north-up.
     pub black_corners: f64,
-    /// Difference of the views.
+    /// Range of the homographies between the views.
     pub homography: HomographyRange,
-    /// Difference of their looks.
+    /// Range of the photometric changes.
     pub look: Look,
 }
 
@@ -44,22 +45,22 @@ impl Default for PairOptions {
     }
 }
 
-/// Where a view lies: pairs of overlapping places are no negatives of each other.
+/// Where the map view of a pair is. Overlapping places are not negatives of each other.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Place {
-    /// Index of the picture.
+    /// The picture, world or data set that the window lies in, numbered through all data.
     pub picture: usize,
-    /// Left, top, right, bottom in the picture's pixels.
-    pub window_px: [f64; 4],
+    /// Left, top, right, bottom; the unit (pixels or metres) is the same for all windows of a picture.
+    pub window: [f64; 4],
 }
 
 impl Place {
-    /// Share of the smaller window that the other covers.
+    /// Intersection of the windows as a share of the smaller one, 0 to 1.
     pub fn overlap(&self, other: &Place) -> f64 {
         if self.picture != other.picture {
             return 0.0;
         }
-        let (a, b) = (self.window_px, other.window_px);
+        let (a, b) = (self.window, other.window);
         let w = (a[2].min(b[2]) - a[0].max(b[0])).max(0.0);
         let h = (a[3].min(b[3]) - a[1].max(b[1])).max(0.0);
         let area = |r: [f64; 4]| (r[2] - r[0]) * (r[3] - r[1]);
@@ -67,57 +68,57 @@ impl Place {
     }
 }
 
-/// Two views of one place, with truth.
+/// Two views of one place with ground truth.
 #[derive(Clone, Debug)]
 pub struct Pair {
-    /// The map's view.
+    /// The map view.
     pub sat: RgbImage,
-    /// The drone's view.
+    /// The drone view.
     pub uav: RgbImage,
-    /// For each 8 x 8 cell of the drone's view, whether all of it lies inside the picture.
+    /// For each 8 x 8 cell of the drone view, whether all of it is inside the picture.
     pub uav_seen: Vec<bool>,
-    /// Keypoint label of each cell of the map's view.
+    /// Keypoint label of each cell of the map view.
     pub sat_labels: Vec<u8>,
-    /// Keypoint label of each cell of the drone's view.
+    /// Keypoint label of each cell of the drone view.
     pub uav_labels: Vec<u8>,
-    /// Points of the map's view, pixels (x, y).
+    /// Points of the map view, pixels (x, y); empty if corresponding points are not known.
     pub sat_points: Vec<[f32; 2]>,
-    /// The same points in the drone's view.
+    /// The same points in the drone view.
     pub uav_points: Vec<[f32; 2]>,
-    /// From the map's view's pixels to the drone's view's, of points on the ground.
+    /// Homography from pixels of the map view to pixels of the drone view, for points on the ground.
     pub uav_from_sat_px: Matrix3<f64>,
-    /// The exact relation of the views.
+    /// The relation of the views for all points.
     pub mapping: Mapping,
-    /// Where the map's view lies.
+    /// Where the map view is.
     pub place: Place,
-    /// What kind of place it is, where the data set tells.
+    /// Scene class, if the data set gives one.
     pub scene: Option<Scene>,
 }
 
-/// Something that gives groups of pairs.
+/// A source of training pairs.
 pub trait Source: Send + Sync {
-    /// `count` pairs, near each other where that makes hard negatives.
+    /// At most `count` pairs that are hard negatives of each other.
     fn group(&self, count: usize, options: &PairOptions, random: &mut ChaCha8Rng) -> Vec<Pair>;
 
-    /// Number of scene classes that its pairs may have.
+    /// Number of scene classes of its pairs.
     fn scenes(&self) -> usize {
         0
     }
 }
 
-/// Where the keypoint labels of a pair come from.
+/// Origin of the keypoint labels of a pair.
 pub(super) enum Keypoints {
-    /// Corners that survive both looks.
+    /// Corners that are found under the looks of both views.
     Corners,
-    /// Known points of the map's and of the drone's view, the strongest first; those outside a view do not count.
+    /// Known points of the map view and of the drone view, the strongest first; points outside a view are ignored.
     Known([Vec<[f64; 2]>; 2]),
 }
 
-/// Two plain views of a place, before their looks change.
+/// Two views of a place before photometric changes.
 pub(super) struct Views {
-    /// The map's and the drone's view.
+    /// The map view and the drone view.
     pub(super) plain: [RgbImage; 2],
-    /// For each pixel of the drone's view, whether it was seen.
+    /// For each pixel of the drone view, whether it is inside the picture.
     pub(super) seen: Vec<bool>,
     /// As [`Pair::uav_from_sat_px`].
     pub(super) uav_from_sat: Matrix3<f64>,
@@ -127,7 +128,7 @@ pub(super) struct Views {
     pub(super) keypoints: Keypoints,
 }
 
-/// For each 8 x 8 cell of a square view, whether all of its pixels were seen.
+/// For each 8 x 8 cell of a square view, whether all its pixels are marked.
 pub(super) fn seen_cells(seen: &[bool], side: usize) -> Vec<bool> {
     let cells = side / 8;
     (0..cells * cells)
@@ -143,7 +144,8 @@ impl Views {
         self.plain[0].width() as usize
     }
 
-    /// Points that both views see: one at a random place of each of some cells of the map's view.
+    /// Corresponding points: one random point in each of `wanted` random cells of the map view; `None` if fewer cells have
+    /// a point that both views see.
     fn points(
         &self,
         wanted: usize,
@@ -161,7 +163,7 @@ impl Views {
                 (cell % cells * 8) as f64 + random.random_range(-0.5..7.5),
                 (cell / cells * 8) as f64 + random.random_range(-0.5..7.5),
             ];
-            if let Seen::At(there) = self.mapping.uav_from_sat(at, side as f64, 3.0)
+            if let Counterpart::At(there) = self.mapping.uav_from_sat(at, side as f64, 3.0)
                 && sees(there)
             {
                 sat_points.push(at.map(|v| v as f32));
@@ -174,7 +176,7 @@ impl Views {
         None
     }
 
-    /// Changes the looks and adds labels and points; `None` where too few points are seen in both views.
+    /// Applies photometric changes and adds labels and points; `None` if the views share too few points.
     pub(super) fn finish(self, options: &PairOptions, random: &mut ChaCha8Rng) -> Option<Pair> {
         let uav_seen = seen_cells(&self.seen, self.side());
         let [sat_points, uav_points] = self.points(options.points, &uav_seen, random)?;

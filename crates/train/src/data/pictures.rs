@@ -1,169 +1,57 @@
-//! Folders of pictures, read recursively, and their resolution pyramids.
+//! The pictures of data folders.
 
 use super::label_cache::LabelCache;
 use super::labels::Labels;
-use super::layout::{Layout, Listed, files_of};
+use super::layout::{Fold, Folder, Listed, files_of};
+use super::picture::Picture;
 use super::scene::Scene;
-use crate::TrainError;
-use image::RgbImage;
+use crate::error::TrainError;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// A folder to train on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Folder {
-    /// Where it is.
-    pub path: PathBuf,
-    /// How its files are laid out.
-    #[serde(default)]
-    pub layout: Layout,
-    /// How often each of its pictures counts: few large maps against thousands of small pictures.
-    #[serde(default = "one")]
-    pub repeat: usize,
-}
-
-fn one() -> usize {
-    1
-}
-
-/// Which pictures of a set: one in twenty, chosen by its path, is kept aside for validation where the
-/// publisher made no choice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Fold {
-    /// To train on.
-    Training,
-    /// Kept aside.
-    Validation,
-}
-
-/// One picture in that many is kept aside.
+/// One picture in this many is held out.
 const VALIDATION_ONE_IN: u64 = 20;
-/// Decoded pictures are kept up to this many bytes; beyond it they are decoded each time.
+/// Size of the cache of decoded pictures, bytes; pictures beyond it are decoded each time.
 const CACHE_BYTES: usize = 1_200_000_000;
-
-/// A picture with its halvings.
-#[derive(Debug)]
-pub struct Picture {
-    levels: Vec<RgbImage>,
-    /// Known keypoints by level; of further levels those of the last one.
-    keypoints: Vec<Vec<[f32; 2]>>,
-}
-
-impl Picture {
-    /// Builds the pyramid, down to sides of 64 pixels.
-    pub fn new(image: RgbImage) -> Self {
-        let mut levels = vec![image];
-        while let Some(last) = levels.last() {
-            if last.width().min(last.height()) < 128 {
-                break;
-            }
-            let half = halved(last);
-            levels.push(half);
-        }
-        Self {
-            levels,
-            keypoints: Vec::new(),
-        }
-    }
-
-    /// The same with known keypoints, the strongest first, in pixels of the picture (pixel centres at integers): those of
-    /// each level, or one list for all.
-    #[must_use]
-    pub fn with_keypoints(self, keypoints: Vec<Vec<[f32; 2]>>) -> Self {
-        Self { keypoints, ..self }
-    }
-
-    /// The keypoints that are known at a level, or at the smallest of which any are; `None` where none are known at all.
-    pub fn keypoints(&self, level: usize) -> Option<&[[f32; 2]]> {
-        let last = self.keypoints.len().checked_sub(1)?;
-        self.keypoints.get(level.min(last)).map(Vec::as_slice)
-    }
-
-    /// Number of levels, the picture itself among them.
-    pub fn levels(&self) -> usize {
-        self.levels.len()
-    }
-
-    /// The picture at 1 / 2^`level`, or the smallest there is.
-    pub fn level(&self, level: usize) -> (&RgbImage, usize) {
-        let level = level.min(self.levels.len() - 1);
-        (&self.levels[level], level)
-    }
-
-    /// Width and height in pixels.
-    pub fn size_px(&self) -> (u32, u32) {
-        self.levels[0].dimensions()
-    }
-
-    fn bytes(&self) -> usize {
-        let labels: usize = self.keypoints.iter().map(|points| 8 * points.len()).sum();
-        labels
-            + self
-                .levels
-                .iter()
-                .map(|level| level.as_raw().len())
-                .sum::<usize>()
-    }
-}
-
-/// Mean of 2 x 2 pixels.
-fn halved(image: &RgbImage) -> RgbImage {
-    let (width, height) = (image.width() / 2, image.height() / 2);
-    let (raw, row) = (image.as_raw(), image.width() as usize * 3);
-    let mut out = Vec::with_capacity((width * height * 3) as usize);
-    for y in 0..height as usize {
-        for x in 0..width as usize {
-            for c in 0..3 {
-                let at = 2 * y * row + 6 * x + c;
-                let sum = u16::from(raw[at])
-                    + u16::from(raw[at + 3])
-                    + u16::from(raw[at + row])
-                    + u16::from(raw[at + row + 3]);
-                out.push(((sum + 2) / 4) as u8);
-            }
-        }
-    }
-    RgbImage::from_raw(width, height, out).unwrap_or_default()
-}
 
 struct Entry {
     path: PathBuf,
     fold: Fold,
-    /// The short side.
+    /// Length of the shorter side.
     side_px: u32,
     scene: Option<Scene>,
-    /// Where its keypoint labels are kept, where it has some.
+    /// File of its keypoint labels, if it has some.
     labels: Option<PathBuf>,
 }
 
-/// A set of pictures to draw from.
+/// A set of pictures.
 #[derive(Default)]
 pub struct Pictures {
     entries: Vec<Entry>,
-    /// Indices into the entries, as often as each counts.
+    /// Indices into the entries, each repeated by its weight.
     training: Vec<usize>,
     validation: Vec<usize>,
     unreadable: usize,
     scenes: usize,
+    /// Added to an index to number the pictures of several sets through.
+    first_place: usize,
     cache: Mutex<(HashMap<usize, Arc<Picture>>, usize)>,
 }
 
-/// The pictures of a set that are kept aside.
-pub struct Aside(pub Arc<Pictures>);
+/// The held-out pictures of a set.
+pub struct HeldOut(pub Arc<Pictures>);
 
-/// FNV-1a, which says the same on every machine.
+/// FNV-1a hash, the same on every machine.
 fn hash_of(path: &str) -> u64 {
     path.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
     })
 }
 
-/// The fold of a picture whose publisher made no choice: its path below the folder decides, so that moving the folder moves
-/// nothing between the folds.
+/// The fold of a picture without a publisher's split. It depends on the path below the folder, so that moving the folder does
+/// not move pictures between the folds.
 fn drawn_fold(path: &Path, folder: &Folder) -> Fold {
     let inside = path.strip_prefix(&folder.path).unwrap_or(path);
     if hash_of(&inside.to_string_lossy()).is_multiple_of(VALIDATION_ONE_IN) {
@@ -174,11 +62,11 @@ fn drawn_fold(path: &Path, folder: &Folder) -> Fold {
 }
 
 impl Pictures {
-    /// Lists the pictures of the folders; those whose header cannot be read, or whose short side is below `least_side_px`,
-    /// are counted and left out.
+    /// Lists the pictures of the folders. Pictures whose header cannot be read, or whose shorter side is below
+    /// `least_side_px`, are skipped and counted.
     ///
     /// # Errors
-    /// [`TrainError::Io`] for a folder that cannot be read, [`TrainError::TooFewPictures`] where fewer than eight are left.
+    /// [`TrainError::Io`] if a folder cannot be read, [`TrainError::TooFewPictures`] if fewer than eight pictures remain.
     pub fn scan(folders: &[Folder], least_side_px: u32) -> Result<Self, TrainError> {
         let mut out = Self::default();
         for folder in folders {
@@ -207,7 +95,7 @@ impl Pictures {
         let numbers: HashMap<&String, usize> = classes.into_iter().zip(among.clone()).collect();
         for Listed { path, fold, class } in &files {
             let Ok((width, height)) = image::image_dimensions(path) else {
-                tracing::warn!(path = %path.display(), "unreadable picture left out");
+                tracing::warn!(path = %path.display(), "unreadable picture skipped");
                 self.unreadable += 1;
                 continue;
             };
@@ -238,10 +126,10 @@ impl Pictures {
         Ok(())
     }
 
-    /// The same, where the pictures to train on have the keypoint labels of a cache.
+    /// Attaches the keypoint labels of a cache to the training pictures.
     ///
     /// # Errors
-    /// [`TrainError::Labels`] where some have none yet.
+    /// [`TrainError::Labels`] if some have no labels yet.
     pub fn with_labels(mut self, cache: &LabelCache) -> Result<Self, TrainError> {
         let training = self.entries.par_iter_mut();
         let training = training.filter(|entry| entry.fold == Fold::Training);
@@ -259,18 +147,42 @@ impl Pictures {
         Ok(self)
     }
 
-    /// Indices of the pictures to train on, each once.
+    /// Numbers the pictures from `first` on as [`super::Place::picture`], so that several sets can be told apart.
+    #[must_use]
+    pub fn with_first_place(self, first: usize) -> Self {
+        Self {
+            first_place: first,
+            ..self
+        }
+    }
+
+    /// Number of all pictures.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether there are no pictures.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// The number of a picture among those of all sets.
+    pub(super) fn place_of(&self, index: usize) -> usize {
+        self.first_place + index
+    }
+
+    /// Indices of the training pictures, each once.
     pub fn training_indices(&self) -> Vec<usize> {
         let training = |index: &usize| self.entries[*index].fold == Fold::Training;
         (0..self.entries.len()).filter(training).collect()
     }
 
-    /// Pictures to train on, each counted once.
+    /// Number of training pictures, each counted once.
     pub fn training_count(&self) -> usize {
         self.training_indices().len()
     }
 
-    /// Indices of a fold, repeated as often as each picture counts.
+    /// Indices of a fold, each repeated by its weight.
     pub fn fold(&self, fold: Fold) -> &[usize] {
         match fold {
             Fold::Training => &self.training,
@@ -278,32 +190,32 @@ impl Pictures {
         }
     }
 
-    /// Files that were left out.
+    /// Number of skipped files.
     pub fn unreadable(&self) -> usize {
         self.unreadable
     }
 
-    /// Number of scene classes, those of all folders together.
+    /// Number of scene classes of all folders together.
     pub fn scenes(&self) -> usize {
         self.scenes
     }
 
-    /// The scene class of a picture, where its folder has classes.
+    /// The scene class of a picture; `None` if its folder has no classes.
     pub fn scene(&self, index: usize) -> Option<Scene> {
         self.entries[index].scene.clone()
     }
 
-    /// The short side of a picture.
+    /// Length of a picture's shorter side.
     pub fn side_px(&self, index: usize) -> u32 {
         self.entries[index].side_px
     }
 
-    /// Where a picture comes from.
+    /// File of a picture.
     pub fn path(&self, index: usize) -> &Path {
         &self.entries[index].path
     }
 
-    /// Decodes a picture, or takes it from the cache; `None` where it cannot be decoded.
+    /// Decodes a picture, or takes it from the cache; `None` if it cannot be decoded.
     pub fn load(&self, index: usize) -> Option<Arc<Picture>> {
         if let Some(picture) = self
             .cache
@@ -319,7 +231,7 @@ impl Pictures {
             match Labels::open(labels) {
                 Ok(labels) => picture = picture.with_keypoints(labels.into_points()),
                 Err(error) => {
-                    tracing::warn!(%error, "picture without its labels; another is taken");
+                    tracing::warn!(%error, "labels of a picture cannot be read; the picture is skipped");
                     return None;
                 }
             }
@@ -333,13 +245,13 @@ impl Pictures {
         Some(picture)
     }
 
-    /// Decodes a picture; `None` where it cannot be decoded.
+    /// Decodes a picture; `None` if it cannot be decoded.
     pub fn decode(&self, index: usize) -> Option<Picture> {
         let path = &self.entries[index].path;
         match image::ImageReader::open(path).map(image::ImageReader::decode) {
             Ok(Ok(image)) => Some(Picture::new(image.into_rgb8())),
             _ => {
-                tracing::warn!(path = %path.display(), "picture cannot be decoded; another is taken");
+                tracing::warn!(path = %path.display(), "picture cannot be decoded and is skipped");
                 None
             }
         }

@@ -1,6 +1,6 @@
 //! Cutting a view out of a picture by a homography.
 
-use super::pictures::Picture;
+use super::picture::Picture;
 use image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
 

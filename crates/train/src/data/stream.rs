@@ -1,6 +1,9 @@
-//! Batches made ahead of the training loop, the same for the same seed and step however many threads make them.
+//! Batches of pairs, made ahead of the training loop. The batch of a step depends on seed and step only, not on the number of
+//! threads.
 
+use super::layout::{Serves, Task};
 use super::pair::{Pair, PairOptions, Source};
+use crate::error::TrainError;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
@@ -11,8 +14,89 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 /// The pairs of one step.
 pub type Batch = Vec<Pair>;
 
-/// Sources, each with its share of the groups.
-pub type Sources = Vec<(f64, Arc<dyn Source>)>;
+/// A source of pairs with its weight in the random choice.
+#[derive(Clone)]
+pub struct WeightedSource {
+    /// Weight relative to the other sources.
+    pub share: f64,
+    /// The tasks that its pairs train.
+    pub serves: Serves,
+    /// The source.
+    pub source: Arc<dyn Source>,
+}
+
+impl WeightedSource {
+    /// A source whose pairs train both tasks.
+    pub fn new(share: f64, source: Arc<dyn Source>) -> Self {
+        Self {
+            share,
+            serves: Serves::Both,
+            source,
+        }
+    }
+}
+
+/// The sources of a run.
+pub type Sources = Vec<WeightedSource>;
+
+/// How batches are drawn.
+#[derive(Clone, Debug)]
+pub struct BatchOptions {
+    /// How pairs are made.
+    pub pair: PairOptions,
+    /// Pairs in a batch.
+    pub pairs: usize,
+    /// Seed of all batches.
+    pub seed: u64,
+    /// Whether the steps train the two tasks in turns, each on the sources that serve it.
+    pub alternate: bool,
+}
+
+/// The batch of a step from the sources that serve `task` (`None`: from all): groups of `options.group` pairs, each group from
+/// one source. It has fewer than `pairs` pairs if the sources give no more.
+pub fn batch_of(
+    sources: &Sources,
+    task: Option<Task>,
+    options: &PairOptions,
+    pairs: usize,
+    seed: u64,
+    step: u64,
+) -> Batch {
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(step);
+    let serving: Vec<&WeightedSource> = sources
+        .iter()
+        .filter(|source| source.serves.includes(task))
+        .collect();
+    let total: f64 = serving.iter().map(|source| source.share).sum();
+    let mut out = Batch::new();
+    let mut attempts = 0;
+    while out.len() < pairs && attempts < 100 {
+        attempts += 1;
+        let mut at = random.random_range(0.0..total.max(f64::MIN_POSITIVE));
+        let chosen = serving.iter().find(|source| {
+            at -= source.share;
+            at < 0.0
+        });
+        let Some(chosen) = chosen.or(serving.last()) else {
+            break;
+        };
+        let count = options.group.min(pairs - out.len());
+        out.extend(chosen.source.group(count, options, &mut random));
+    }
+    out
+}
+
+/// The batch, if a step can use it.
+///
+/// # Errors
+/// [`TrainError::NoPairs`] if there are fewer than two pairs.
+pub(crate) fn usable(batch: Batch, step: u64) -> Result<Batch, TrainError> {
+    if batch.len() < 2 {
+        return Err(TrainError::NoPairs { step });
+    }
+    Ok(batch)
+}
 
 /// Batches in the order of the steps.
 pub struct Stream {
@@ -22,44 +106,9 @@ pub struct Stream {
     stop: Arc<AtomicBool>,
 }
 
-/// The batch of a step: `pairs` pairs in groups of `options.group`, each group from a source drawn by its share.
-pub fn batch_of(
-    sources: &Sources,
-    options: &PairOptions,
-    pairs: usize,
-    seed: u64,
-    step: u64,
-) -> Batch {
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(step);
-    let total: f64 = sources.iter().map(|(share, _)| share).sum();
-    let mut out = Batch::new();
-    let mut tries = 0;
-    while out.len() < pairs && tries < 100 {
-        tries += 1;
-        let mut at = random.random_range(0.0..total.max(f64::MIN_POSITIVE));
-        let chosen = sources.iter().find(|(share, _)| {
-            at -= share;
-            at < 0.0
-        });
-        let Some((_, source)) = chosen.or(sources.last()) else {
-            break;
-        };
-        out.extend(source.group(options.group.min(pairs - out.len()), options, &mut random));
-    }
-    out
-}
-
 impl Stream {
-    /// Starts `threads` threads that make the batches from step `first` on, at most some ahead.
-    pub fn start(
-        sources: Sources,
-        options: PairOptions,
-        pairs: usize,
-        seed: u64,
-        first: u64,
-        threads: usize,
-    ) -> Self {
+    /// Starts `threads` threads that make the batches from step `first` on, a bounded number of them ahead.
+    pub fn start(sources: Sources, options: BatchOptions, first: u64, threads: usize) -> Self {
         let threads = threads.max(1);
         let (sender, receiver) = sync_channel(2 * threads + 2);
         let (stop, counter) = (
@@ -70,9 +119,7 @@ impl Stream {
         for _ in 0..threads {
             let (sender, sources, options) = (sender.clone(), sources.clone(), options.clone());
             let (stop, counter) = (stop.clone(), counter.clone());
-            std::thread::spawn(move || {
-                produce(&sender, &sources, &options, pairs, seed, &stop, &counter)
-            });
+            std::thread::spawn(move || produce(&sender, &sources, &options, &stop, &counter));
         }
         Self {
             receiver,
@@ -82,7 +129,7 @@ impl Stream {
         }
     }
 
-    /// The next step's batch; `None` where the threads died.
+    /// The next step's batch; `None` if the threads have ended.
     pub fn next_batch(&mut self) -> Option<Batch> {
         while !self.waiting.contains_key(&self.next) {
             let (step, batch) = self.receiver.recv().ok()?;
@@ -97,18 +144,22 @@ impl Stream {
 fn produce(
     sender: &SyncSender<(u64, Batch)>,
     sources: &Sources,
-    options: &PairOptions,
-    pairs: usize,
-    seed: u64,
+    options: &BatchOptions,
     stop: &AtomicBool,
     counter: &AtomicU64,
 ) {
     while !stop.load(Ordering::Relaxed) {
         let step = counter.fetch_add(1, Ordering::Relaxed);
-        if sender
-            .send((step, batch_of(sources, options, pairs, seed, step)))
-            .is_err()
-        {
+        let task = options.alternate.then(|| Task::of_step(step));
+        let batch = batch_of(
+            sources,
+            task,
+            &options.pair,
+            options.pairs,
+            options.seed,
+            step,
+        );
+        if sender.send((step, batch)).is_err() {
             return;
         }
     }

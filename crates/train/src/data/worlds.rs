@@ -3,11 +3,11 @@
 
 use super::cuts::{cut_corners, random_turn};
 use super::homography::random_homography;
+use super::layout::Fold;
 use super::mapping::Mapping;
 use super::pair::{Keypoints, Pair, PairOptions, Place, Source, Views};
 use super::photometric::Look;
-use super::pictures::Fold;
-use super::piece::{PIECE_PX, Piece};
+use super::rendered_place::{RENDERED_PX, RenderedPlace};
 use super::resample::warp;
 use grimnet_world::{Camera, Look as WorldLook, Pose, World, WorldConfig};
 use nalgebra::Matrix3;
@@ -52,7 +52,7 @@ struct Scene {
     looks: [WorldLook; 2],
     poses: Vec<(Pose, Camera)>,
     world: OnceLock<World>,
-    pieces: Vec<OnceLock<Arc<Piece>>>,
+    rendered: Vec<OnceLock<Arc<RenderedPlace>>>,
 }
 
 impl Scene {
@@ -77,17 +77,19 @@ impl Scene {
             ],
             poses,
             world: OnceLock::new(),
-            pieces: (0..places).map(|_| OnceLock::new()).collect(),
+            rendered: (0..places).map(|_| OnceLock::new()).collect(),
         }
     }
 
-    fn piece(&self, index: usize) -> Arc<Piece> {
-        self.pieces[index]
+    fn rendered_place(&self, index: usize) -> Arc<RenderedPlace> {
+        self.rendered[index]
             .get_or_init(|| {
                 let world = self.world.get_or_init(|| World::new(self.config));
                 let (pose, camera) = &self.poses[index];
                 let looks = [&self.looks[0], &self.looks[1]];
-                Arc::new(Piece::render(world, self.gsd_m, looks, pose, camera))
+                Arc::new(RenderedPlace::render(
+                    world, self.gsd_m, looks, pose, camera,
+                ))
             })
             .clone()
     }
@@ -95,7 +97,7 @@ impl Scene {
 
 /// A nearly level camera over a place of the world, at the height from which it sees what the map piece shows.
 fn random_pose(gsd_m: f64, random: &mut impl Rng) -> (Pose, Camera) {
-    let side_m = gsd_m * f64::from(PIECE_PX);
+    let side_m = gsd_m * f64::from(RENDERED_PX);
     let margin_m = side_m / 2.0;
     let hfov_deg: f64 = random.random_range(45.0..80.0);
     let footprint_m = side_m * random.random_range(0.9..1.15);
@@ -111,8 +113,8 @@ fn random_pose(gsd_m: f64, random: &mut impl Rng) -> (Pose, Camera) {
     };
     let camera = Camera {
         hfov_deg,
-        width_px: PIECE_PX,
-        height_px: PIECE_PX,
+        width_px: RENDERED_PX,
+        height_px: RENDERED_PX,
     };
     (pose, camera)
 }
@@ -144,16 +146,16 @@ impl Worlds {
         options: &PairOptions,
         random: &mut ChaCha8Rng,
     ) -> Option<Pair> {
-        let piece = self.scenes[world].piece(place);
+        let rendered = self.scenes[world].rendered_place(place);
         let side = f64::from(options.side_px);
-        let most = (f64::from(PIECE_PX) * 0.95 / side).min(1.7);
+        let most = (f64::from(RENDERED_PX) * 0.95 / side).min(1.7);
         let scale = random.random_range(most.min(0.8)..=most);
-        let free = (f64::from(PIECE_PX) - side * scale).max(0.0);
+        let free = (f64::from(RENDERED_PX) - side * scale).max(0.0);
         let corner = [
             random.random_range(0.0..=free),
             random.random_range(0.0..=free),
         ];
-        let piece_from_window = Matrix3::new(
+        let map_from_window = Matrix3::new(
             scale,
             0.0,
             corner[0] + 0.5 * scale - 0.5,
@@ -164,30 +166,30 @@ impl Worlds {
             0.0,
             1.0,
         );
-        let piece_from_sat = piece_from_window * random_turn(side, random);
+        let map_from_sat = map_from_window * random_turn(side, random);
         let uav_from_sat = random_homography(&options.homography, side, random);
-        let piece_from_uav =
-            piece.ground_homography()? * piece_from_sat * uav_from_sat.try_inverse()?;
-        let (sat, sat_seen) = warp(&piece.sat, &piece_from_sat, options.side_px);
+        let photo_from_uav =
+            rendered.ground_homography()? * map_from_sat * uav_from_sat.try_inverse()?;
+        let (sat, sat_seen) = warp(&rendered.sat, &map_from_sat, options.side_px);
         if sat_seen.iter().any(|seen| !seen) {
             return None;
         }
-        let (uav, mut seen) = warp(&piece.uav, &piece_from_uav, options.side_px);
+        let (uav, mut seen) = warp(&rendered.uav, &photo_from_uav, options.side_px);
         if random.random_bool(options.black_corners) {
             cut_corners(&mut seen, options.side_px as usize, random);
         }
         let gsd_m = self.scenes[world].gsd_m;
-        let [west, _, _, north] = piece.bounds_m();
+        let [west, _, _, north] = rendered.bounds_m();
         let [left, top] = [west + corner[0] * gsd_m, -north + corner[1] * gsd_m];
         let side_m = side * scale * gsd_m;
         let mapping = Mapping::Relief {
-            piece_from_sat_px: [piece_from_sat, piece_from_sat.try_inverse()?],
-            piece_from_uav_px: [piece_from_uav, piece_from_uav.try_inverse()?],
-            piece,
+            map_from_sat_px: [map_from_sat, map_from_sat.try_inverse()?],
+            photo_from_uav_px: [photo_from_uav, photo_from_uav.try_inverse()?],
+            place: rendered,
         };
         let place = Place {
             picture: FIRST_WORLD + world,
-            window_px: [left, top, left + side_m, top + side_m],
+            window: [left, top, left + side_m, top + side_m],
         };
         // The renderings already differ in season, sun and shadows.
         let options = PairOptions {

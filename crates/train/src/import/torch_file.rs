@@ -2,7 +2,7 @@
 
 use super::archive::stored_entries;
 use super::pickle::{Reader, Value};
-use crate::TrainError;
+use crate::error::TrainError;
 use safetensors::tensor::{Dtype, SafeTensors};
 use std::collections::{BTreeMap, HashMap};
 use std::path::Path;

@@ -2,7 +2,7 @@
 //! InfoNCE (van den Oord et al. 2018) within the batch and against a memory of past batches (Wang et al. 2020).
 
 use super::{MASKED, constant};
-use crate::network::unit_rows;
+use crate::model::vlad::unit_rows;
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor, TensorData};
 

@@ -1,7 +1,7 @@
 //! Losses against a teacher's view of the same pictures (Hinton et al. 2015; similarities as in Tung and Mori 2019).
 
 use super::constant;
-use crate::network::unit_rows;
+use crate::model::vlad::unit_rows;
 use burn::tensor::Tensor;
 use burn::tensor::activation::log_softmax;
 

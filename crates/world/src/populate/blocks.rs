@@ -2,9 +2,10 @@
 
 use nalgebra::Vector2;
 
-use super::houses::parcels_in_rows;
-use super::{Builder, Site, fit};
-use crate::convex::left_of;
+use super::builder::Builder;
+use super::parcels::parcels_in_rows;
+use super::site::{Site, fit};
+use crate::convex::{Convex, left_of};
 use crate::cover::Cover;
 use crate::layout::Block;
 use crate::solid::{Finish, Life, Roof};
@@ -48,46 +49,53 @@ impl Builder {
                 }
                 self.take(&core);
                 let height = (storeys + self.random.range(-1.3, 1.3)).round().max(2.0) * 3.2 + 0.8;
-                let life = self.house_life();
-                if self.random.chance(self.style.flat) {
-                    self.flat_building(&site, height, life);
-                } else {
-                    let tiles = self.tile_colour();
-                    let wall = self.wall_colour();
-                    let rise = own * self.random.range(0.4, 0.75);
-                    self.solid(
-                        &site,
-                        0.0,
-                        height,
-                        Roof::Gable(rise),
-                        Finish::Tiles,
-                        tiles,
-                        wall,
-                        life,
-                    );
-                    for _ in 0..self.random.below(4) {
-                        let u = self.random.range(-0.85, 0.85) * site.half.x;
-                        let part = site.part(u, self.random.range(-0.5, 0.5) * own, 0.5, 0.4);
-                        let top = height + rise + 0.6;
-                        self.solid(
-                            &part,
-                            height,
-                            top,
-                            Roof::Flat,
-                            Finish::Plain,
-                            [128, 100, 90],
-                            [150, 116, 100],
-                            life,
-                        );
-                    }
-                }
+                self.row_house(&site, height, own);
             }
         }
-        // The yard: back buildings, garages, trees, parked cars.
-        let Some(yard) = outline
-            .inset(depth * 2.0 + 3.0)
-            .filter(|y| y.area_m2() > 150.0)
-        else {
+        self.courtyard(outline, depth * 2.0 + 3.0);
+    }
+
+    /// A house of a perimeter block: flat, or with a gable roof and chimneys. `half_depth_m` decides the rise of the roof.
+    fn row_house(&mut self, site: &Site, height: f32, half_depth_m: f32) {
+        let own = half_depth_m;
+        let life = self.house_life();
+        if self.random.chance(self.style.flat) {
+            self.flat_building(site, height, life);
+        } else {
+            let tiles = self.tile_colour();
+            let wall = self.wall_colour();
+            let rise = own * self.random.range(0.4, 0.75);
+            self.solid(
+                site,
+                0.0,
+                height,
+                Roof::Gable(rise),
+                Finish::Tiles,
+                tiles,
+                wall,
+                life,
+            );
+            for _ in 0..self.random.below(4) {
+                let u = self.random.range(-0.85, 0.85) * site.half.x;
+                let part = site.part(u, self.random.range(-0.5, 0.5) * own, 0.5, 0.4);
+                let top = height + rise + 0.6;
+                self.solid(
+                    &part,
+                    height,
+                    top,
+                    Roof::Flat,
+                    Finish::Plain,
+                    [128, 100, 90],
+                    [150, 116, 100],
+                    life,
+                );
+            }
+        }
+    }
+
+    /// The yard inside a perimeter block: back buildings, garages, trees, parked cars.
+    fn courtyard(&mut self, outline: &Convex, houses_m: f32) {
+        let Some(yard) = outline.inset(houses_m).filter(|y| y.area_m2() > 150.0) else {
             return;
         };
         let f = yard.frame();

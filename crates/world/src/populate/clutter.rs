@@ -2,7 +2,8 @@
 
 use nalgebra::Vector2;
 
-use super::{Builder, Site};
+use super::builder::Builder;
+use super::site::Site;
 use crate::convex::{Convex, left_of};
 use crate::cover::Cover;
 use crate::solid::{Finish, Life, Roof};

@@ -1,8 +1,10 @@
-//! Detached houses with gardens, and terraces.
+//! Detached houses with gardens.
 
 use nalgebra::Vector2;
 
-use super::{Builder, Site, fit};
+use super::builder::Builder;
+use super::parcels::{front, parcels_in_rows};
+use super::site::{Site, fit};
 use crate::convex::{Convex, left_of};
 use crate::cover::Cover;
 use crate::layout::{Block, Zone};
@@ -10,56 +12,6 @@ use crate::solid::{Finish, Life, Roof};
 use crate::tree::Species;
 
 type V2 = Vector2<f32>;
-
-/// Cuts a block into two rows of parcels back to back, each `frontage_m` wide (varied by `spread`).
-pub(super) fn parcels_in_rows(
-    builder: &mut Builder,
-    outline: &Convex,
-    frontage_m: f32,
-    spread: f32,
-) -> Vec<Convex> {
-    let frame = outline.frame();
-    let mut rows = Vec::new();
-    if frame.width_m > (frontage_m * 1.4).max(27.0) {
-        for side in [frame.along, -frame.along] {
-            rows.extend(outline.clip_left(frame.centre, side, 0.0));
-        }
-    } else {
-        rows.push(outline.clone());
-    }
-    let mut parcels = Vec::new();
-    for row in rows {
-        let f = row.frame_along(frame.along);
-        let n = (f.length_m / frontage_m).round().max(1.0);
-        let mut rest = row;
-        let mut at = -f.length_m * 0.5;
-        for i in 0..n as i32 {
-            at += f.length_m / n * (1.0 + spread * builder.random.range(-1.0, 1.0));
-            if i + 1 < n as i32 {
-                let cut = f.centre + f.along * at;
-                let dir = left_of(f.along);
-                parcels.extend(rest.clip_left(cut, dir, 0.0));
-                match rest.clip_left(cut, -dir, 0.0) {
-                    Some(r) => rest = r,
-                    None => break,
-                }
-            } else {
-                parcels.push(rest.clone());
-            }
-        }
-    }
-    parcels
-}
-
-/// Middle and inward direction of the parcel's street side.
-fn front(parcel: &Convex) -> Option<(V2, V2)> {
-    let i = parcel.front_edge()?;
-    let (a, b) = (
-        parcel.points[i],
-        parcel.points[(i + 1) % parcel.points.len()],
-    );
-    Some(((a + b) * 0.5, left_of((b - a).normalize())))
-}
 
 impl Builder {
     pub(super) fn detached(&mut self, block: &Block) {
@@ -131,26 +83,46 @@ impl Builder {
             let tiles = self.tile_colour();
             self.pitched_house(&site, height, tiles, life);
         }
-        // Driveway from the street, garage at its end, car on it.
+        let toward = self.driveway(&site, front_mid);
+        let back = -toward.signum();
+        self.terrace(&site, back);
+        if self
+            .random
+            .chance(if zone == Zone::Suburb { 0.22 } else { 0.08 })
+        {
+            self.swimming_pool(&site, back, &inner);
+        }
+        if self.random.chance(0.5) {
+            self.shed(&site, back, &inner);
+        }
+        if self.random.chance(0.35) {
+            self.hedge_round(&inner);
+        } else {
+            self.fences(&inner, 0.5);
+        }
+        self.strew(&inner, 7, 1.2);
+        let n = 2 + self.random.below(5);
+        self.garden_trees(&inner, n);
+    }
+
+    /// A driveway from the street beside a house, often with a garage and a car. Returns how far the street is along the
+    /// house's second axis, metres.
+    fn driveway(&mut self, site: &Site, front_mid: V2) -> f32 {
         let side = if self.random.chance(0.5) { 1.0 } else { -1.0 };
         let street = self.ground.warp.world_from_layout(front_mid);
         let depth = (site.centre - street).dot(&left_of(site.axis)).abs();
-        let drive = Site {
-            centre: site.at(side * (half.x + 2.2), -depth * 0.5 - 0.3),
-            axis: site.axis,
-            half: V2::new(self.random.range(1.5, 2.6), depth * 0.5 + 1.0),
-        };
         let toward = (street - site.centre).dot(&left_of(site.axis));
         let drive = Site {
-            centre: site.at(side * (half.x + 2.2), toward * 0.5),
-            ..drive
+            centre: site.at(side * (site.half.x + 2.2), toward * 0.5),
+            axis: site.axis,
+            half: V2::new(self.random.range(1.5, 2.6), depth * 0.5 + 1.0),
         };
         let surface =
             self.random
                 .pick(&[Cover::Concrete, Cover::Slabs, Cover::Asphalt, Cover::Gravel]);
         self.pave(surface, &drive, 20);
         if self.random.chance(0.55) {
-            let garage = site.part(side * (half.x + 2.2), -toward.signum() * 0.8, 1.7, 2.9);
+            let garage = site.part(side * (site.half.x + 2.2), -toward.signum() * 0.8, 1.7, 2.9);
             if self.free(&garage, 0.0) {
                 self.take(&garage);
                 let wall = self.wall_colour();
@@ -170,8 +142,12 @@ impl Builder {
         }
         let parked = drive.part(0.0, toward.signum() * depth * 0.18, 1.0, 2.3);
         self.car(parked.centre, left_of(drive.axis), 0.6);
-        // Behind the house: terrace, pool, shed.
-        let back = -toward.signum();
+        toward
+    }
+
+    /// A paved terrace on the side `back` (1 or -1) of a house.
+    fn terrace(&mut self, site: &Site, back: f32) {
+        let half = site.half;
         let terrace = site.part(
             self.random.range(-2.0, 2.0),
             back * (half.y + 1.6),
@@ -181,59 +157,52 @@ impl Builder {
         if self.random.chance(0.7) {
             self.pave(Cover::Slabs, &terrace, 21);
         }
-        if self
-            .random
-            .chance(if zone == Zone::Suburb { 0.22 } else { 0.08 })
+    }
+
+    fn swimming_pool(&mut self, site: &Site, back: f32, inner: &Convex) {
+        let half = site.half;
+        let pool = site.part(
+            self.random.range(-3.0, 3.0),
+            back * (half.y + 8.0),
+            self.random.range(3.0, 5.0),
+            self.random.range(1.8, 2.6),
+        );
+        if self.free(&pool, 0.5)
+            && inner.depth(self.ground.warp.layout_from_world(pool.centre)) > 3.0
         {
-            let pool = site.part(
-                self.random.range(-3.0, 3.0),
-                back * (half.y + 8.0),
-                self.random.range(3.0, 5.0),
-                self.random.range(1.8, 2.6),
+            let rim = Site {
+                half: pool.half + V2::repeat(1.2),
+                ..pool
+            };
+            self.pave(Cover::Slabs, &rim, 22);
+            self.pave(Cover::Pool, &pool, 23);
+            self.take(&pool);
+        }
+    }
+
+    fn shed(&mut self, site: &Site, back: f32, inner: &Convex) {
+        let half = site.half;
+        let shed = site.part(
+            self.random.range(-1.0, 1.0) * half.x,
+            back * (half.y + self.random.range(7.0, 13.0)),
+            self.random.range(1.0, 2.0),
+            self.random.range(1.0, 1.6),
+        );
+        let place = self.ground.warp.layout_from_world(shed.centre);
+        if inner.depth(place) > 1.8 && self.free(&shed, 0.3) {
+            self.take(&shed);
+            let roof = self.sheet_colour();
+            self.solid(
+                &shed,
+                0.0,
+                2.1,
+                Roof::Gable(0.6),
+                Finish::Wood,
+                roof,
+                [120, 96, 74],
+                Life::Fixed,
             );
-            if self.free(&pool, 0.5)
-                && inner.depth(self.ground.warp.layout_from_world(pool.centre)) > 3.0
-            {
-                let rim = Site {
-                    half: pool.half + V2::repeat(1.2),
-                    ..pool
-                };
-                self.pave(Cover::Slabs, &rim, 22);
-                self.pave(Cover::Pool, &pool, 23);
-                self.take(&pool);
-            }
         }
-        if self.random.chance(0.5) {
-            let shed = site.part(
-                self.random.range(-1.0, 1.0) * half.x,
-                back * (half.y + self.random.range(7.0, 13.0)),
-                self.random.range(1.0, 2.0),
-                self.random.range(1.0, 1.6),
-            );
-            let place = self.ground.warp.layout_from_world(shed.centre);
-            if inner.depth(place) > 1.8 && self.free(&shed, 0.3) {
-                self.take(&shed);
-                let roof = self.sheet_colour();
-                self.solid(
-                    &shed,
-                    0.0,
-                    2.1,
-                    Roof::Gable(0.6),
-                    Finish::Wood,
-                    roof,
-                    [120, 96, 74],
-                    Life::Fixed,
-                );
-            }
-        }
-        if self.random.chance(0.35) {
-            self.hedge_round(&inner);
-        } else {
-            self.fences(&inner, 0.5);
-        }
-        self.strew(&inner, 7, 1.2);
-        let n = 2 + self.random.below(5);
-        self.garden_trees(&inner, n);
     }
 
     /// Trees and shrubs scattered over a layout polygon.
@@ -298,96 +267,6 @@ impl Builder {
                     Life::Fixed,
                 );
             }
-        }
-    }
-
-    pub(super) fn terraces(&mut self, block: &Block) {
-        let frame = block.outline.frame();
-        self.parcel(Cover::Lawn, block.outline.clone(), frame.along, 5);
-        let tiles = self.tile_colour();
-        let wall = self.wall_colour();
-        let unit_m = self.random.range(5.8, 7.6);
-        let depth = self.random.range(4.2, 5.2);
-        let height = self.random.range(5.2, 6.4);
-        let rise = depth * self.random.range(0.5, 0.8);
-        for parcel in parcels_in_rows(self, &block.outline, unit_m, 0.0) {
-            let Some((front_mid, inward)) = front(&parcel) else {
-                self.garden_trees(&parcel, 1);
-                continue;
-            };
-            let along = -left_of(inward);
-            self.parcel(Cover::Garden, parcel.clone(), along, 6);
-            let frame = parcel.frame_along(along);
-            if (frame.length_m - unit_m).abs() > unit_m * 0.5 {
-                self.garden_trees(&parcel, 3);
-                continue;
-            }
-            let centre = front_mid + inward * (3.6 + depth);
-            let site = self.site(centre, along, V2::new(frame.length_m * 0.5 + 0.05, depth));
-            let checked = Site {
-                half: site.half - V2::new(0.8, 0.2),
-                ..site
-            };
-            if !self.free(&checked, 0.0) || parcel.depth(centre + inward * depth) < 0.3 {
-                self.garden_trees(&parcel, 2);
-                continue;
-            }
-            // Neighbours touch, so only a core is marked.
-            self.take(&checked);
-            let own_tiles = if self.random.chance(0.12) {
-                self.tile_colour()
-            } else {
-                tiles
-            };
-            self.solid(
-                &site,
-                0.0,
-                height,
-                Roof::Gable(rise),
-                Finish::Tiles,
-                own_tiles,
-                wall,
-                Life::Fixed,
-            );
-            let chimney = site.part(site.half.x - 0.4, 0.0, 0.35, 0.6);
-            self.solid(
-                &chimney,
-                height,
-                height + rise + 0.9,
-                Roof::Flat,
-                Finish::Plain,
-                [120, 84, 72],
-                [140, 94, 80],
-                Life::Fixed,
-            );
-            if self.random.chance(0.35) {
-                // A lean-to at the back.
-                let back = (self.ground.warp.world_from_layout(front_mid) - site.centre)
-                    .dot(&left_of(site.axis));
-                let hv = self.random.range(1.2, 2.2);
-                let part = site.part(0.6, -back.signum() * (depth + hv), site.half.x * 0.6, hv);
-                let roof = self
-                    .random
-                    .pick(&[Finish::Glass, Finish::Bitumen, Finish::Tiles]);
-                self.solid(
-                    &part,
-                    0.0,
-                    2.6,
-                    Roof::Flat,
-                    roof,
-                    [150, 150, 150],
-                    wall,
-                    Life::Fixed,
-                );
-                self.take(&part);
-            }
-            if self.random.chance(0.25) {
-                let part = self.site(front_mid + inward * 1.9, along, V2::new(1.2, 1.9));
-                self.pave(Cover::Slabs, &part, 20);
-            }
-            self.fences(&parcel, 0.6);
-            self.strew(&parcel, 2, 0.9);
-            self.garden_trees(&parcel, 1);
         }
     }
 }

@@ -2,7 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::{Builder, Site};
+use super::builder::Builder;
+use super::site::Site;
+use crate::convex::left_of;
 use crate::solid::{Finish, Life, Roof};
 
 type V2 = Vector2<f32>;
@@ -128,6 +130,12 @@ impl Builder {
                 life,
             );
         }
+        self.roof_panels(site, height_m, life);
+    }
+
+    /// Solar panels and skylights on a flat roof.
+    fn roof_panels(&mut self, site: &Site, height_m: f32, life: Life) {
+        let area = site.half.x * site.half.y * 4.0;
         if area > 120.0 && self.random.chance(0.22) {
             // Rows of solar panels on a part of the roof.
             let (hu, hv) = (site.half.x * 0.42, site.half.y * 0.8);
@@ -167,7 +175,7 @@ impl Builder {
     pub(super) fn pitched_house(&mut self, site: &Site, height_m: f32, tiles: [u8; 3], life: Life) {
         let site = if site.half.y > site.half.x {
             Site {
-                axis: crate::convex::left_of(site.axis),
+                axis: left_of(site.axis),
                 half: V2::new(site.half.y, site.half.x),
                 ..*site
             }
@@ -192,7 +200,7 @@ impl Builder {
             let u = self.random.range(-0.6, 0.6) * (site.half.x - hu);
             let wing = Site {
                 centre: site.at(u, side * (site.half.y * 0.5 + reach * 0.5)),
-                axis: crate::convex::left_of(site.axis),
+                axis: left_of(site.axis),
                 half: V2::new(site.half.y * 0.5 + reach * 0.5, hu),
             };
             let roof = if hip {
@@ -256,7 +264,7 @@ impl Builder {
                     let u = -site.half.x + (i as f32 + 0.5) * step;
                     let tooth = Site {
                         centre: site.at(u, 0.0),
-                        axis: crate::convex::left_of(site.axis),
+                        axis: left_of(site.axis),
                         half: V2::new(site.half.y, step * 0.5),
                     };
                     self.solid(
@@ -283,44 +291,56 @@ impl Builder {
             ),
             2 => self.flat_building(site, height_m, life),
             _ => {
-                let site = if site.half.y > site.half.x {
-                    Site {
-                        axis: crate::convex::left_of(site.axis),
-                        half: V2::new(site.half.y, site.half.x),
-                        ..*site
-                    }
-                } else {
-                    *site
-                };
+                self.gabled_hall(site, height_m, rise, [sheet, wall], life);
+            }
+        }
+    }
+
+    /// A hall with a gable roof, its ridge along the longer side, sometimes with ventilators.
+    fn gabled_hall(
+        &mut self,
+        site: &Site,
+        height_m: f32,
+        rise: f32,
+        [sheet, wall]: [[u8; 3]; 2],
+        life: Life,
+    ) {
+        let site = if site.half.y > site.half.x {
+            Site {
+                axis: left_of(site.axis),
+                half: V2::new(site.half.y, site.half.x),
+                ..*site
+            }
+        } else {
+            *site
+        };
+        self.solid(
+            &site,
+            0.0,
+            height_m,
+            Roof::Gable(rise),
+            Finish::Metal,
+            sheet,
+            wall,
+            life,
+        );
+        // Ventilators along the ridge.
+        if self.random.chance(0.6) {
+            let n = (site.half.x / 3.0) as i32;
+            for i in 0..n {
+                let u = ((i as f32 + 0.5) / n as f32 * 2.0 - 1.0) * site.half.x;
+                let part = site.part(u, 0.0, 0.5, 0.5);
+                let top = height_m + rise + 0.6;
                 self.solid(
-                    &site,
-                    0.0,
+                    &part,
                     height_m,
-                    Roof::Gable(rise),
-                    Finish::Metal,
-                    sheet,
-                    wall,
+                    top,
+                    Roof::Round(0.2),
+                    Finish::Plain,
+                    [150; 3],
+                    [140; 3],
                     life,
                 );
-                // Ventilators along the ridge.
-                if self.random.chance(0.6) {
-                    let n = (site.half.x / 3.0) as i32;
-                    for i in 0..n {
-                        let u = ((i as f32 + 0.5) / n as f32 * 2.0 - 1.0) * site.half.x;
-                        let part = site.part(u, 0.0, 0.5, 0.5);
-                        let top = height_m + rise + 0.6;
-                        self.solid(
-                            &part,
-                            height_m,
-                            top,
-                            Roof::Round(0.2),
-                            Finish::Plain,
-                            [150; 3],
-                            [140; 3],
-                            life,
-                        );
-                    }
-                }
             }
         }
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::Vector2;
 
-use super::Builder;
+use super::builder::Builder;
 use crate::convex::left_of;
 use crate::cover::{Cover, Patch, Shape};
 use crate::tree::Species;

@@ -2,8 +2,9 @@
 
 use nalgebra::Vector2;
 
-use super::{Builder, fit};
-use crate::convex::left_of;
+use super::builder::Builder;
+use super::site::fit;
+use crate::convex::{Convex, left_of};
 use crate::cover::Cover;
 use crate::layout::Block;
 use crate::solid::{Finish, Life, Roof};
@@ -22,6 +23,14 @@ impl Builder {
         };
         self.parcel(Cover::Lawn, block.outline.clone(), frame.along, 5);
         self.parcel(yard, inner.clone(), frame.along, 6);
+        self.halls(&inner);
+        self.yard_goods(&inner);
+        self.stock(&inner, inner.frame().along);
+        self.boundary_trees(&block.outline);
+    }
+
+    /// Halls, the first one large, with lorries at the loading bays of some.
+    fn halls(&mut self, inner: &Convex) {
         let f = inner.frame();
         let across = left_of(f.along);
         let tries = 3 + (inner.area_m2() / 2500.0) as usize;
@@ -72,6 +81,12 @@ impl Builder {
                 }
             }
         }
+    }
+
+    /// Parking, containers, tanks and heaps.
+    fn yard_goods(&mut self, inner: &Convex) {
+        let f = inner.frame();
+        let across = left_of(f.along);
         for _ in 0..3 {
             let q = f.centre
                 + f.along * (self.random.range(-0.45, 0.45) * f.length_m)
@@ -84,7 +99,7 @@ impl Builder {
                         self.parking(&lot, 0.65);
                     }
                 }
-                1 => self.containers(q, f.along, &inner),
+                1 => self.containers(q, f.along, inner),
                 2 => {
                     let radius = self.random.range(3.0, 9.0);
                     for k in 0..1 + self.random.below(4) {
@@ -116,14 +131,16 @@ impl Builder {
                 }
             }
         }
-        self.stock(&inner, f.along);
-        let n = block.outline.points.len();
+    }
+
+    /// Trees along some of the edges.
+    fn boundary_trees(&mut self, outline: &Convex) {
+        let n = outline.points.len();
         for i in 0..n {
-            // Trees along some edges.
             if !self.random.chance(0.4) {
                 continue;
             }
-            let (a, b) = (block.outline.points[i], block.outline.points[(i + 1) % n]);
+            let (a, b) = (outline.points[i], outline.points[(i + 1) % n]);
             let length = (b - a).norm();
             let dir = (b - a) / length.max(1e-3);
             let step = self.random.range(7.0, 12.0);
@@ -136,7 +153,7 @@ impl Builder {
         }
     }
 
-    fn containers(&mut self, q: V2, along: V2, inner: &crate::convex::Convex) {
+    fn containers(&mut self, q: V2, along: V2, inner: &Convex) {
         const PAINT: [[u8; 3]; 6] = [
             [150, 70, 54],
             [60, 90, 130],

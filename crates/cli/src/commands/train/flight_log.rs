@@ -1,4 +1,4 @@
-//! How far a training run has come in metres: a procedural flight, localised now and then, a line in `flight.csv` each time.
+//! Localisation accuracy during training: a procedural flight, localised at each validation, with a row in `flight.csv`.
 
 use std::io::Write as _;
 use std::path::PathBuf;
@@ -8,19 +8,19 @@ use grimnet_experiments::training_flight::Flight;
 use grimnet_net::Card;
 use grimnet_train::{Checkpoint, Stage, TrainConfig};
 
-/// The flight's world: training draws few worlds, from multiples of 1,000,003 upwards.
+/// Seed of the flight's world; training worlds have seeds from multiples of 1,000,003 upwards.
 const WORLD_SEED: u64 = 900_001;
-/// Its photos.
+/// Number of its photos.
 const PHOTOS: usize = 16;
 
-/// The flight, drawn when it is first needed, and where it and its figures go.
+/// The flight, rendered when it is first needed, and the output folder.
 pub(super) struct FlightLog {
     out: PathBuf,
     flight: Option<Flight>,
 }
 
 impl FlightLog {
-    /// None where the run does not localise yet, or is not to be measured.
+    /// `None` if the stage does not localise, or validation is disabled.
     pub(super) fn of(config: &TrainConfig) -> Option<Self> {
         let is_measured = config.stage == Stage::Joint && config.validate_minutes > 0.0;
         is_measured.then(|| Self {
@@ -29,7 +29,7 @@ impl FlightLog {
         })
     }
 
-    /// Localises the flight with the averaged parameters and adds a line for each heading mode.
+    /// Localises the flight with the averaged parameters and adds a row with and a row without known heading.
     pub(super) fn add(&mut self, state: &Checkpoint) -> Result<()> {
         let flight = match &mut self.flight {
             Some(flight) => flight,

@@ -1,4 +1,4 @@
-//! `grim train CONFIG --labels`. It may be killed at any moment: each picture's labels are kept when they are found.
+//! `grim train CONFIG --labels`. The labels of each picture are saved when they are found, so that it can be interrupted.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -6,14 +6,15 @@ use std::path::Path;
 use anyhow::Result;
 use grimnet_train::{LabelProgress, TrainConfig, label_pictures};
 
-use super::session::share_bar;
+use super::share_bar::share_bar;
 use crate::exit::Exit;
 
 /// Labels the pictures of a configuration.
 ///
 /// # Errors
-/// No `[labels]` in it, no pictures, a detector that cannot be opened or sees next to nothing, a folder that cannot be written to.
-pub fn run(config_path: &Path, config: &TrainConfig) -> Result<Exit> {
+/// Returns an error if the configuration has no `[labels]` table or no pictures, the detector cannot be opened or finds too few
+/// keypoints, or the folder cannot be written.
+pub(super) fn run(config_path: &Path, config: &TrainConfig) -> Result<Exit> {
     let bar = share_bar()?;
     let done = label_pictures(config, &config.device.device()?, &mut |progress| {
         bar.set_position((1000 * progress.labelled / progress.pictures.max(1)) as u64);
@@ -35,7 +36,7 @@ pub fn run(config_path: &Path, config: &TrainConfig) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// One report in words.
+/// A report as one line.
 fn line(p: &LabelProgress) -> String {
     format!(
         "{} of {} pictures, {:.0} keypoints a picture, {:.0} min left",

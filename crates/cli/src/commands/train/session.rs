@@ -1,45 +1,37 @@
-//! One training run: bar, curves, Ctrl-C, and the model file at its end.
+//! A training run: progress bar, curves, Ctrl-C, and export at the end.
 
 use std::io::Write as _;
 use std::path::Path;
 use std::sync::atomic::Ordering;
 
-use anyhow::{Context as _, Result};
-use grimnet_train::data::Data;
+use anyhow::Result;
 use grimnet_train::{
-    Checkpoint, Curves, Device, Progress, Stage, TrainConfig, Trainer, Validator, checkpoint_path,
-    export, save_model,
+    Checkpoint, Curves, Data, Device, Progress, Stage, TrainConfig, Trainer, Validator,
+    checkpoint_path, export, save_model,
 };
-use indicatif::{ProgressBar, ProgressStyle};
 
+use super::arguments::TrainArgs;
 use super::flight_log::FlightLog;
-use super::{TrainArgs, labels};
+use super::share_bar::share_bar;
 use crate::exit::Exit;
 use crate::interrupt;
 
-/// Runs the command.
+/// Trains, or exports the model of the last checkpoint.
 ///
 /// # Errors
-/// A configuration, data or a checkpoint that cannot be used; a loss that is not a number.
-pub fn run(arguments: &TrainArgs) -> Result<Exit> {
-    let path = arguments.config.as_deref().context(
-        "name a configuration, as in: grim train training.toml (TRAINING.md shows what to write in it)",
-    )?;
-    let config = TrainConfig::open(path)?;
-    if arguments.labels {
-        return labels::run(path, &config);
-    }
-    let data = Data::open(&config)?;
+/// Returns an error if the data, the checkpoint or the initial weights cannot be used, or a loss is not finite.
+pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> Result<Exit> {
+    let data = Data::open(config)?;
     if data.unreadable > 0 {
         tracing::warn!(
-            "{} files are no usable pictures and were left out",
+            "{} picture files cannot be used and are skipped",
             data.unreadable
         );
     }
     let device = config.device.device()?;
     if arguments.export {
-        let state = Checkpoint::open(&checkpoint_path(&config), &device)?;
-        return finish(&state, &config, &data, &device);
+        let state = Checkpoint::open(&checkpoint_path(config), &device)?;
+        return finish(&state, config, &data, &device);
     }
     let mut trainer = Trainer::new(
         config.clone(),
@@ -49,18 +41,18 @@ pub fn run(arguments: &TrainArgs) -> Result<Exit> {
     )?;
     let stopped = trainer.stop_switch();
     interrupt::stop_on_interrupt(&stopped)?;
-    train(&mut trainer, &config, &data)?;
+    train(&mut trainer, config, &data)?;
     if stopped.load(Ordering::Relaxed) {
         let mut out = std::io::stderr().lock();
         writeln!(
             out,
-            "stopped at step {}; go on with: grim train {} --resume",
+            "stopped at step {}; resume with: grim train {} --resume",
             trainer.state().position.step,
             path.display()
         )?;
         return Ok(Exit::Done);
     }
-    finish(trainer.state(), &config, &data, &device)
+    finish(trainer.state(), config, &data, &device)
 }
 
 fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()> {
@@ -97,16 +89,7 @@ fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()>
     failed.map_or(Ok(()), Err)
 }
 
-/// A bar over the run, in thousandths.
-pub(super) fn share_bar() -> Result<ProgressBar> {
-    let bar = ProgressBar::new(1000);
-    bar.set_style(
-        ProgressStyle::with_template("{wide_bar} {percent:>3} % {msg}")?.progress_chars("━╸ "),
-    );
-    Ok(bar)
-}
-
-/// One report in words.
+/// A report as one line.
 fn line(p: &Progress) -> String {
     let losses: Vec<String> = p
         .losses
@@ -124,7 +107,7 @@ fn line(p: &Progress) -> String {
     )
 }
 
-/// Makes the model file and says what it is worth. The earlier stages make none: the next one reads their checkpoint.
+/// Exports the model and prints its figures. The stages before `joint` make no model: the next stage reads their checkpoint.
 fn finish(state: &Checkpoint, config: &TrainConfig, data: &Data, device: &Device) -> Result<Exit> {
     if config.stage != Stage::Joint {
         let mut out = std::io::stdout().lock();

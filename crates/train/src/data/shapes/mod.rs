@@ -7,7 +7,7 @@ mod figure;
 use super::cuts::{choose_window, pair_at};
 use super::pair::{Pair, PairOptions, Source};
 use super::photometric::Look;
-use super::pictures::Picture;
+use super::picture::Picture;
 use canvas::Canvas;
 use figure::{Brush, Figure};
 use rand::Rng;

@@ -74,16 +74,17 @@ impl Training {
 
 /// The configuration that was named, or the paper's losses and weights on the compact network and procedural worlds.
 fn configuration(options: &ExperimentOptions) -> Result<TrainConfig> {
+    let paper = TrainConfig::paper();
     let named = match &options.train_config {
         Some(path) => TrainConfig::open(path)?,
         None => TrainConfig {
-            network: "compact".into(),
             world_share: 1.0,
-            encoder_rate: 1.0,
-            alternate: false,
+            weights: paper.weights,
+            descriptor_loss: paper.descriptor_loss,
+            global_loss: paper.global_loss,
             steps: Some(STEPS),
             checkpoint_minutes: CHECKPOINT_MINUTES,
-            ..TrainConfig::paper()
+            ..TrainConfig::default()
         },
     };
     Ok(TrainConfig {

@@ -1,0 +1,29 @@
+//! Arguments of `grim train`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+/// Arguments of `grim train`.
+#[derive(Debug, Args)]
+#[cfg_attr(
+    not(feature = "train"),
+    allow(dead_code, reason = "this build has no trainer")
+)]
+pub struct TrainArgs {
+    /// Training configuration (TOML; see TRAINING.md)
+    pub(super) config: Option<PathBuf>,
+
+    /// Resume from the last checkpoint
+    #[arg(long)]
+    pub(super) resume: bool,
+
+    /// Do not train: label the pictures by homographic adaptation, with the settings of the table `labels`; pictures that have
+    /// labels are skipped
+    #[arg(long, conflicts_with_all = ["resume", "export"])]
+    pub(super) labels: bool,
+
+    /// Do not train: export the model of the last checkpoint
+    #[arg(long, conflicts_with = "resume")]
+    pub(super) export: bool,
+}

@@ -1,0 +1,83 @@
+//! The card of an exported model.
+
+use crate::config::TrainConfig;
+use crate::measure::validation::Validations;
+use crate::measure::whitening::WhiteningKind;
+use crate::run::checkpoint::Checkpoint;
+use grimnet_net::Card;
+use std::path::Path;
+
+/// The card without notes.
+pub(super) fn card_of(checkpoint: &Checkpoint, config: &TrainConfig) -> Card {
+    let name_of = |path: &Path| {
+        let name = path.file_name().unwrap_or_default();
+        name.to_string_lossy().into_owned()
+    };
+    let folders = config.data.iter().map(|folder| name_of(&folder.path));
+    let worlds = (config.world_share > 0.0).then(|| "procedural world".to_owned());
+    Card {
+        name: format!("grimnet {}", config.network),
+        training_data: folders.chain(worlds).collect::<Vec<_>>().join(", "),
+        steps: checkpoint.position.step,
+        licence: "MIT OR Apache-2.0".into(),
+        notes: String::new(),
+        random: false,
+    }
+}
+
+/// How the model was trained, its figures on held-out pairs, and its whitening.
+pub(super) fn notes(
+    checkpoint: &Checkpoint,
+    config: &TrainConfig,
+    measured: &Validations,
+    whitening: Option<WhiteningKind>,
+) -> String {
+    let percent = |share: f64| (share * 100.0).round();
+    let mut out = format!(
+        "{} steps of {} pairs, {:.0} minutes.",
+        checkpoint.position.step,
+        config.pairs_per_step,
+        checkpoint.position.elapsed_s / 60.0,
+    );
+    if let Some(path) = &config.start_from {
+        // Checkpoints all have the same name, so the folder is named, too.
+        let folder = path.parent().and_then(Path::file_name).unwrap_or_default();
+        let name = Path::new(folder).join(path.file_name().unwrap_or_default());
+        out.push_str(&format!(" Started from {}.", name.display()));
+    }
+    if config.labels.is_some() {
+        out.push_str(" Keypoint labels by homographic adaptation.");
+    }
+    for (name, v) in measured {
+        out.push_str(&format!(
+            " On {} held-out pairs ({name}; made like the training pairs):",
+            v.pairs
+        ));
+        if let Some(m) = &v.matching {
+            out.push_str(&format!(
+                " repeatability {} %, matching score {} %, correct matches {} %, homography within 1/3/5 px {}/{}/{} %,",
+                percent(m.repeatability),
+                percent(m.matching_score),
+                percent(m.match_precision),
+                percent(m.homography_accuracy[0]),
+                percent(m.homography_accuracy[1]),
+                percent(m.homography_accuracy[2]),
+            ));
+        }
+        out.push_str(&format!(
+            " recall@1/@5 among {} views {}/{} %.",
+            v.gallery,
+            percent(v.recall[0]),
+            percent(v.recall[1]),
+        ));
+    }
+    out.push_str(match whitening {
+        None => " Whitening: none.",
+        Some(WhiteningKind::Pca) => " Whitening: PCA.",
+        Some(WhiteningKind::Pairs) => " Whitening: learned from pairs.",
+    });
+    out.push_str(
+        " Trained on nadir pictures; not trained on oblique views, night, snow or thermal cameras.",
+    );
+    out
+}

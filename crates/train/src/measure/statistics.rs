@@ -1,0 +1,60 @@
+//! Recomputing the batch-normalisation statistics of averaged parameters.
+
+use crate::config::TrainConfig;
+use crate::data::{Sources, batch_of, usable};
+use crate::error::TrainError;
+use crate::model::input::{Norms, input_of};
+use crate::model::network::Network;
+use crate::model::normalisation::Statistics;
+use crate::model::parameters::Parameters;
+use burn::tensor::Device;
+use grimnet_net::Domain;
+
+/// Number of batches that the statistics are computed from.
+const STATISTICS_BATCHES: u64 = 24;
+
+/// The parameters with batch-normalisation statistics recomputed from training pairs; averaged parameters need their own.
+///
+/// # Errors
+/// Returns an error if the sources give no pairs, or values cannot be read from the device.
+pub fn with_recomputed_statistics(
+    average: &Parameters,
+    sources: &Sources,
+    config: &TrainConfig,
+    device: &Device,
+) -> Result<Parameters, TrainError> {
+    let mut parameters = average.clone();
+    let device = device.clone().without_autodiff();
+    for i in 0..STATISTICS_BATCHES {
+        let batch = batch_of(
+            sources,
+            None,
+            &config.pairs,
+            config.pairs_per_step,
+            config.seed ^ 0x57a7,
+            i,
+        );
+        let batch = usable(batch, i)?;
+        let input = input_of(&batch, parameters.spec(), config.norms, &device);
+        let mut network = Network::new(&parameters, Statistics::Batch);
+        network.forward(&input, false)?;
+        for (name, value) in network.into_running() {
+            parameters.set(&name, value)?;
+        }
+    }
+    if config.norms == Norms::Joint {
+        share_map_norms(&mut parameters)?;
+    }
+    Ok(parameters)
+}
+
+/// Copies the statistics and parameters of the map domain, the only ones that were trained, to the photo domain.
+fn share_map_norms(parameters: &mut Parameters) -> Result<(), TrainError> {
+    for name in parameters.names() {
+        if let Some((layer, part)) = Domain::Sat.norm_of(&name) {
+            let value = parameters.flat(&name)?;
+            parameters.set(&Domain::Uav.norm_name(layer, part), value)?;
+        }
+    }
+    Ok(())
+}

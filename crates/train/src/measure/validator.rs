@@ -1,0 +1,183 @@
+//! Validation at intervals during training.
+
+use crate::config::{Stage, TrainConfig};
+use crate::data::Pair;
+use crate::error::TrainError;
+use crate::measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
+use crate::measure::validation::{PairOutputs, Validation, pairs_of, validation_options};
+use crate::model::input::Norms;
+use crate::run::checkpoint::Checkpoint;
+use crate::run::data::Data;
+use grimnet_net::{Card, Model};
+use std::fmt;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Pairs of each held-out source.
+const PAIRS: usize = 48;
+/// Pairs for the accuracy of scene classes, which is cheap to measure.
+const SCENE_PAIRS: usize = 240;
+
+/// The figures of a stage.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Figures {
+    /// Keypoints, descriptors and retrieval.
+    Places(Validation),
+    /// Scene classes.
+    Scenes(SceneAccuracy),
+}
+
+impl Figures {
+    /// Columns of `validation.csv` after the step and the name.
+    fn header(stage: Stage) -> &'static str {
+        match stage {
+            Stage::Scenes => "pairs,scene_accuracy",
+            Stage::Joint | Stage::Shapes => {
+                "pairs,repeatability,matching_score,match_precision,within_1_px,within_3_px,within_5_px,recall_1,recall_5,gallery"
+            }
+        }
+    }
+
+    fn row(&self) -> String {
+        match self {
+            Self::Scenes(v) => format!("{},{:.4}", v.views / 2, v.share),
+            Self::Places(v) => {
+                let matching = v.matching.map_or([const { String::new() }; 6], |m| {
+                    let [one, three, five] = m.homography_accuracy;
+                    [
+                        m.repeatability,
+                        m.matching_score,
+                        m.match_precision,
+                        one,
+                        three,
+                        five,
+                    ]
+                    .map(|share| format!("{share:.4}"))
+                });
+                let [first, fifth] = v.recall;
+                let matching = matching.join(",");
+                format!("{},{matching},{first:.4},{fifth:.4},{}", v.pairs, v.gallery)
+            }
+        }
+    }
+}
+
+impl fmt::Display for Figures {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let percent = |share: f64| (share * 100.0).round();
+        match self {
+            Self::Scenes(v) => write!(
+                f,
+                "{} % of {} views classified correctly",
+                percent(v.share),
+                v.views
+            ),
+            Self::Places(v) => {
+                if let Some(m) = &v.matching {
+                    write!(
+                        f,
+                        "repeatability {} %, matching score {} %, homography within 3 px {} %, ",
+                        percent(m.repeatability),
+                        percent(m.matching_score),
+                        percent(m.homography_accuracy[1])
+                    )?;
+                }
+                write!(f, "recall@1 {} %", percent(v.recall[0]))
+            }
+        }
+    }
+}
+
+/// Measures a run every `validate_minutes` and appends the figures to `validation.csv`.
+pub struct Validator {
+    path: PathBuf,
+    stage: Stage,
+    norms: Norms,
+    minutes: f64,
+    held: Vec<(&'static str, Vec<Pair>)>,
+    last: Instant,
+}
+
+impl Validator {
+    /// Draws the pairs, which are the same for every run; none if `validate_minutes` is 0.
+    pub fn new(config: &TrainConfig, data: &Data) -> Self {
+        let (views, count) = match config.stage {
+            Stage::Scenes => (config.pairs.clone(), SCENE_PAIRS),
+            Stage::Joint | Stage::Shapes => (validation_options(&config.pairs), PAIRS),
+        };
+        let held_out = data
+            .held_out
+            .iter()
+            .filter(|_| config.validate_minutes > 0.0);
+        Self {
+            path: config.out.join("validation.csv"),
+            stage: config.stage,
+            norms: config.norms,
+            minutes: config.validate_minutes,
+            held: held_out
+                .map(|(name, source)| (*name, pairs_of(source.as_ref(), count, &views, 17)))
+                .collect(),
+            last: Instant::now(),
+        }
+    }
+
+    /// Measures the averaged parameters if `validate_minutes` have passed.
+    ///
+    /// # Errors
+    /// Returns an error if values cannot be read from the device, or the file cannot be written.
+    pub fn measure_if_due(
+        &mut self,
+        state: &Checkpoint,
+    ) -> Result<Option<Vec<(String, Figures)>>, TrainError> {
+        if self.held.is_empty() || self.last.elapsed().as_secs_f64() < self.minutes * 60.0 {
+            return Ok(None);
+        }
+        let found = self.measure(state)?;
+        self.last = Instant::now();
+        Ok(Some(found))
+    }
+
+    /// Measures the averaged parameters and adds a row for each held-out source.
+    ///
+    /// # Errors
+    /// As [`Validator::measure_if_due`].
+    pub fn measure(&self, state: &Checkpoint) -> Result<Vec<(String, Figures)>, TrainError> {
+        let mut text = match fs_err::read_to_string(&self.path) {
+            Ok(text) => text,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                format!("step,held_out,{}\n", Figures::header(self.stage))
+            }
+            Err(error) => return Err(error.into()),
+        };
+        let model = state.average.to_model(Card::default())?;
+        let mut out = Vec::new();
+        for (name, pairs) in &self.held {
+            let figures = self.figures(state, &model, pairs)?;
+            text.push_str(&format!(
+                "{},{name},{}\n",
+                state.position.step,
+                figures.row()
+            ));
+            out.push(((*name).to_owned(), figures));
+        }
+        if let Some(folder) = self.path.parent() {
+            fs_err::create_dir_all(folder)?;
+        }
+        fs_err::write(&self.path, text)?;
+        Ok(out)
+    }
+
+    fn figures(
+        &self,
+        state: &Checkpoint,
+        model: &Model,
+        pairs: &[Pair],
+    ) -> Result<Figures, TrainError> {
+        Ok(match self.stage {
+            Stage::Scenes => Figures::Scenes(scene_accuracy(&state.average, pairs, self.norms)?),
+            Stage::Joint | Stage::Shapes => {
+                Figures::Places(PairOutputs::of(model, pairs, &mut || ())?.validation(pairs, &[]))
+            }
+        })
+    }
+}

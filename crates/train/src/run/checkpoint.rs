@@ -1,0 +1,193 @@
+//! Checkpoints: everything needed to resume training, in one safetensors file that is replaced atomically.
+
+use crate::aside::write_aside;
+use crate::config::Stage;
+use crate::error::TrainError;
+use crate::model::parameters::{Parameters, host};
+use crate::run::optimiser::Adam;
+use burn::tensor::{Device, Tensor, TensorData};
+use grimnet_net::{Card, Model, NetSpec};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+use std::collections::HashMap;
+use std::io::Read as _;
+use std::path::Path;
+
+/// Progress of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Position {
+    /// Number of steps done.
+    pub step: u64,
+    /// Training time of all runs together, seconds.
+    pub elapsed_s: f64,
+    /// Whether NetVLAD has been initialised.
+    pub centres_started: bool,
+    /// The stage that the run trains.
+    #[serde(default)]
+    pub stage: Stage,
+}
+
+/// A training state.
+pub struct Checkpoint {
+    /// The network's parameters.
+    pub parameters: Parameters,
+    /// Their moving average, which is exported.
+    pub average: Parameters,
+    /// The optimiser's state.
+    pub adam: Adam,
+    /// Progress.
+    pub position: Position,
+}
+
+fn bytes_of(values: &[f32]) -> Vec<u8> {
+    values.iter().flat_map(|v| v.to_le_bytes()).collect()
+}
+
+fn values_of(bytes: &[u8]) -> Vec<f32> {
+    bytes
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|b| f32::from_le_bytes(*b))
+        .collect()
+}
+
+/// Largest header that safetensors allows, bytes.
+const LONGEST_HEADER: u64 = 100_000_000;
+
+impl Checkpoint {
+    /// Replaces the file atomically.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`]; an error if values cannot be read from the device.
+    pub fn save(&self, path: &Path) -> Result<(), TrainError> {
+        let mut buffers: Vec<(String, Vec<u8>)> = Vec::new();
+        for (prefix, parameters) in [("value/", &self.parameters), ("average/", &self.average)] {
+            for (name, values) in parameters.to_host()? {
+                buffers.push((format!("{prefix}{name}"), bytes_of(&values)));
+            }
+        }
+        for (name, (first, second)) in &self.adam.moments {
+            buffers.push((format!("first/{name}"), bytes_of(&host(first.clone())?)));
+            buffers.push((format!("second/{name}"), bytes_of(&host(second.clone())?)));
+        }
+        let wrong = |reason: String| TrainError::Checkpoint {
+            path: path.to_owned(),
+            reason,
+        };
+        let json = |error: serde_json::Error| wrong(error.to_string());
+        let metadata = HashMap::from([
+            (
+                "spec".to_owned(),
+                serde_json::to_string(self.parameters.spec()).map_err(json)?,
+            ),
+            (
+                "position".to_owned(),
+                serde_json::to_string(&self.position).map_err(json)?,
+            ),
+            ("updates".to_owned(), self.adam.updates.to_string()),
+            ("scenes".to_owned(), self.parameters.scenes().to_string()),
+        ]);
+        let views: Vec<(&str, TensorView<'_>)> = buffers
+            .iter()
+            .map(|(name, bytes)| {
+                Ok((
+                    name.as_str(),
+                    TensorView::new(Dtype::F32, vec![bytes.len() / 4], bytes)?,
+                ))
+            })
+            .collect::<Result<_, safetensors::SafeTensorError>>()
+            .map_err(|error| wrong(error.to_string()))?;
+        let bytes = safetensors::serialize(views, Some(metadata))
+            .map_err(|error| wrong(error.to_string()))?;
+        write_aside(path, &bytes)
+    }
+
+    /// Whether the header of a file is that of a checkpoint. The tensors are not read, so that the file may be damaged.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`].
+    pub fn is_checkpoint(path: &Path) -> Result<bool, TrainError> {
+        let mut file = fs_err::File::open(path)?;
+        let mut length = [0; 8];
+        if file.read_exact(&mut length).is_err() {
+            return Ok(false);
+        }
+        // The library reads headers of whole files only.
+        let mut header = Vec::new();
+        let most = u64::from_le_bytes(length).min(LONGEST_HEADER);
+        file.take(most).read_to_end(&mut header)?;
+        let described: Option<serde_json::Value> = serde_json::from_slice(&header).ok();
+        Ok(described.is_some_and(|header| header["__metadata__"]["position"].is_string()))
+    }
+
+    /// Reads a checkpoint.
+    ///
+    /// # Errors
+    /// [`TrainError::Checkpoint`] if the file is missing, damaged, or does not fit its description.
+    pub fn open(path: &Path, device: &Device) -> Result<Self, TrainError> {
+        let wrong = |reason: String| TrainError::Checkpoint {
+            path: path.to_owned(),
+            reason,
+        };
+        if !path.exists() {
+            return Err(wrong(
+                "the file does not exist; start the run without resuming".into(),
+            ));
+        }
+        let bytes = fs_err::read(path)?;
+        let (_, header) =
+            SafeTensors::read_metadata(&bytes).map_err(|error| wrong(error.to_string()))?;
+        let tensors = SafeTensors::deserialize(&bytes).map_err(|error| wrong(error.to_string()))?;
+        let metadata = header.metadata().clone().unwrap_or_default();
+        let field = |name: &str| {
+            metadata
+                .get(name)
+                .ok_or_else(|| wrong(format!("not a checkpoint: `{name}` is missing")))
+        };
+        let spec: NetSpec =
+            serde_json::from_str(field("spec")?).map_err(|error| wrong(error.to_string()))?;
+        let position: Position =
+            serde_json::from_str(field("position")?).map_err(|error| wrong(error.to_string()))?;
+        let updates = field("updates")?
+            .parse()
+            .map_err(|_| wrong("`updates` is not a number".into()))?;
+        let scenes = metadata.get("scenes").map_or(Ok(0), |n| n.parse());
+        let scenes = scenes.map_err(|_| wrong("`scenes` is not a number".into()))?;
+        let model = Model::random(&spec, 0)?.with_card(Card::default());
+        let blank = Parameters::of_model(&model, device).with_classifier(scenes, device);
+        let (mut parameters, mut average) = (blank.clone(), blank);
+        let mut adam = Adam {
+            updates,
+            ..Adam::default()
+        };
+        let inner = device.clone().without_autodiff();
+        let read = |name: &str| -> Result<Tensor<1>, TrainError> {
+            let view = tensors
+                .tensor(name)
+                .map_err(|_| wrong(format!("`{name}` is missing")))?;
+            let values = values_of(view.data());
+            let length = values.len();
+            Ok(Tensor::from_data(TensorData::new(values, [length]), &inner))
+        };
+        for name in parameters.names() {
+            parameters.set(&name, read(&format!("value/{name}"))?)?;
+            average.set(&name, read(&format!("average/{name}"))?)?;
+            if tensors.tensor(&format!("first/{name}")).is_ok() {
+                adam.moments.insert(
+                    name.clone(),
+                    (
+                        read(&format!("first/{name}"))?,
+                        read(&format!("second/{name}"))?,
+                    ),
+                );
+            }
+        }
+        Ok(Self {
+            parameters,
+            average,
+            adam,
+            position,
+        })
+    }
+}

@@ -1,0 +1,216 @@
+//! Training curves: a CSV file with a row for each report, and a plot of it as SVG.
+
+use crate::error::TrainError;
+use crate::run::losses::Losses;
+use crate::run::trainer::Progress;
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+
+/// Columns before and after the losses.
+const BEFORE: [&str; 2] = ["step", "elapsed_s"];
+const AFTER: [&str; 3] = ["pairs_per_s", "learning_rate", "gradient"];
+/// Colours of the losses.
+const COLOURS: [&str; 8] = [
+    "#c33", "#36c", "#393", "#939", "#e90", "#099", "#666", "#630",
+];
+/// Size of the plot, pixels.
+const SIZE_PX: [f64; 2] = [900.0, 420.0];
+/// Space for the tick labels.
+const MARGIN_PX: f64 = 50.0;
+/// Most points of a curve; more rows are averaged.
+const POINTS: usize = 300;
+
+/// The reports of a run.
+#[derive(Debug)]
+pub struct Curves {
+    path: PathBuf,
+    columns: Vec<String>,
+    /// As many values as columns.
+    rows: Vec<Vec<f64>>,
+}
+
+/// Names of the losses as columns.
+fn loss_columns() -> impl Iterator<Item = String> {
+    let names = Losses::default().terms().map(|(name, _)| name);
+    names
+        .into_iter()
+        .map(|name| name.trim_end_matches(" loss").replace(' ', "_"))
+}
+
+/// The rows of a file up to a step, in the order of `columns`. Missing columns are 0; incomplete lines are skipped.
+fn rows_of(text: &str, columns: &[String], step: u64) -> Vec<Vec<f64>> {
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
+    let row = |line: &str| {
+        let values: Vec<f64> = line.split(',').filter_map(|v| v.parse().ok()).collect();
+        let of = |column: &String| {
+            let at = header.iter().position(|name| name == column);
+            at.map_or(0.0, |at| values[at])
+        };
+        let whole = values.len() == header.len();
+        whole.then(|| columns.iter().map(of).collect::<Vec<_>>())
+    };
+    lines
+        .filter_map(row)
+        .filter(|row| row[0] <= step as f64)
+        .collect()
+}
+
+impl Curves {
+    /// The curves in `folder`. Rows of earlier runs up to `step` are kept, later ones are dropped.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`] if the file cannot be read.
+    pub fn open(folder: &Path, step: u64) -> Result<Self, TrainError> {
+        let path = folder.join("curves.csv");
+        let before = BEFORE.map(str::to_owned).into_iter();
+        let columns: Vec<String> = before
+            .chain(loss_columns())
+            .chain(AFTER.map(str::to_owned))
+            .collect();
+        let rows = if step > 0 && path.exists() {
+            rows_of(&fs_err::read_to_string(&path)?, &columns, step)
+        } else {
+            Vec::new()
+        };
+        Ok(Self {
+            path,
+            columns,
+            rows,
+        })
+    }
+
+    /// Adds a report and rewrites both files.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`] if the files cannot be written.
+    pub fn add(&mut self, p: &Progress) -> Result<(), TrainError> {
+        let losses = p.losses.terms().map(|(_, value)| f64::from(value));
+        let before = [p.step as f64, p.elapsed_s];
+        let after = [p.pairs_per_s, p.learning_rate, f64::from(p.gradient)];
+        self.rows.push([&before[..], &losses, &after].concat());
+        let mut text = self.columns.join(",");
+        text.push('\n');
+        for row in &self.rows {
+            let values: Vec<String> = row.iter().map(|v| format!("{v:.6}")).collect();
+            text.push_str(&values.join(","));
+            text.push('\n');
+        }
+        if let Some(folder) = self.path.parent() {
+            fs_err::create_dir_all(folder)?;
+        }
+        fs_err::write(&self.path, text)?;
+        fs_err::write(self.path.with_extension("svg"), self.svg())?;
+        Ok(())
+    }
+
+    /// The losses over the steps; losses that are always 0 are not drawn.
+    fn svg(&self) -> String {
+        let [width, height] = SIZE_PX;
+        let inner = [width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX];
+        let last = self.rows.last().map_or(1.0, |r| r[0]).max(1.0);
+        let drawn: Vec<usize> = (BEFORE.len()..self.columns.len() - AFTER.len())
+            .filter(|column| self.rows.iter().any(|row| row[*column] != 0.0))
+            .collect();
+        let top = self
+            .rows
+            .iter()
+            .flat_map(|row| drawn.iter().map(|column| row[*column]))
+            .fold(1e-6f64, f64::max);
+        let mut out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width}\" height=\"{height}\" font-family=\"sans-serif\" font-size=\"12\">\
+             <rect width=\"100%\" height=\"100%\" fill=\"white\"/>"
+        );
+        for i in 0..=4 {
+            let share = f64::from(i) / 4.0;
+            let y = MARGIN_PX + inner[1] * (1.0 - share);
+            let x = MARGIN_PX + inner[0] * share;
+            let _ = write!(
+                out,
+                "<path d=\"M{MARGIN_PX} {y}h{}\" stroke=\"#ddd\"/><text x=\"8\" y=\"{y}\">{:.2}</text>\
+                 <text x=\"{x}\" y=\"{}\" text-anchor=\"middle\">{:.0}</text>",
+                inner[0],
+                top * share,
+                height - MARGIN_PX + 18.0,
+                last * share
+            );
+        }
+        for (k, column) in drawn.into_iter().enumerate() {
+            let colour = COLOURS[k % COLOURS.len()];
+            let _ = write!(
+                out,
+                "<polyline fill=\"none\" stroke=\"{colour}\" points=\"{}\"/>\
+                 <text x=\"{}\" y=\"24\" fill=\"{colour}\">{}</text>",
+                self.points(column, inner, [last, top]),
+                MARGIN_PX + 110.0 * k as f64,
+                self.columns[column]
+            );
+        }
+        out.push_str("</svg>\n");
+        out
+    }
+
+    /// A column as points of a polyline.
+    fn points(&self, column: usize, inner: [f64; 2], [last, top]: [f64; 2]) -> String {
+        let points: Vec<String> = self
+            .rows
+            .chunks(self.rows.len().div_ceil(POINTS).max(1))
+            .map(|rows| {
+                let mean = |i: usize| rows.iter().map(|r| r[i]).sum::<f64>() / rows.len() as f64;
+                let x = MARGIN_PX + inner[0] * mean(0) / last;
+                let y = MARGIN_PX + inner[1] * (1.0 - mean(column) / top);
+                format!("{x:.1},{y:.1}")
+            })
+            .collect();
+        points.join(" ")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn progress(step: u64) -> Progress {
+        Progress {
+            step,
+            elapsed_s: step as f64,
+            remaining_s: 0.0,
+            losses: Losses {
+                keypoint: 2.0,
+                descriptor: 1.0 / step as f32,
+                ..Losses::default()
+            },
+            pairs_per_s: 3.0,
+            learning_rate: 1e-3,
+            gradient: 0.5,
+        }
+    }
+
+    #[test]
+    fn a_resumed_run_goes_on_where_its_checkpoint_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut first = Curves::open(folder.path(), 0).unwrap();
+        for step in [50, 100, 150] {
+            first.add(&progress(step)).unwrap();
+        }
+        let mut second = Curves::open(folder.path(), 100).unwrap();
+        second.add(&progress(160)).unwrap();
+        let text = fs_err::read_to_string(folder.path().join("curves.csv")).unwrap();
+        let steps: Vec<&str> = text
+            .lines()
+            .skip(1)
+            .map(|l| l.split('.').next().unwrap())
+            .collect();
+        assert_eq!(steps, ["50", "100", "160"]);
+        let svg = fs_err::read_to_string(folder.path().join("curves.svg")).unwrap();
+        assert_eq!(svg.matches("<polyline").count(), 2);
+    }
+
+    #[test]
+    fn columns_are_found_by_name() {
+        let columns = ["step", "scene", "gradient"].map(str::to_owned);
+        let text = "gradient,step\n0.5,10\n0.25,20\n0.1\n0.1,30\n";
+        let rows = rows_of(text, &columns, 20);
+        assert_eq!(rows, [[10.0, 0.0, 0.5], [20.0, 0.0, 0.25]]);
+    }
+}

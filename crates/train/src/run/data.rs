@@ -1,0 +1,176 @@
+//! The data of a run: what it trains on and what it holds out.
+
+use crate::config::{Stage, TrainConfig};
+use crate::data::{
+    CrossView, Fold, Folder, HeldOut, LabelCache, Layout, Pictures, Serves, Shapes, Source,
+    Sources, WeightedSource, Worlds,
+};
+use crate::error::TrainError;
+use crate::run::detector::Detector;
+use burn::tensor::Device;
+use std::sync::Arc;
+
+/// Fewest matches of a VTRN folder to train on.
+const LEAST_MATCHES: usize = 8;
+
+/// The data of a run.
+#[derive(Clone)]
+pub struct Data {
+    /// Sources of training pairs.
+    pub training: Sources,
+    /// Sources of validation pairs, by name: pictures and worlds that training never sees.
+    pub held_out: Vec<(&'static str, Arc<dyn Source>)>,
+    /// Number of training pictures.
+    pub pictures: usize,
+    /// Number of picture files that cannot be used.
+    pub unreadable: usize,
+    /// Number of pictures listed, held-out ones included.
+    entries: usize,
+}
+
+impl Data {
+    /// Lists the pictures of a configuration and plans its worlds.
+    ///
+    /// # Errors
+    /// Returns an error if a folder cannot be read, does not have its layout, or has too few usable pictures.
+    pub fn open(config: &TrainConfig) -> Result<Self, TrainError> {
+        let mut out = Self {
+            training: Vec::new(),
+            held_out: Vec::new(),
+            pictures: 0,
+            unreadable: 0,
+            entries: 0,
+        };
+        if config.stage == Stage::Shapes {
+            out.training
+                .push(WeightedSource::new(1.0, Arc::new(Shapes)));
+            out.held_out.push(("shapes", Arc::new(Shapes)));
+            return Ok(out);
+        }
+        let mut weighted = Vec::new();
+        for serves in [Serves::Both, Serves::Retrieval, Serves::Matching] {
+            out.add_pictures(config, serves, &mut weighted)?;
+        }
+        out.add_cross_views(config, &mut weighted)?;
+        let total: usize = weighted.iter().map(|(weight, ..)| weight).sum();
+        for (weight, serves, source) in weighted {
+            out.training.push(WeightedSource {
+                share: (1.0 - config.world_share) * (weight as f64 / total as f64),
+                serves,
+                source,
+            });
+        }
+        if config.world_share > 0.0 {
+            let worlds = |fold| Arc::new(Worlds::new(&config.world, fold, config.seed));
+            out.training.push(WeightedSource::new(
+                config.world_share,
+                worlds(Fold::Training),
+            ));
+            out.held_out
+                .push(("procedural worlds", worlds(Fold::Validation)));
+        }
+        tracing::info!(
+            pictures = out.pictures,
+            unreadable = out.unreadable,
+            "training data"
+        );
+        Ok(out)
+    }
+
+    /// Adds the single pictures of the folders that serve `serves`, weighted by their number.
+    fn add_pictures(
+        &mut self,
+        config: &TrainConfig,
+        serves: Serves,
+        weighted: &mut Vec<(usize, Serves, Arc<dyn Source>)>,
+    ) -> Result<(), TrainError> {
+        let is_of_task = |folder: &&Folder| tasks_of(config, folder) == serves;
+        let folders: Vec<Folder> = config
+            .data
+            .iter()
+            .filter(is_of_task)
+            .filter(|folder| !is_cross_view(config, folder))
+            .cloned()
+            .collect();
+        if folders.is_empty() {
+            return Ok(());
+        }
+        let first_place = self.entries;
+        let mut pictures =
+            Pictures::scan(&folders, config.least_picture_px())?.with_first_place(first_place);
+        let labels = config
+            .labels
+            .as_ref()
+            .filter(|_| config.stage == Stage::Joint && serves != Serves::Retrieval);
+        if let Some(options) = labels {
+            let detector = Detector::open(options.detector.as_deref(), &Device::flex())?;
+            pictures = pictures.with_labels(&LabelCache::new(options, detector.hash())?)?;
+        }
+        let pictures = Arc::new(pictures);
+        self.entries += pictures.len();
+        self.pictures += pictures.training_count();
+        self.unreadable += pictures.unreadable();
+        if !pictures.fold(Fold::Validation).is_empty() {
+            self.held_out
+                .push((held_out_name(serves), Arc::new(HeldOut(pictures.clone()))));
+        }
+        let weight = pictures.fold(Fold::Training).len();
+        weighted.push((weight, serves, pictures));
+        Ok(())
+    }
+
+    /// Adds the matched pictures of VTRN folders that serve retrieval.
+    fn add_cross_views(
+        &mut self,
+        config: &TrainConfig,
+        weighted: &mut Vec<(usize, Serves, Arc<dyn Source>)>,
+    ) -> Result<(), TrainError> {
+        for (index, folder) in config.data.iter().enumerate() {
+            if !is_cross_view(config, folder) {
+                continue;
+            }
+            let training = CrossView::open(folder, Fold::Training, index)?;
+            self.unreadable += training.unreadable();
+            if training.len() < LEAST_MATCHES {
+                return Err(TrainError::TooFewPictures {
+                    found: training.len(),
+                    unreadable: training.unreadable(),
+                    folders: folder.path.display().to_string(),
+                    needed: LEAST_MATCHES,
+                });
+            }
+            self.pictures += training.len();
+            weighted.push((
+                training.len() * folder.repeat,
+                Serves::Retrieval,
+                Arc::new(training),
+            ));
+            let held_out = CrossView::open(folder, Fold::Validation, index)?;
+            if !held_out.is_empty() {
+                self.held_out.push(("cross-view pairs", Arc::new(held_out)));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The tasks that a folder's pairs train; only the joint stage tells them apart.
+fn tasks_of(config: &TrainConfig, folder: &Folder) -> Serves {
+    match config.stage {
+        Stage::Joint => folder.serves,
+        Stage::Shapes | Stage::Scenes => Serves::Both,
+    }
+}
+
+/// Whether a folder gives matched pictures in place of single ones.
+fn is_cross_view(config: &TrainConfig, folder: &Folder) -> bool {
+    folder.layout == Layout::Vtrn && tasks_of(config, folder) == Serves::Retrieval
+}
+
+fn held_out_name(serves: Serves) -> &'static str {
+    match serves {
+        Serves::Both => "pictures",
+        Serves::Retrieval => "retrieval pictures",
+        Serves::Matching => "matching pictures",
+    }
+}

@@ -1,0 +1,15 @@
+//! The training run.
+
+mod batch_targets;
+pub(crate) mod checkpoint;
+pub(crate) mod curves;
+pub(crate) mod data;
+pub(crate) mod detector;
+pub(crate) mod labelling;
+pub(crate) mod losses;
+mod memory;
+mod objective;
+pub(crate) mod optimiser;
+mod schedule;
+mod start;
+pub(crate) mod trainer;

@@ -1,0 +1,128 @@
+//! The Adam optimiser (Kingma and Ba 2015), with a learning rate for each tensor and clipping by the global norm.
+
+use crate::error::TrainError;
+use crate::model::parameters::{Parameters, host};
+use burn::tensor::{Gradients, Tensor};
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// Settings of Adam.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AdamOptions {
+    /// Decay of the first moment, per update.
+    pub beta1: f32,
+    /// Decay of the second moment, per update.
+    pub beta2: f32,
+    /// Added to the root of the second moment.
+    pub epsilon: f32,
+}
+
+impl Default for AdamOptions {
+    /// PyTorch's, but for a second moment that follows faster, which suits short runs.
+    fn default() -> Self {
+        Self {
+            beta2: 0.99,
+            ..Self::pytorch()
+        }
+    }
+}
+
+impl AdamOptions {
+    /// The default settings of PyTorch and of Kingma and Ba 2015.
+    pub fn pytorch() -> Self {
+        Self {
+            beta1: 0.9,
+            beta2: 0.999,
+            epsilon: 1e-8,
+        }
+    }
+
+    /// Whether every value is in its range.
+    pub(crate) fn is_valid(&self) -> bool {
+        let decay = 0.0..1.0;
+        decay.contains(&self.beta1) && decay.contains(&self.beta2) && self.epsilon > 0.0
+    }
+}
+
+/// The optimiser's state.
+#[derive(Clone, Debug, Default)]
+pub struct Adam {
+    /// Number of updates.
+    pub updates: u64,
+    /// First and second moments of each tensor that has been updated, flat, by name.
+    pub moments: BTreeMap<String, (Tensor<1>, Tensor<1>)>,
+}
+
+/// Settings of an update.
+#[derive(Clone, Copy, Debug)]
+pub struct StepOptions {
+    /// Adam's settings.
+    pub adam: AdamOptions,
+    /// Maximum norm of all gradients together; longer gradients are scaled down to it.
+    pub clip: f32,
+}
+
+impl Adam {
+    /// Updates the parameters by one step; `rate_of` gives the learning rate of each tensor. Returns the norm of all gradients
+    /// before clipping. If the norm is not finite, the parameters do not change.
+    ///
+    /// # Errors
+    /// Returns an error if values cannot be read from the device, or `tracked` does not have the tensors of `parameters`.
+    pub fn step(
+        &mut self,
+        parameters: &mut Parameters,
+        tracked: &Parameters,
+        gradients: &mut Gradients,
+        options: &StepOptions,
+        rate_of: impl Fn(&str) -> f32,
+    ) -> Result<f32, TrainError> {
+        let AdamOptions {
+            beta1,
+            beta2,
+            epsilon,
+        } = options.adam;
+        let mut found = Vec::new();
+        let mut squares: Option<Tensor<1>> = None;
+        for name in tracked.trained_names() {
+            let Some(gradient) = tracked.flat(&name)?.grad_remove(gradients) else {
+                continue;
+            };
+            let square = gradient.clone().square().sum();
+            squares = Some(match squares {
+                Some(sum) => sum + square,
+                None => square,
+            });
+            found.push((name, gradient));
+        }
+        let Some(squares) = squares else {
+            return Ok(0.0);
+        };
+        let length = host(squares)?.first().copied().unwrap_or(0.0).sqrt();
+        if !length.is_finite() {
+            return Ok(length);
+        }
+        self.updates += 1;
+        let scale = (options.clip / length.max(f32::MIN_POSITIVE)).min(1.0);
+        let updates = i32::try_from(self.updates).unwrap_or(i32::MAX);
+        let correction = (1.0 - beta2.powi(updates)).sqrt() / (1.0 - beta1.powi(updates));
+        for (name, gradient) in found {
+            let gradient = gradient.mul_scalar(scale);
+            let (first, second) = match self.moments.remove(&name) {
+                Some((first, second)) => (
+                    first.mul_scalar(beta1) + gradient.clone().mul_scalar(1.0 - beta1),
+                    second.mul_scalar(beta2) + gradient.square().mul_scalar(1.0 - beta2),
+                ),
+                None => (
+                    gradient.clone().mul_scalar(1.0 - beta1),
+                    gradient.square().mul_scalar(1.0 - beta2),
+                ),
+            };
+            let direction = first.clone() / second.clone().sqrt().add_scalar(epsilon);
+            let value = parameters.flat(&name)? - direction.mul_scalar(rate_of(&name) * correction);
+            parameters.set(&name, value)?;
+            self.moments.insert(name, (first, second));
+        }
+        Ok(length)
+    }
+}

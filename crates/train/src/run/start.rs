@@ -1,0 +1,127 @@
+//! The initial state of a run: random weights, those of a model or checkpoint, or an encoder from another program.
+
+use crate::config::TrainConfig;
+use crate::error::TrainError;
+use crate::import::{encoder_from_torchvision, read_tensors};
+use crate::model::grow::grow_encoder;
+use crate::model::parameters::Parameters;
+use crate::run::checkpoint::{Checkpoint, Position};
+use crate::run::optimiser::Adam;
+use burn::tensor::Device;
+use grimnet_net::{Model, NetSpec};
+use std::path::Path;
+
+/// The initial state, with a classifier of `scenes` classes.
+///
+/// # Errors
+/// Returns an error if `start_from` cannot be read or does not fit the network.
+pub(crate) fn initial_state(
+    config: &TrainConfig,
+    scenes: usize,
+    device: &Device,
+) -> Result<Checkpoint, TrainError> {
+    let random = Parameters::of_model(&Model::random(&config.spec()?, config.seed)?, device);
+    let (parameters, centres_started) = match &config.start_from {
+        None => (random, false),
+        Some(path) => loaded(path, random, config, device)?,
+    };
+    let parameters = parameters.with_classifier(scenes, device);
+    Ok(Checkpoint {
+        average: parameters.clone(),
+        parameters,
+        adam: Adam::default(),
+        position: Position {
+            centres_started,
+            stage: config.stage,
+            ..Position::default()
+        },
+    })
+}
+
+/// The parameters of `start_from`, and whether NetVLAD is initialised. A checkpoint gives its averaged parameters. If its
+/// network differs in NetVLAD only, NetVLAD stays random; if it is a smaller network, the encoder grows from it and the rest
+/// stays random; other files are read as weights of torchvision's VGG-16.
+fn loaded(
+    path: &Path,
+    random: Parameters,
+    config: &TrainConfig,
+    device: &Device,
+) -> Result<(Parameters, bool), TrainError> {
+    let (found, centres_started) = if Checkpoint::is_checkpoint(path)? {
+        let checkpoint = Checkpoint::open(path, device)?;
+        (
+            checkpoint.average.with_classifier(0, device),
+            checkpoint.position.centres_started,
+        )
+    } else if let Ok(model) = Model::open(path) {
+        (Parameters::of_model(&model, device), true)
+    } else {
+        return Ok((with_encoder(path, random)?, false));
+    };
+    if found.spec() != random.spec() {
+        if differs_in_netvlad_only(found.spec(), random.spec()) {
+            tracing::info!(
+                "{}: NetVLAD of `{}` aggregates other vectors and is not taken from this file",
+                path.display(),
+                config.network
+            );
+            return Ok((with_all_but_netvlad(&found, random)?, false));
+        }
+        if let Some(grown) = grow_encoder(&found, random)? {
+            tracing::info!(
+                "{}: the encoder of `{}` is initialised from this smaller network; the rest is random",
+                path.display(),
+                config.network
+            );
+            return Ok((grown, false));
+        }
+        return Err(TrainError::Checkpoint {
+            path: path.to_owned(),
+            reason: format!(
+                "it contains another network than `{}`, and not a smaller one; set `start_from` to a file of this network, or remove it",
+                config.network
+            ),
+        });
+    }
+    Ok((found, centres_started))
+}
+
+/// Whether two networks are equal but for NetVLAD.
+fn differs_in_netvlad_only(one: &NetSpec, other: &NetSpec) -> bool {
+    let with_other_vlad = NetSpec {
+        vlad: other.vlad,
+        ..one.clone()
+    };
+    with_other_vlad == *other
+}
+
+/// The parameters with those of another network except NetVLAD's.
+fn with_all_but_netvlad(
+    found: &Parameters,
+    mut parameters: Parameters,
+) -> Result<Parameters, TrainError> {
+    for name in found.names() {
+        if !name.starts_with("netvlad.") {
+            parameters.set(&name, found.flat(&name)?)?;
+        }
+    }
+    Ok(parameters)
+}
+
+/// The parameters with the encoder of torchvision's VGG-16.
+fn with_encoder(path: &Path, mut parameters: Parameters) -> Result<Parameters, TrainError> {
+    let wrong = |reason: String| TrainError::Weights {
+        path: path.to_owned(),
+        reason,
+    };
+    let encoder = encoder_from_torchvision(&read_tensors(path)?).map_err(wrong)?;
+    if parameters.spec().stages != NetSpec::vgg16().stages {
+        return Err(wrong(
+            "torchvision's VGG-16 fits `network = \"vgg16\"` and its variants only".into(),
+        ));
+    }
+    for (name, values) in encoder {
+        parameters.set_from_host(&name, values)?;
+    }
+    Ok(parameters)
+}

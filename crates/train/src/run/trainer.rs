@@ -1,0 +1,365 @@
+//! The training loop.
+
+use crate::config::{Stage, TrainConfig};
+use crate::data::{Batch, BatchOptions, Sources, Stream, Task, batch_of, usable};
+use crate::error::TrainError;
+use crate::model::input::input_of;
+use crate::model::netvlad_init::init_netvlad;
+use crate::model::network::Network;
+use crate::model::normalisation::Statistics;
+use crate::model::parameters::Parameters;
+use crate::model::vlad::unit_rows;
+use crate::run::checkpoint::{Checkpoint, Position};
+use crate::run::losses::Losses;
+use crate::run::objective::{Objective, Tasks};
+use crate::run::optimiser::StepOptions;
+use crate::run::schedule::{learning_rate, remaining_s, share_done};
+use crate::run::start::initial_state;
+use burn::tensor::{Device, Tensor};
+use grimnet_net::Model;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// A step counts for at most this time; the process was suspended if it took longer.
+const LONGEST_STEP_S: f64 = 60.0;
+/// Longest time between reports.
+const LONGEST_SILENCE_S: f64 = 30.0;
+/// Batches that NetVLAD is initialised from.
+const CENTRE_BATCHES: u64 = 4;
+
+/// A progress report.
+#[derive(Clone, Debug)]
+pub struct Progress {
+    /// Number of steps done.
+    pub step: u64,
+    /// Training time including earlier runs, seconds.
+    pub elapsed_s: f64,
+    /// Estimated remaining time, seconds.
+    pub remaining_s: f64,
+    /// Mean losses since the last report.
+    pub losses: Losses,
+    /// Pairs per second since the last report.
+    pub pairs_per_s: f64,
+    /// Learning rate.
+    pub learning_rate: f64,
+    /// Norm of the last gradient before clipping.
+    pub gradient: f32,
+}
+
+/// What is collected between two reports.
+struct Report {
+    losses: Losses,
+    steps: u64,
+    since: Instant,
+    gradient: f32,
+    learning_rate: f64,
+}
+
+impl Report {
+    fn new() -> Self {
+        Self {
+            losses: Losses::default(),
+            steps: 0,
+            since: Instant::now(),
+            gradient: 0.0,
+            learning_rate: 0.0,
+        }
+    }
+
+    fn add(&mut self, losses: &Losses, gradient: f32, learning_rate: f64) {
+        self.losses.add(losses);
+        self.steps += 1;
+        self.gradient = gradient;
+        self.learning_rate = learning_rate;
+    }
+
+    fn is_due(&self, config: &TrainConfig) -> bool {
+        self.steps == config.report_steps || self.since.elapsed().as_secs_f64() > LONGEST_SILENCE_S
+    }
+
+    /// The report, after which collecting starts again.
+    fn take(&mut self, config: &TrainConfig, position: &Position) -> Progress {
+        let progress = Progress {
+            step: position.step,
+            elapsed_s: position.elapsed_s,
+            remaining_s: remaining_s(config, position),
+            losses: self.losses.scaled(1.0 / self.steps as f32),
+            pairs_per_s: (self.steps * config.pairs_per_step as u64) as f64
+                / self.since.elapsed().as_secs_f64(),
+            learning_rate: self.learning_rate,
+            gradient: self.gradient,
+        };
+        *self = Self::new();
+        progress
+    }
+}
+
+/// A training run.
+pub struct Trainer {
+    config: TrainConfig,
+    device: Device,
+    state: Checkpoint,
+    objective: Objective,
+    sources: Sources,
+    stop: Arc<AtomicBool>,
+}
+
+impl Trainer {
+    /// A new run, or with `resume` the run of `out/checkpoint.safetensors`.
+    ///
+    /// # Errors
+    /// Returns an error if the configuration is invalid, or the checkpoint or the initial weights cannot be used.
+    pub fn new(
+        config: TrainConfig,
+        sources: Sources,
+        device: &Device,
+        resume: bool,
+    ) -> Result<Self, TrainError> {
+        config.validate()?;
+        let scenes = scenes_of(&config, &sources)?;
+        let state = if resume {
+            resumed(&config, scenes, device)?
+        } else {
+            initial_state(&config, scenes, device)?
+        };
+        Ok(Self {
+            objective: Objective::new(&config, state.parameters.spec(), device)?,
+            config,
+            device: device.clone().autodiff(),
+            state,
+            sources,
+            stop: Arc::default(),
+        })
+    }
+
+    /// The current state.
+    pub fn state(&self) -> &Checkpoint {
+        &self.state
+    }
+
+    /// A flag that ends [`Trainer::run`] after the current step when set.
+    pub fn stop_switch(&self) -> Arc<AtomicBool> {
+        self.stop.clone()
+    }
+
+    /// Trains until the configured steps or minutes are over, the stop switch is set, or `on_report` returns `false`. Saves a
+    /// checkpoint at intervals and at the end.
+    ///
+    /// # Errors
+    /// [`TrainError::NotFinite`] if a loss or gradient is not finite; errors of files and of the device.
+    pub fn run(
+        &mut self,
+        on_report: &mut dyn FnMut(&Progress, &Checkpoint) -> bool,
+    ) -> Result<(), TrainError> {
+        let config = self.config.clone();
+        let path = checkpoint_path(&config);
+        let batches = BatchOptions {
+            pair: config.pairs.clone(),
+            pairs: config.pairs_per_step,
+            seed: config.seed,
+            alternate: config.alternate && config.stage == Stage::Joint,
+        };
+        let mut stream = Stream::start(
+            self.sources.clone(),
+            batches,
+            self.state.position.step,
+            config.data_threads,
+        );
+        let mut last = Instant::now();
+        let mut saved = Instant::now();
+        let mut report = Report::new();
+        loop {
+            let done = share_done(&config, &self.state.position);
+            if done >= 1.0 || self.stop.load(Ordering::Relaxed) {
+                break;
+            }
+            let in_use = config.stage == Stage::Joint && done >= config.global_from;
+            if in_use && !self.state.position.centres_started {
+                self.init_netvlad()?;
+            }
+            let batch = usable(
+                stream.next_batch().unwrap_or_default(),
+                self.state.position.step,
+            )?;
+            let rate = learning_rate(&config, self.state.adam.updates, done);
+            let (losses, gradient) = self.step(&batch, rate)?;
+            self.state.position.step += 1;
+            self.state.position.elapsed_s += last.elapsed().as_secs_f64().min(LONGEST_STEP_S);
+            last = Instant::now();
+            report.add(&losses, gradient, rate);
+            if saved.elapsed().as_secs_f64() > config.checkpoint_minutes * 60.0 {
+                self.state.save(&path)?;
+                saved = Instant::now();
+            }
+            if report.is_due(&config) {
+                let progress = report.take(&config, &self.state.position);
+                if !on_report(&progress, &self.state) {
+                    break;
+                }
+            }
+        }
+        self.state.save(&path)
+    }
+
+    /// One optimisation step.
+    fn step(&mut self, batch: &Batch, rate: f64) -> Result<(Losses, f32), TrainError> {
+        let config = &self.config;
+        let tracked = self.state.parameters.tracked();
+        let input = input_of(batch, tracked.spec(), self.config.norms, &self.device);
+        let tasks = Tasks::of(
+            config,
+            self.state.position.step,
+            self.state.position.centres_started,
+        );
+        let mut network = Network::new(&tracked, Statistics::Batch);
+        let (total, losses) = self.objective.compute(&mut network, &input, batch, tasks)?;
+        let running = network.into_running();
+        let mut gradients = total.backward();
+        let encoder = (rate * config.encoder_rate) as f32;
+        let length = self.state.adam.step(
+            &mut self.state.parameters,
+            &tracked,
+            &mut gradients,
+            &StepOptions {
+                adam: config.adam,
+                clip: config.clip,
+            },
+            |name| {
+                if name.starts_with("encoder.") {
+                    encoder
+                } else {
+                    rate as f32
+                }
+            },
+        )?;
+        let values = losses.terms().map(|(name, value)| (name, value));
+        for (what, value) in values.into_iter().chain([("gradient", length)]) {
+            if !value.is_finite() {
+                return Err(TrainError::NotFinite {
+                    step: self.state.position.step,
+                    what: format!("the {what}"),
+                    checkpoint: checkpoint_path(config).display().to_string(),
+                });
+            }
+        }
+        for (name, value) in running {
+            self.state.parameters.set(&name, value)?;
+        }
+        self.update_average()?;
+        Ok((losses, length))
+    }
+
+    /// Updates the moving average of the parameters, with a smaller decay in the first steps.
+    fn update_average(&mut self) -> Result<(), TrainError> {
+        let updates = self.state.adam.updates as f32;
+        let keep = self
+            .config
+            .average_decay
+            .min((1.0 + updates) / (10.0 + updates));
+        for name in self.state.parameters.names() {
+            let new = self.state.parameters.flat(&name)?;
+            let old = self.state.average.flat(&name)?;
+            self.state
+                .average
+                .set(&name, old.mul_scalar(keep) + new.mul_scalar(1.0 - keep))?;
+        }
+        Ok(())
+    }
+
+    /// Initialises NetVLAD from the vectors of map views.
+    fn init_netvlad(&mut self) -> Result<(), TrainError> {
+        let mut all = Vec::new();
+        for i in 0..CENTRE_BATCHES {
+            let batch = batch_of(
+                &self.sources,
+                Some(Task::Retrieval),
+                &self.config.pairs,
+                self.config.pairs_per_step,
+                self.config.seed ^ 0xc1u64,
+                i,
+            );
+            let batch = usable(batch, self.state.position.step)?;
+            let input = input_of(
+                &batch,
+                self.state.parameters.spec(),
+                self.config.norms,
+                &self.device.clone().without_autodiff(),
+            );
+            let output =
+                Network::new(&self.state.parameters, Statistics::Batch).forward(&input, false)?;
+            let [_, h, w, d] = output.aggregated.dims();
+            all.push(unit_rows(
+                output
+                    .aggregated
+                    .narrow(0, 0, batch.len())
+                    .reshape([batch.len() * h * w, d]),
+            ));
+        }
+        init_netvlad(
+            &mut self.state.parameters,
+            Tensor::cat(all, 0),
+            self.config.seed,
+        )?;
+        for name in [
+            "netvlad.assign.weight",
+            "netvlad.assign.bias",
+            "netvlad.centres",
+        ] {
+            self.state
+                .average
+                .set(name, self.state.parameters.flat(name)?)?;
+        }
+        self.state.position.centres_started = true;
+        tracing::info!("NetVLAD initialised by k-means");
+        Ok(())
+    }
+}
+
+/// Number of scene classes.
+fn scenes_of(config: &TrainConfig, sources: &Sources) -> Result<usize, TrainError> {
+    if config.stage != Stage::Scenes {
+        return Ok(0);
+    }
+    let counts = sources.iter().map(|one| one.source.scenes());
+    match counts.max() {
+        Some(count) if count > 1 => Ok(count),
+        _ => Err(TrainError::Config {
+            reason: "`stage = \"scenes\"` needs a `[[data]]` folder with `layout = \"classes\"`"
+                .into(),
+        }),
+    }
+}
+
+/// The state of the checkpoint that a run resumes from.
+fn resumed(config: &TrainConfig, scenes: usize, device: &Device) -> Result<Checkpoint, TrainError> {
+    let path = checkpoint_path(config);
+    let state = Checkpoint::open(&path, device)?;
+    let wanted = Parameters::of_model(&Model::random(&config.spec()?, 0)?, device);
+    let other = |reason: String| Err(TrainError::Checkpoint { path, reason });
+    if state.parameters.spec() != wanted.spec() {
+        let network = &config.network;
+        return other(format!(
+            "it contains another network than `{network}`; set another `out` folder"
+        ));
+    }
+    let (theirs, ours) = (state.position.stage, config.stage);
+    if theirs != ours {
+        return other(format!(
+            "it belongs to the stage `{theirs}`, not `{ours}`; use one `out` folder for each stage, and this file as `start_from` of the next stage"
+        ));
+    }
+    let known = state.parameters.scenes();
+    if known != scenes {
+        return other(format!(
+            "it has {known} scene classes, and the data have {scenes}; use the original data, or start a new run"
+        ));
+    }
+    Ok(state)
+}
+
+/// The checkpoint file of a run.
+pub fn checkpoint_path(config: &TrainConfig) -> PathBuf {
+    config.out.join("checkpoint.safetensors")
+}

@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Packages every crate that is published, builds each from its package alone, and checks metadata, contents and size.
+
+Cargo packages crates of one workspace that depend on each other in dependency order, as if the earlier ones were in the
+registry already. Exits with 1 if a package is incomplete or larger than the registry accepts.
+Usage: .ci/package.py [--no-verify] (in the root of the workspace)
+"""
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tarfile
+
+# The registry refuses larger files.
+MAX_BYTES = 10 * 1024 * 1024
+# Packages that may be larger for now.
+TOO_LARGE = {"grimnet-net"}
+METADATA = ("description", "keywords", "categories", "license", "readme", "repository", "rust_version")
+FILES = ("Cargo.toml", "README.md", "LICENSE-MIT", "LICENSE-APACHE")
+
+
+def main():
+    command = ["cargo", "metadata", "--format-version", "1", "--locked", "--no-deps"]
+    metadata = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
+    # `publish = false` is an empty list of registries.
+    published = [p for p in metadata["packages"] if p["publish"] != []]
+    names = {package["name"] for package in published}
+    findings = []
+    for package in published:
+        findings += [f"{package['name']}: no {key} in Cargo.toml" for key in METADATA if not package[key]]
+        for dependency in package["dependencies"]:
+            if "path" in dependency and dependency["kind"] != "dev" and dependency["name"] not in names:
+                findings.append(f"{package['name']}: depends on {dependency['name']}, which is not published")
+    if findings:
+        print("\n".join(findings))
+        return 1
+
+    command = ["cargo", "package", "--workspace", "--locked", "--allow-dirty"] + sys.argv[1:]
+    for package in metadata["packages"]:
+        if package["publish"] == []:
+            command += ["--exclude", package["name"]]
+    # The packages are built only to see that they build.
+    subprocess.run(command, check=True, env=os.environ | {"CARGO_PROFILE_DEV_DEBUG": "false"})
+
+    folder = pathlib.Path(metadata["target_directory"]) / "package"
+    for package in sorted(published, key=lambda package: package["name"]):
+        stem = f"{package['name']}-{package['version']}"
+        path = folder / f"{stem}.crate"
+        size = path.stat().st_size
+        with tarfile.open(path) as archive:
+            held = {member.name for member in archive if member.isfile()}
+        findings += [f"{package['name']}: no {file} in the package" for file in FILES if f"{stem}/{file}" not in held]
+        note = ""
+        if size > MAX_BYTES:
+            note = f"  larger than {MAX_BYTES // 1024} KiB"
+            if package["name"] not in TOO_LARGE:
+                findings.append(f"{package['name']}: {size // 1024} KiB{note}")
+        print(f"{package['name']:24} {size // 1024:7} KiB{note}")
+    print("\n".join(findings) if findings else f"{len(published)} packages are complete")
+    return 1 if findings else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,274 @@
+//! The bank of hypotheses and their weights: a Gaussian-sum filter.
+//!
+//! D. L. Alspach and H. W. Sorenson, "Nonlinear Bayesian Estimation Using Gaussian Sum Approximations", IEEE Trans. Automatic
+//! Control 17(4) (1972). A fix is right with a probability c and then normal around what a hypothesis predicts, or it is wrong
+//! and then anywhere in the area that is searched, or where an earlier wrong one was: places that look alike lie at the same
+//! offset from frame to frame. Besides the hypotheses there is the case that none of them is right; from it new hypotheses are
+//! founded.
+
+use nalgebra::{Matrix2, Vector2};
+
+use crate::{
+    hypothesis::Hypothesis,
+    input::PositionFix,
+    observation::Innovation,
+    options::TrackOptions,
+    sensors::{Sensors, View},
+};
+
+/// The most hypotheses that are kept.
+pub(crate) const MOST_HYPOTHESES: usize = 8;
+/// Hypotheses lighter than this are dropped.
+const LEAST_WEIGHT: f64 = 1e-10;
+/// A hypothesis lighter than this is not split.
+const LEAST_WEIGHT_TO_SPLIT: f64 = 0.05;
+/// A hypothesis is split by a fix that makes it this much more certain (ratio of determinants, so 2.2 in sigma): after a gap
+/// a wrong fix may lie within the gate.
+const SPLIT_DETERMINANT_RATIO: f64 = 25.0;
+/// Density of wrong fixes within the gate of a hypothesis that is split, relative to the hypothesis's own density.
+const ALIAS_WITHIN_GATE: f64 = 0.2;
+/// How fast a leader that no fix supports may turn out to be wrong, per second.
+const JUMP_RATE_WHILE_COASTING: f64 = 1e-4;
+
+/// Hypotheses, and the weight of the case that none of them is right. The weights sum to one.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Bank {
+    pub hypotheses: Vec<Hypothesis>,
+    pub elsewhere: f64,
+    next_id: u64,
+}
+
+/// What a fix did to the hypotheses.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FixEffect {
+    /// Whether the hypothesis that led before the fix accepted it. `None` without a hypothesis.
+    pub leader_accepted: Option<bool>,
+}
+
+/// One hypothesis and what a fix says of it.
+struct Judged {
+    hypothesis: Hypothesis,
+    innovation: Option<Innovation>,
+    /// Density of the fix where it is within the gate.
+    density_m2: Option<f64>,
+}
+
+impl Bank {
+    pub fn new() -> Self {
+        Self {
+            hypotheses: Vec::with_capacity(MOST_HYPOTHESES + 1),
+            elsewhere: 1.0,
+            next_id: 0,
+        }
+    }
+
+    /// A number that no hypothesis of the bank had before.
+    pub fn new_id(&mut self) -> u64 {
+        self.next_id += 1;
+        self.next_id
+    }
+
+    /// The heaviest hypothesis of the heaviest family, and the family's weight.
+    pub fn leader(&self) -> Option<(&Hypothesis, f64)> {
+        let mut best: Option<(&Hypothesis, f64)> = None;
+        for candidate in &self.hypotheses {
+            let family = self.family_weight(candidate.family);
+            let better = best.is_none_or(|(leader, weight)| {
+                family > weight
+                    || (candidate.family == leader.family && candidate.weight > leader.weight)
+            });
+            if better {
+                best = Some((candidate, family));
+            }
+        }
+        best
+    }
+
+    /// The sum of the weights of a family.
+    pub fn family_weight(&self, family: u64) -> f64 {
+        self.family(family).map(|h| h.weight).sum()
+    }
+
+    /// The members of a family.
+    pub fn family(&self, family: u64) -> impl Iterator<Item = &Hypothesis> {
+        self.hypotheses.iter().filter(move |h| h.family == family)
+    }
+
+    /// Mean and covariance of the position of a family, as of one normal distribution. The members must be at one time.
+    pub fn family_position(&self, family: u64) -> Option<(Vector2<f64>, Matrix2<f64>)> {
+        let weight = self.family_weight(family);
+        if weight <= 0.0 {
+            return None;
+        }
+        let mut mean = Vector2::zeros();
+        for member in self.family(family) {
+            mean += member.position_m() * (member.weight / weight);
+        }
+        let mut covariance = Matrix2::zeros();
+        for member in self.family(family) {
+            let apart = member.position_m() - mean;
+            covariance += (member.position_covariance_m2() + apart * apart.transpose())
+                * (member.weight / weight);
+        }
+        Some((mean, covariance))
+    }
+
+    /// Carries all hypotheses to a later time.
+    pub fn propagate(&mut self, time_s: f64, options: &TrackOptions) {
+        for hypothesis in &mut self.hypotheses {
+            hypothesis.propagate(time_s, options);
+        }
+    }
+
+    /// Takes in a fix that is believed with probability `confidence`.
+    pub fn fix(
+        &mut self,
+        fix: &PositionFix,
+        measured_m: Vector2<f64>,
+        confidence: f64,
+        sensors: &Sensors,
+        options: &TrackOptions,
+    ) -> FixEffect {
+        self.propagate(fix.time_s, options);
+        let view = sensors.view_of(fix, options);
+        let leader = self.leader().map(|(leader, _)| leader.id);
+        let judged = self.judge(fix, measured_m, view, options);
+        let leader_accepted = judged
+            .iter()
+            .find(|j| Some(j.hypothesis.id) == leader)
+            .map(|j| j.density_m2.is_some());
+        let anywhere_m2 = 1.0 / options.search_area_m2;
+        let persistence = options.alias_persistence;
+        // Density of the fix if it is wrong, for a hypothesis other than those at `but`.
+        let alias_m2 = |but: Option<u64>| {
+            let repeated_m2 = judged
+                .iter()
+                .filter(|j| Some(j.hypothesis.id) != but)
+                .filter_map(|j| j.density_m2)
+                .fold(0.0, f64::max);
+            (1.0 - persistence) * anywhere_m2 + persistence * repeated_m2
+        };
+        let aliases_m2: Vec<f64> = judged
+            .iter()
+            .map(|j| alias_m2(Some(j.hypothesis.id)))
+            .collect();
+        let wrong = 1.0 - confidence;
+        let elsewhere_before = self.elsewhere;
+        self.elsewhere *= wrong * alias_m2(None);
+        let founds_one = judged.iter().all(|j| j.density_m2.is_none());
+        for (mut judged, alias_m2) in judged.into_iter().zip(aliases_m2) {
+            let before = judged.hypothesis.weight;
+            let (Some(innovation), Some(density_m2)) = (judged.innovation, judged.density_m2)
+            else {
+                judged.hypothesis.weight = before * wrong * alias_m2;
+                self.hypotheses.push(judged.hypothesis);
+                continue;
+            };
+            let much_more_certain = innovation.determinant_m4()
+                > SPLIT_DETERMINANT_RATIO * innovation.own_determinant_m4;
+            if much_more_certain && before > LEAST_WEIGHT_TO_SPLIT {
+                let mut without = judged.hypothesis.clone();
+                without.id = self.new_id();
+                without.weight = before * wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2);
+                self.hypotheses.push(without);
+                judged.hypothesis.weight = before * confidence * density_m2;
+            } else {
+                judged.hypothesis.weight = before * (confidence * density_m2 + wrong * alias_m2);
+            }
+            judged.hypothesis.accept(fix, &innovation, options);
+            self.hypotheses.push(judged.hypothesis);
+        }
+        if founds_one {
+            let id = self.new_id();
+            let mut new = Hypothesis::from_fix(id, fix, measured_m, sensors, options);
+            new.weight = elsewhere_before * confidence * anywhere_m2;
+            self.hypotheses.push(new);
+        }
+        self.tidy();
+        FixEffect { leader_accepted }
+    }
+
+    /// Takes all hypotheses out and compares them with the fix.
+    fn judge(
+        &mut self,
+        fix: &PositionFix,
+        measured_m: Vector2<f64>,
+        view: View,
+        options: &TrackOptions,
+    ) -> Vec<Judged> {
+        self.hypotheses
+            .drain(..)
+            .map(|mut hypothesis| {
+                hypothesis.look(view, options);
+                let innovation = hypothesis.innovation(fix, measured_m, view, options);
+                if let Some(innovation) = &innovation {
+                    hypothesis.test_ratio = innovation.chi2 / options.gate_chi2;
+                }
+                let density_m2 = innovation
+                    .filter(|innovation| innovation.chi2 <= options.gate_chi2)
+                    .map(|innovation| innovation.density_m2);
+                Judged {
+                    hypothesis,
+                    innovation,
+                    density_m2,
+                }
+            })
+            .collect()
+    }
+
+    /// The case that no hypothesis is right keeps at least this weight; the leader's age without a fix raises it.
+    pub fn keep_open(&mut self, time_s: f64, options: &TrackOptions) {
+        let age_s = self
+            .leader()
+            .and_then(|(leader, _)| leader.last_fix_s)
+            .map_or(0.0, |fix_s| time_s - fix_s);
+        self.at_least_elsewhere(options.jump_probability + JUMP_RATE_WHILE_COASTING * age_s);
+    }
+
+    /// Raises the weight of the case that no hypothesis is right.
+    pub fn at_least_elsewhere(&mut self, weight: f64) {
+        let weight = weight.min(0.5);
+        if self.elsewhere < weight {
+            let scale = (1.0 - weight) / (1.0 - self.elsewhere);
+            for hypothesis in &mut self.hypotheses {
+                hypothesis.weight *= scale;
+            }
+            self.elsewhere = weight;
+        }
+    }
+
+    /// Merges what says the same, drops what has no weight and makes the weights sum to one.
+    fn tidy(&mut self) {
+        self.normalise();
+        // Heaviest first; ids make the order one order.
+        self.hypotheses
+            .sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.id.cmp(&b.id)));
+        let mut kept: Vec<Hypothesis> = Vec::with_capacity(MOST_HYPOTHESES + 1);
+        for hypothesis in self.hypotheses.drain(..) {
+            if hypothesis.weight < LEAST_WEIGHT {
+                continue;
+            }
+            match kept.iter().position(|other| other.agrees_with(&hypothesis)) {
+                Some(same) => kept[same].absorb(hypothesis),
+                None if kept.len() < MOST_HYPOTHESES => kept.push(hypothesis),
+                None => {}
+            }
+        }
+        self.hypotheses = kept;
+        self.normalise();
+    }
+
+    fn normalise(&mut self) {
+        let sum: f64 = self.elsewhere + self.hypotheses.iter().map(|h| h.weight).sum::<f64>();
+        if sum > 0.0 && sum.is_finite() {
+            self.elsewhere /= sum;
+            for hypothesis in &mut self.hypotheses {
+                hypothesis.weight /= sum;
+            }
+        } else {
+            // Densities underflowed: nothing that was believed explains what is seen.
+            self.hypotheses.clear();
+            self.elsewhere = 1.0;
+        }
+    }
+}

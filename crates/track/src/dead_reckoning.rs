@@ -1,0 +1,162 @@
+//! How a hypothesis takes in velocity, motion between frames and turns.
+
+use nalgebra::{Matrix2, Vector2};
+
+use crate::{
+    hypothesis::Hypothesis,
+    input::{RelativeMotion, Velocity},
+    kalman::{Observation, POSITION, VELOCITY, update},
+    options::TrackOptions,
+    reference::ReferenceKind,
+    scalar::HeadingFilter,
+};
+
+/// Error of the turn between two attitudes, degrees in the square root of a second.
+const TURN_SIGMA_DEG: f64 = 0.2;
+/// Error of the turn between two frames, degrees.
+const FRAME_TURN_SIGMA_DEG: f64 = 1.0;
+/// Motion between frames is never better than this, metres per second.
+const LEAST_MOTION_SIGMA_M_S: f64 = 0.1;
+
+impl Hypothesis {
+    /// Takes in the autopilot's velocity.
+    pub fn velocity(&mut self, measured: &Velocity, options: &TrackOptions) {
+        self.propagate(measured.time_s, options);
+        let now_m_s = Vector2::new(measured.east_m_s, measured.north_m_s);
+        if self.reference.kind == ReferenceKind::Velocity {
+            // The last velocity was held; put right what lies between by the straight line from the last to this one, from
+            // the last fix on, which saw the position itself.
+            let (from_s, to_s) = (self.reference.time_s, measured.time_s);
+            let interval_s = to_s - from_s;
+            if interval_s > 0.0 {
+                let since_s = self.last_fix_s.map_or(from_s, |fix_s| fix_s.max(from_s)) - from_s;
+                let change_m_s = now_m_s - self.reference.velocity_m_s;
+                let seconds = (interval_s * interval_s - since_s * since_s) / (2.0 * interval_s);
+                let mut position = self.mean.fixed_rows_mut::<2>(POSITION);
+                position += change_m_s * seconds;
+            }
+            self.reference.velocity_m_s = now_m_s;
+        } else {
+            self.release();
+            self.update_velocity(now_m_s, measured.sigma_m_s.powi(2));
+            self.refer_to(now_m_s);
+        }
+        self.reference.kind = ReferenceKind::Velocity;
+        self.reference.time_s = measured.time_s;
+        self.reference.sigma_m_s = measured.sigma_m_s;
+    }
+
+    /// Takes in motion between frames.
+    pub fn motion(&mut self, motion: &RelativeMotion, options: &TrackOptions) {
+        let heading_before = self.turn_between_frames(motion);
+        let velocity_is_known = self.reference.kind == ReferenceKind::Velocity
+            && motion.time_s <= self.reference.time_s + options.hold_s;
+        let (Some(heading), Some(gsd), false) = (heading_before, self.gsd, velocity_is_known)
+        else {
+            return;
+        };
+        self.propagate(motion.from_time_s, options);
+        let interval_s = motion.time_s - motion.from_time_s;
+        let (sin, cos) = heading.heading_deg.to_radians().sin_cos();
+        let scale_m_s = gsd.gsd_m() / interval_s;
+        let mean_m_s = Vector2::new(
+            motion.forward_px * sin + motion.right_px * cos,
+            motion.forward_px * cos - motion.right_px * sin,
+        ) * scale_m_s;
+        let relative = (options.motion_sigma.powi(2)
+            + heading.variance_deg2.to_radians() * 1f64.to_radians()
+            + gsd.variance)
+            .sqrt();
+        let sigma_m_s = (relative * mean_m_s.norm()).max(LEAST_MOTION_SIGMA_M_S);
+        let white_m = motion.sigma_px * gsd.gsd_m();
+        if self.reference.kind == ReferenceKind::Motion {
+            self.reference.velocity_m_s = mean_m_s;
+        } else {
+            // The mean over the interval tells the velocity at its start up to half the interval's acceleration.
+            let unsteady = options.vehicle.acceleration_density_m2_s3() * interval_s / 3.0;
+            let white = (white_m / interval_s).powi(2);
+            self.release();
+            self.update_velocity(mean_m_s, sigma_m_s.powi(2) + white + unsteady);
+            self.refer_to(mean_m_s);
+        }
+        self.reference.kind = ReferenceKind::Motion;
+        self.reference.time_s = motion.time_s;
+        self.reference.sigma_m_s = sigma_m_s;
+        self.propagate(motion.time_s, options);
+        for axis in POSITION..POSITION + 2 {
+            self.covariance[(axis, axis)] += white_m * white_m;
+        }
+    }
+
+    /// Turns the heading by the turn between two frames, if no attitude did, and gives the heading at the first one.
+    fn turn_between_frames(&mut self, motion: &RelativeMotion) -> Option<HeadingFilter> {
+        let heading = self.heading?;
+        let middle_s = 0.5 * (motion.from_time_s + motion.time_s);
+        if self.heading_time_s > middle_s {
+            let mut before = heading;
+            before.turn(-motion.turn_deg, FRAME_TURN_SIGMA_DEG);
+            return Some(before);
+        }
+        self.turn(
+            motion.from_time_s,
+            motion.time_s,
+            motion.turn_deg,
+            FRAME_TURN_SIGMA_DEG,
+        );
+        Some(heading)
+    }
+
+    /// The attitude turned by `turn_deg` since `from_s`.
+    pub fn turn_with_attitude(&mut self, from_s: f64, to_s: f64, turn_deg: f64) {
+        self.turn(
+            from_s,
+            to_s,
+            turn_deg,
+            TURN_SIGMA_DEG * (to_s - from_s).max(0.0).sqrt(),
+        );
+    }
+
+    fn turn(&mut self, from_s: f64, to_s: f64, turn_deg: f64, sigma_deg: f64) {
+        self.spread_heading(from_s);
+        let interval_s = to_s - from_s;
+        if let Some(heading) = &mut self.heading
+            && interval_s > 0.0
+        {
+            let share = ((to_s - self.heading_time_s) / interval_s).clamp(0.0, 1.0);
+            heading.turn(share * turn_deg, sigma_deg);
+            self.heading_time_s = to_s.max(self.heading_time_s);
+        }
+    }
+
+    /// The yaw of an attitude, where no heading is known yet.
+    pub fn start_heading(&mut self, time_s: f64, yaw_deg: f64, options: &TrackOptions) {
+        if self.heading.is_none() {
+            self.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
+            self.heading_time_s = time_s;
+        }
+    }
+
+    /// The height changed by a factor.
+    pub fn climb(&mut self, factor: f64) {
+        if let Some(gsd) = &mut self.gsd {
+            gsd.scale(factor, 0.1 * factor.ln().abs());
+        }
+    }
+
+    /// A velocity measured with an error that is independent of the state. The reference must be zero.
+    fn update_velocity(&mut self, measured_m_s: Vector2<f64>, variance: f64) {
+        let mut observation = Observation::zeros();
+        observation
+            .fixed_columns_mut::<2>(VELOCITY)
+            .copy_from(&Matrix2::identity());
+        let covariance = self.velocity_covariance_m2_s2() + Matrix2::identity() * variance;
+        let innovation = measured_m_s - self.velocity_m_s();
+        update(
+            &mut self.mean,
+            &mut self.covariance,
+            &observation,
+            innovation,
+            covariance,
+        );
+    }
+}

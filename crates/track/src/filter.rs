@@ -1,0 +1,187 @@
+//! The filter's whole state as a function of its inputs in order of time.
+
+use grimnet_geo::LonLat;
+
+use crate::{
+    bank::Bank,
+    hypothesis::Hypothesis,
+    input::{Input, PositionFix},
+    options::TrackOptions,
+    plane::{LocalPlane, REANCHOR_M},
+    radius::radius95_m,
+    sensors::Sensors,
+};
+
+/// Fixes over which the share of wrong ones is estimated.
+const FIXES_REMEMBERED: f64 = 100.0;
+/// What is assumed of that share before any fix, as counts: one wrong of twenty.
+const PRIOR_WRONG: f64 = 1.0;
+const PRIOR_FIXES: f64 = 20.0;
+/// A standard deviation per axis for a 95 % radius of a circular normal distribution: `1 / sqrt(-2 ln 0.05)`.
+const SIGMA_PER_RADIUS95: f64 = 0.408_508_6;
+
+/// Everything that the filter knows. It depends on the inputs in order of time and on nothing else.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Filter {
+    /// Time of the latest input, seconds.
+    pub time_s: f64,
+    pub plane: Option<LocalPlane>,
+    pub bank: Bank,
+    pub sensors: Sensors,
+    /// Whether the leader is believed.
+    pub acquired: bool,
+    /// Whether it was believed at any time.
+    pub was_acquired: bool,
+    /// Frames without a fix since the last one.
+    pub misses: u32,
+    /// Fixes that the leader rejected, and all, weighted by recency.
+    rejected: f64,
+    tested: f64,
+}
+
+impl Filter {
+    /// The filter before any input.
+    pub fn new() -> Self {
+        Self {
+            time_s: f64::NEG_INFINITY,
+            plane: None,
+            bank: Bank::new(),
+            sensors: Sensors::default(),
+            acquired: false,
+            was_acquired: false,
+            misses: 0,
+            rejected: 0.0,
+            tested: 0.0,
+        }
+    }
+
+    /// Takes in the next input. Its time must not be before the latest one's, and it must be valid.
+    pub fn apply(&mut self, input: &Input, options: &TrackOptions) {
+        if self.time_s == f64::NEG_INFINITY {
+            self.begin(input.time_s(), options);
+        }
+        self.time_s = input.time_s();
+        match input {
+            Input::Attitude(attitude) => {
+                let turn = self.sensors.set_attitude(*attitude);
+                for hypothesis in &mut self.bank.hypotheses {
+                    hypothesis.start_heading(attitude.time_s, attitude.yaw_deg, options);
+                    if let Some((from_s, turn_deg)) = turn {
+                        hypothesis.turn_with_attitude(from_s, attitude.time_s, turn_deg);
+                    }
+                }
+            }
+            Input::Height(height) => {
+                if let Some(factor) = self.sensors.set_height(*height) {
+                    for hypothesis in &mut self.bank.hypotheses {
+                        hypothesis.climb(factor);
+                    }
+                }
+            }
+            Input::Velocity(velocity) => {
+                self.sensors.set_velocity(*velocity);
+                for hypothesis in &mut self.bank.hypotheses {
+                    hypothesis.velocity(velocity, options);
+                }
+            }
+            Input::Motion(motion) => {
+                for hypothesis in &mut self.bank.hypotheses {
+                    hypothesis.motion(motion, options);
+                }
+            }
+            Input::Fix(fix) => self.fix(fix, options),
+            Input::Miss(_) => self.misses = self.misses.saturating_add(1),
+        }
+    }
+
+    fn begin(&mut self, time_s: f64, options: &TrackOptions) {
+        let Some(start) = options.start else { return };
+        let plane = LocalPlane::new(start.lonlat);
+        let id = self.bank.new_id();
+        let sigma_m = start.radius95_m * SIGMA_PER_RADIUS95;
+        let mut hypothesis = Hypothesis::at_start(
+            id,
+            time_s,
+            plane.en_from_lonlat(start.lonlat),
+            sigma_m,
+            options,
+        );
+        hypothesis.weight = 0.5;
+        self.bank.elsewhere = 0.5;
+        self.bank.hypotheses.push(hypothesis);
+        self.plane = Some(plane);
+    }
+
+    fn fix(&mut self, fix: &PositionFix, options: &TrackOptions) {
+        let plane = *self.plane.get_or_insert(LocalPlane::new(fix.lonlat));
+        self.bank.propagate(fix.time_s, options);
+        self.lose_if_too_wide(options);
+        self.bank.keep_open(fix.time_s, options);
+        let share_wrong = (self.rejected + PRIOR_WRONG) / (self.tested + PRIOR_FIXES);
+        let confidence = fix
+            .confidence
+            .min(options.most_confidence)
+            .min(1.0 - share_wrong);
+        let measured_m = plane.en_from_lonlat(fix.lonlat);
+        let effect = self
+            .bank
+            .fix(fix, measured_m, confidence, &self.sensors, options);
+        self.misses = 0;
+        if let Some(accepted) = effect.leader_accepted.filter(|_| self.acquired) {
+            let remain = 1.0 - 1.0 / FIXES_REMEMBERED;
+            self.tested = self.tested * remain + 1.0;
+            self.rejected = self.rejected * remain + f64::from(u8::from(!accepted));
+        }
+        if let Some((leader, weight)) = self.bank.leader()
+            && !self.acquired
+            && weight >= options.acquire_weight
+            && leader.fixes >= options.acquire_fixes
+        {
+            self.acquired = true;
+            self.was_acquired = true;
+        }
+        self.re_anchor();
+    }
+
+    /// A leader that became too uncertain has to be found again.
+    fn lose_if_too_wide(&mut self, options: &TrackOptions) {
+        if !self.acquired {
+            return;
+        }
+        let radius_m = self
+            .bank
+            .leader()
+            .and_then(|(leader, _)| self.bank.family_position(leader.family))
+            .map_or(f64::INFINITY, |(_, covariance)| radius95_m(&covariance));
+        if radius_m > options.lost_radius_m {
+            self.acquired = false;
+            self.bank.at_least_elsewhere(0.5);
+            for hypothesis in &mut self.bank.hypotheses {
+                hypothesis.fixes = 0;
+            }
+        }
+    }
+
+    /// Moves the plane where the leader went far from its origin.
+    fn re_anchor(&mut self) {
+        let (Some(plane), Some((leader, _))) = (self.plane, self.bank.leader()) else {
+            return;
+        };
+        if leader.position_m().norm() < REANCHOR_M {
+            return;
+        }
+        let moved = LocalPlane::new(plane.lonlat_from_en(leader.position_m()));
+        for hypothesis in &mut self.bank.hypotheses {
+            let before_m = hypothesis.position_m();
+            let turn = plane.turn_to(&moved, before_m);
+            let now_m = moved.en_from_lonlat(plane.lonlat_from_en(before_m));
+            hypothesis.re_anchor(now_m, turn);
+        }
+        self.plane = Some(moved);
+    }
+
+    /// Longitude and latitude of a point of the plane.
+    pub fn lonlat_from_en(&self, en_m: nalgebra::Vector2<f64>) -> Option<LonLat> {
+        self.plane.map(|plane| plane.lonlat_from_en(en_m))
+    }
+}

@@ -1,0 +1,348 @@
+//! One hypothesis of where the aircraft is: a small Kalman filter.
+//!
+//! The reference velocity is what the autopilot or the motion between frames says; without either it is zero. What is left of
+//! the velocity is a first-order Gauss-Markov process in each case, with its own size and correlation time.
+
+use std::cmp::Ordering;
+
+use nalgebra::{Matrix2, SVector, Vector2};
+
+use crate::{
+    gauss_markov::GaussMarkov,
+    input::{PositionFix, Velocity},
+    kalman::{BORESIGHT, Covariance, MAP, POSITION, STATE, State, TILT, VELOCITY, set_diagonal},
+    options::TrackOptions,
+    reference::{Reference, ReferenceKind},
+    scalar::{GsdFilter, HeadingFilter},
+    sensors::Sensors,
+};
+
+/// How a ground resolution that nothing measures may change, relative, in the square root of a second.
+const GSD_SPREAD: f64 = 0.02;
+/// How a heading that nothing measures may turn, degrees in the square root of a second.
+const HEADING_SPREAD_DEG: f64 = 10.0;
+
+/// What point the position is, and where the error of the view's tilt comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+#[non_exhaustive]
+pub enum PositionOf {
+    /// The aircraft, found with attitude and height.
+    Aircraft,
+    /// The aircraft, of which no attitude is known: the unknown tilt of the camera is part of the covariance.
+    AircraftWithoutAttitude,
+    /// The ground point at the photo's centre: neither attitude nor height is known.
+    ImageCentre,
+}
+
+/// See the module.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Hypothesis {
+    pub id: u64,
+    /// Hypotheses that were split from one another have the family in common.
+    pub family: u64,
+    pub weight: f64,
+    pub time_s: f64,
+    pub mean: State,
+    pub covariance: Covariance,
+    pub(crate) reference: Reference,
+    pub(crate) position_of: PositionOf,
+    pub heading: Option<HeadingFilter>,
+    pub(crate) heading_time_s: f64,
+    pub gsd: Option<GsdFilter>,
+    /// Fixes that were accepted.
+    pub fixes: u32,
+    pub last_fix_s: Option<f64>,
+    pub distance_since_fix_m: f64,
+    /// Squared Mahalanobis distance of the last fix that was tested, over the gate.
+    pub test_ratio: f64,
+}
+
+impl Hypothesis {
+    /// A hypothesis around a place that is known to `sigma_m` per axis, without any fix.
+    pub fn at_start(
+        id: u64,
+        time_s: f64,
+        place_m: Vector2<f64>,
+        sigma_m: f64,
+        options: &TrackOptions,
+    ) -> Self {
+        let mut new = Self::unplaced(id, time_s, options);
+        new.mean.fixed_rows_mut::<2>(POSITION).copy_from(&place_m);
+        set_diagonal(&mut new.covariance, POSITION, sigma_m * sigma_m);
+        new
+    }
+
+    /// A hypothesis founded by a fix.
+    pub fn from_fix(
+        id: u64,
+        fix: &PositionFix,
+        measured_m: Vector2<f64>,
+        sensors: &Sensors,
+        options: &TrackOptions,
+    ) -> Self {
+        let mut new = Self::unplaced(id, fix.time_s, options);
+        set_diagonal(&mut new.covariance, MAP, fix.map_error_m.powi(2));
+        let view = sensors.view_of(fix, options);
+        new.look(view, options);
+        let (predicted_m, observation, noise) = new.measurement(fix, view, options);
+        // The position's own column is the identity, so position = measured - (everything else) - noise.
+        let mut others = -observation;
+        others.fixed_columns_mut::<2>(POSITION).fill(0.0);
+        let cross = others * new.covariance;
+        let own = cross * others.transpose() + noise;
+        new.mean
+            .fixed_rows_mut::<2>(POSITION)
+            .copy_from(&(measured_m - predicted_m));
+        new.covariance
+            .fixed_rows_mut::<2>(POSITION)
+            .copy_from(&cross);
+        new.covariance
+            .fixed_columns_mut::<2>(POSITION)
+            .copy_from(&cross.transpose());
+        new.covariance
+            .fixed_view_mut::<2, 2>(POSITION, POSITION)
+            .copy_from(&own);
+        if let Some(velocity) = sensors.velocity_at(fix.time_s, options.hold_s) {
+            new.velocity(
+                &Velocity {
+                    time_s: fix.time_s,
+                    ..velocity
+                },
+                options,
+            );
+        }
+        if let Some(yaw_deg) = sensors.yaw_deg(fix.time_s) {
+            new.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
+        }
+        new.take_heading_and_gsd(fix, options);
+        new.fixes = 1;
+        new.last_fix_s = Some(fix.time_s);
+        new
+    }
+
+    fn unplaced(id: u64, time_s: f64, options: &TrackOptions) -> Self {
+        let mut covariance = Covariance::zeros();
+        set_diagonal(
+            &mut covariance,
+            VELOCITY,
+            options.vehicle.speed_sigma_m_s().powi(2),
+        );
+        let boresight_rad = options.boresight_sigma_deg.to_radians();
+        set_diagonal(&mut covariance, BORESIGHT, boresight_rad.powi(2));
+        Self {
+            id,
+            family: id,
+            weight: 0.0,
+            time_s,
+            mean: State::zeros(),
+            covariance,
+            reference: Reference::FREE,
+            position_of: PositionOf::ImageCentre,
+            heading: None,
+            heading_time_s: time_s,
+            gsd: None,
+            fixes: 0,
+            last_fix_s: None,
+            distance_since_fix_m: 0.0,
+            test_ratio: 0.0,
+        }
+    }
+
+    /// Metres east and north.
+    pub fn position_m(&self) -> Vector2<f64> {
+        self.mean.fixed_rows::<2>(POSITION).into_owned()
+    }
+
+    /// Metres per second east and north.
+    pub fn velocity_m_s(&self) -> Vector2<f64> {
+        self.reference.velocity_m_s + self.mean.fixed_rows::<2>(VELOCITY)
+    }
+
+    /// Covariance of the position, square metres.
+    pub fn position_covariance_m2(&self) -> Matrix2<f64> {
+        self.covariance
+            .fixed_view::<2, 2>(POSITION, POSITION)
+            .into_owned()
+    }
+
+    /// Covariance of the velocity, square metres per square second.
+    pub fn velocity_covariance_m2_s2(&self) -> Matrix2<f64> {
+        self.covariance
+            .fixed_view::<2, 2>(VELOCITY, VELOCITY)
+            .into_owned()
+    }
+
+    pub fn position_of(&self) -> PositionOf {
+        self.position_of
+    }
+
+    pub fn reference_kind(&self) -> ReferenceKind {
+        self.reference.kind
+    }
+
+    /// Carries the hypothesis to a later time. An earlier time changes nothing.
+    pub fn propagate(&mut self, time_s: f64, options: &TrackOptions) {
+        if self.reference.kind != ReferenceKind::Free {
+            let held_until_s = self.reference.time_s + options.hold_s;
+            if time_s > held_until_s {
+                self.step(held_until_s, options);
+                self.release();
+            }
+        }
+        self.step(time_s, options);
+    }
+
+    /// From now on nothing measures the velocity.
+    pub(crate) fn release(&mut self) {
+        self.refer_to(Vector2::zeros());
+        self.reference = Reference::FREE;
+    }
+
+    /// Expresses the velocity relative to another reference.
+    pub(crate) fn refer_to(&mut self, velocity_m_s: Vector2<f64>) {
+        let relative = self.velocity_m_s() - velocity_m_s;
+        self.mean.fixed_rows_mut::<2>(VELOCITY).copy_from(&relative);
+        self.reference.velocity_m_s = velocity_m_s;
+    }
+
+    fn process(&self, options: &TrackOptions) -> GaussMarkov {
+        match self.reference.kind {
+            ReferenceKind::Free => {
+                let sigma = options.vehicle.speed_sigma_m_s();
+                GaussMarkov {
+                    sigma,
+                    // Spectral density of the driving noise is 2 sigma^2 / tau.
+                    correlation_s: 2.0 * sigma * sigma
+                        / options.vehicle.acceleration_density_m2_s3(),
+                }
+            }
+            ReferenceKind::Velocity => GaussMarkov {
+                sigma: self.reference.sigma_m_s,
+                correlation_s: options.velocity_correlation_s,
+            },
+            ReferenceKind::Motion => GaussMarkov {
+                sigma: self.reference.sigma_m_s,
+                correlation_s: options.motion_correlation_s,
+            },
+        }
+    }
+
+    fn step(&mut self, time_s: f64, options: &TrackOptions) {
+        let dt_s = time_s - self.time_s;
+        if dt_s <= 0.0 {
+            return;
+        }
+        self.time_s = time_s;
+        self.distance_since_fix_m += self.velocity_m_s().norm() * dt_s;
+        let step = self.process(options).step(dt_s);
+        for axis in 0..2 {
+            let (p, v) = (POSITION + axis, VELOCITY + axis);
+            self.mean[p] += self.reference.velocity_m_s[axis] * dt_s + step.gain_s * self.mean[v];
+            self.mean[v] *= step.decay;
+            // F P F^T for the identity but for two entries.
+            for column in 0..STATE {
+                let carried = step.gain_s * self.covariance[(v, column)];
+                self.covariance[(p, column)] += carried;
+                self.covariance[(v, column)] *= step.decay;
+            }
+            for row in 0..STATE {
+                let carried = step.gain_s * self.covariance[(row, v)];
+                self.covariance[(row, p)] += carried;
+                self.covariance[(row, v)] *= step.decay;
+            }
+            self.covariance[(p, p)] += step.noise[(0, 0)];
+            self.covariance[(p, v)] += step.noise[(0, 1)];
+            self.covariance[(v, p)] += step.noise[(1, 0)];
+            self.covariance[(v, v)] += step.noise[(1, 1)];
+        }
+        let correlation_s = match self.position_of {
+            PositionOf::Aircraft => options.attitude_correlation_s,
+            _ => options.unknown_tilt_correlation_s,
+        };
+        let decay = (-dt_s / correlation_s).exp();
+        for tilt in TILT..STATE {
+            for other in 0..TILT {
+                self.covariance[(tilt, other)] *= decay;
+                self.covariance[(other, tilt)] *= decay;
+            }
+        }
+        if let Some(gsd) = &mut self.gsd {
+            gsd.spread(GSD_SPREAD * GSD_SPREAD * dt_s);
+        }
+    }
+
+    /// Whether the other hypothesis says the same: position and velocity are within one sigma, and neither is much less
+    /// certain.
+    pub fn agrees_with(&self, other: &Self) -> bool {
+        if self.reference.kind != other.reference.kind || self.position_of != other.position_of {
+            return false;
+        }
+        let (ours, theirs) = (
+            self.position_covariance_m2().determinant(),
+            other.position_covariance_m2().determinant(),
+        );
+        if ours.max(theirs).partial_cmp(&(4.0 * ours.min(theirs))) != Some(Ordering::Less) {
+            return false;
+        }
+        let position = self.position_m() - other.position_m();
+        let velocity = self.velocity_m_s() - other.velocity_m_s();
+        let apart = SVector::<f64, 4>::new(position.x, position.y, velocity.x, velocity.y);
+        let spread = self.covariance.fixed_view::<4, 4>(POSITION, POSITION)
+            + other.covariance.fixed_view::<4, 4>(POSITION, POSITION);
+        spread
+            .cholesky()
+            .is_some_and(|factor| apart.dot(&factor.solve(&apart)) < 1.0)
+    }
+
+    /// Merges a lighter hypothesis into this one: weight, mean and covariance of the two together are kept.
+    pub fn absorb(&mut self, mut other: Self) {
+        other.refer_to(self.reference.velocity_m_s);
+        let weight = self.weight + other.weight;
+        if weight <= 0.0 {
+            return;
+        }
+        let share = other.weight / weight;
+        let apart = other.mean - self.mean;
+        self.covariance = self.covariance * (1.0 - share)
+            + other.covariance * share
+            + apart * apart.transpose() * (share * (1.0 - share));
+        self.mean += apart * share;
+        self.weight = weight;
+        self.fixes = self.fixes.max(other.fixes);
+    }
+
+    /// Moves the hypothesis to another plane.
+    pub fn re_anchor(&mut self, position_m: Vector2<f64>, turn: nalgebra::Rotation2<f64>) {
+        let mut transform = Covariance::identity();
+        for block in [POSITION, VELOCITY, MAP, TILT] {
+            transform
+                .fixed_view_mut::<2, 2>(block, block)
+                .copy_from(turn.matrix());
+        }
+        self.mean = transform * self.mean;
+        self.mean
+            .fixed_rows_mut::<2>(POSITION)
+            .copy_from(&position_m);
+        self.reference.velocity_m_s = turn * self.reference.velocity_m_s;
+        self.covariance = transform * self.covariance * transform.transpose();
+    }
+
+    pub(crate) fn spread_heading(&mut self, time_s: f64) {
+        let dt_s = time_s - self.heading_time_s;
+        if let Some(heading) = &mut self.heading
+            && dt_s > 0.0
+        {
+            heading.turn(0.0, HEADING_SPREAD_DEG * dt_s.sqrt());
+            self.heading_time_s = time_s;
+        }
+    }
+
+    /// The heading at a time that is not before the latest input.
+    pub fn heading_at(&self, time_s: f64) -> Option<HeadingFilter> {
+        let mut heading = self.heading?;
+        let dt_s = (time_s - self.heading_time_s).max(0.0);
+        heading.turn(0.0, HEADING_SPREAD_DEG * dt_s.sqrt());
+        Some(heading)
+    }
+}

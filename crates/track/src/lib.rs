@@ -1,0 +1,48 @@
+//! Follows an aircraft over single fixes, motion between frames, attitude, height and the autopilot's velocity.
+//!
+//! [`Tracker`] takes [`Input`]s, each with the time at which it was true, and gives a [`TrackPoint`] for any time: position,
+//! velocity, heading, covariance, and a [`TrackState`] that says whether it may be used.
+//!
+//! # Method
+//! - A bank of at most eight small Kalman filters, each a hypothesis of where the aircraft is (Gaussian-sum filter: Alspach and
+//!   Sorenson 1972). A fix is gated by chi-square; a fix that no hypothesis accepts founds a new one; the calibrated confidence
+//!   of fixes decides how fast one hypothesis outweighs another. The track is usable only while one of them holds at least
+//!   95 % of the weight.
+//! - What all fixes have in common (the map's error, the camera's unknown tilt) does not average out: it is carried as
+//!   considered states (Schmidt 1966).
+//! - The aircraft is not the image centre. With attitude and height the position is the aircraft's, and the camera's boresight
+//!   is estimated; without them [`Estimate::position_of`] says so and the covariance has the unknown tilt in it.
+//! - Inputs may come up to 30 s late and in any order. The state is the same, bit for bit, as if they had come in order.
+//!
+//! # Frames and units
+//! Positions are metres east and north in a local plane, angles degrees, headings clockwise from true north, times seconds on
+//! one clock that all inputs share.
+
+mod bank;
+mod dead_reckoning;
+mod error;
+mod filter;
+mod gauss_markov;
+mod hypothesis;
+mod input;
+mod kalman;
+mod lag;
+mod observation;
+mod options;
+mod plane;
+mod point;
+mod radius;
+mod reference;
+mod scalar;
+mod sensors;
+mod tilt;
+mod tracker;
+
+pub use error::{InputError, OptionsError};
+pub use hypothesis::PositionOf;
+pub use input::{Attitude, Height, Input, Miss, PositionFix, RelativeMotion, Velocity};
+pub use lag::Taken;
+pub use options::{GATE_99_9_PERCENT, Start, TrackOptions, Vehicle};
+pub use point::{Estimate, Source, TrackPoint, TrackState};
+pub use radius::radius95_m;
+pub use tracker::{InputCounts, Tracker};

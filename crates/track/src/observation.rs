@@ -1,0 +1,192 @@
+//! How a hypothesis sees a fix.
+
+use nalgebra::{Matrix2, Vector2};
+
+use crate::{
+    hypothesis::{Hypothesis, PositionOf},
+    input::PositionFix,
+    kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal, update},
+    options::TrackOptions,
+    scalar::{GsdFilter, HeadingFilter},
+    sensors::View,
+    tilt::CentreOffset,
+};
+
+/// Where the height becomes known after fixes without it, the aircraft is within this tilt of the image centre, degrees.
+const CENTRE_TO_AIRCRAFT_DEG: f64 = 20.0;
+
+/// What a fix should be according to a hypothesis, and what it is.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Innovation {
+    measured_minus_predicted_m: Vector2<f64>,
+    observation: Observation,
+    covariance_m2: Matrix2<f64>,
+    /// Covariance of the fix by itself, with everything but position and velocity.
+    pub own_determinant_m4: f64,
+    /// Squared Mahalanobis distance.
+    pub chi2: f64,
+    /// Density of the fix, per square metre.
+    pub density_m2: f64,
+}
+
+impl Innovation {
+    /// Determinant of the innovation's covariance.
+    pub fn determinant_m4(&self) -> f64 {
+        self.covariance_m2.determinant()
+    }
+}
+
+impl Hypothesis {
+    /// Prepares for a measurement seen in a view: where what is known of the tilt changes, its error is another one.
+    pub fn look(&mut self, view: View, options: &TrackOptions) {
+        let (position_of, sigma_deg) = match view {
+            View::Attitude { .. } => (PositionOf::Aircraft, options.attitude_sigma_deg),
+            View::Height { .. } => (
+                PositionOf::AircraftWithoutAttitude,
+                options.unknown_tilt_sigma_deg,
+            ),
+            View::Centre => (PositionOf::ImageCentre, 0.0),
+        };
+        if position_of == self.position_of && self.covariance[(TILT, TILT)] > 0.0 {
+            return;
+        }
+        if let View::Attitude { height_agl_m, .. } | View::Height { height_agl_m } = view
+            && self.position_of == PositionOf::ImageCentre
+            && self.fixes > 0
+        {
+            let apart_m = height_agl_m * CENTRE_TO_AIRCRAFT_DEG.to_radians().tan();
+            for axis in POSITION..POSITION + 2 {
+                self.covariance[(axis, axis)] += apart_m * apart_m;
+            }
+        }
+        self.position_of = position_of;
+        for tilt in TILT..STATE {
+            self.covariance.row_mut(tilt).fill(0.0);
+            self.covariance.column_mut(tilt).fill(0.0);
+        }
+        set_diagonal(&mut self.covariance, TILT, sigma_deg.to_radians().powi(2));
+    }
+
+    /// Predicted image centre (metres), how it depends on the state, and the noise of a measurement of it.
+    pub(crate) fn measurement(
+        &self,
+        fix: &PositionFix,
+        view: View,
+        options: &TrackOptions,
+    ) -> (Vector2<f64>, Observation, Matrix2<f64>) {
+        let [ee, en, nn] = fix.covariance_en_m2;
+        let mut noise = Matrix2::new(ee, en, en, nn);
+        // A map that is worse than the first one: the difference is treated as noise.
+        let excess = fix.map_error_m.powi(2) - self.covariance[(MAP, MAP)];
+        if excess > 0.0 {
+            noise += Matrix2::identity() * excess;
+        }
+        let (predicted_m, observation, view_noise) = self.seen(view, options);
+        (predicted_m, observation, noise + view_noise)
+    }
+
+    /// The image centre in a view, metres, how it depends on the state, and its noise that comes from the view.
+    pub fn seen(
+        &self,
+        view: View,
+        options: &TrackOptions,
+    ) -> (Vector2<f64>, Observation, Matrix2<f64>) {
+        let mut observation = Observation::zeros();
+        let mut set = |at: usize, block: &Matrix2<f64>| {
+            observation.fixed_columns_mut::<2>(at).copy_from(block);
+        };
+        set(POSITION, &Matrix2::identity());
+        set(MAP, &Matrix2::identity());
+        let mut predicted_m = self.position_m();
+        let mut noise = Matrix2::zeros();
+        match view {
+            View::Attitude {
+                attitude,
+                height_agl_m,
+                sigma_deg,
+            } => {
+                let boresight_rad = self.mean.fixed_rows::<2>(BORESIGHT).into_owned();
+                if let Some(centre) = CentreOffset::new(&attitude, boresight_rad, height_agl_m) {
+                    set(BORESIGHT, &centre.by_boresight_m);
+                    set(TILT, &centre.by_tilt_m);
+                    predicted_m += centre.offset_en_m;
+                    noise += centre.offset_en_m
+                        * centre.offset_en_m.transpose()
+                        * options.height_sigma.powi(2);
+                    noise += centre.by_tilt_m
+                        * centre.by_tilt_m.transpose()
+                        * sigma_deg.to_radians().powi(2);
+                }
+            }
+            View::Height { height_agl_m } => {
+                set(TILT, &(Matrix2::identity() * height_agl_m));
+            }
+            View::Centre => {}
+        }
+        (predicted_m, observation, noise)
+    }
+
+    /// Compares a fix with the hypothesis, which must have been carried to the fix's time. `None` if the covariance is
+    /// singular.
+    pub fn innovation(
+        &self,
+        fix: &PositionFix,
+        measured_m: Vector2<f64>,
+        view: View,
+        options: &TrackOptions,
+    ) -> Option<Innovation> {
+        let (predicted_m, observation, noise) = self.measurement(fix, view, options);
+        let covariance_m2 = observation * self.covariance * observation.transpose() + noise;
+        let inverse = covariance_m2.try_inverse()?;
+        let difference_m = measured_m - predicted_m;
+        let chi2 = (difference_m.transpose() * inverse * difference_m)[(0, 0)];
+        let determinant = covariance_m2.determinant();
+        if !(determinant > 0.0 && chi2.is_finite()) {
+            return None;
+        }
+        let map = self.covariance.fixed_view::<2, 2>(MAP, MAP);
+        let by_tilt = observation.fixed_columns::<2>(TILT);
+        let tilt = by_tilt * self.covariance.fixed_view::<2, 2>(TILT, TILT) * by_tilt.transpose();
+        Some(Innovation {
+            measured_minus_predicted_m: difference_m,
+            observation,
+            covariance_m2,
+            own_determinant_m4: (noise + map + tilt).determinant(),
+            chi2,
+            density_m2: (-0.5 * chi2).exp() / (std::f64::consts::TAU * determinant.sqrt()),
+        })
+    }
+
+    /// Takes in a fix.
+    pub fn accept(&mut self, fix: &PositionFix, innovation: &Innovation, options: &TrackOptions) {
+        update(
+            &mut self.mean,
+            &mut self.covariance,
+            &innovation.observation,
+            innovation.measured_minus_predicted_m,
+            innovation.covariance_m2,
+        );
+        self.take_heading_and_gsd(fix, options);
+        self.fixes = self.fixes.saturating_add(1);
+        self.last_fix_s = Some(fix.time_s);
+        self.distance_since_fix_m = 0.0;
+    }
+
+    pub(crate) fn take_heading_and_gsd(&mut self, fix: &PositionFix, options: &TrackOptions) {
+        self.spread_heading(fix.time_s);
+        if let Some(measured_deg) = fix.heading_deg {
+            match &mut self.heading {
+                Some(heading) => heading.update(measured_deg, options.heading_sigma_deg),
+                None => {
+                    self.heading =
+                        Some(HeadingFilter::new(measured_deg, options.heading_sigma_deg));
+                    self.heading_time_s = fix.time_s;
+                }
+            }
+        }
+        match &mut self.gsd {
+            Some(gsd) => gsd.update(fix.gsd_m, options.gsd_sigma),
+            None => self.gsd = Some(GsdFilter::new(fix.gsd_m, options.gsd_sigma)),
+        }
+    }
+}

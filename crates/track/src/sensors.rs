@@ -1,0 +1,142 @@
+//! The latest attitude, height and velocity, which all hypotheses share.
+
+use nalgebra::Vector2;
+
+use crate::{
+    input::{Attitude, Height, PositionFix, Velocity},
+    options::TrackOptions,
+    scalar::signed_turn_deg,
+    tilt::CentreOffset,
+};
+
+/// An attitude older than this says nothing of a photo, seconds.
+const ATTITUDE_HOLD_S: f64 = 0.5;
+/// A height older than this says nothing of a photo, seconds.
+const HEIGHT_HOLD_S: f64 = 10.0;
+/// How far roll and pitch may be off what is extrapolated from the last two attitudes, degrees per second of their age.
+const ATTITUDE_SPREAD_DEG_S: f64 = 5.0;
+
+/// What was last told by sensors other than the camera.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(crate) struct Sensors {
+    previous_attitude: Option<Attitude>,
+    attitude: Option<Attitude>,
+    height: Option<Height>,
+    velocity: Option<Velocity>,
+}
+
+/// What is known of the direction in which a photo was taken.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum View {
+    /// Attitude and height are known: the aircraft is found from the image centre.
+    Attitude {
+        attitude: Attitude,
+        height_agl_m: f64,
+        /// Error that comes from the attitude's age, degrees.
+        sigma_deg: f64,
+    },
+    /// The height is known: the aircraft is within an unknown tilt of the image centre.
+    Height { height_agl_m: f64 },
+    /// Neither is known: the position is that of the image centre.
+    Centre,
+}
+
+impl Sensors {
+    /// Takes in an attitude. Gives the turn from the one before, if that is recent: its time and degrees clockwise.
+    pub fn set_attitude(&mut self, attitude: Attitude) -> Option<(f64, f64)> {
+        self.previous_attitude = self.attitude.replace(attitude);
+        self.previous_attitude
+            .filter(|before| attitude.time_s - before.time_s < 1.0)
+            .map(|before| {
+                (
+                    before.time_s,
+                    signed_turn_deg(before.yaw_deg, attitude.yaw_deg),
+                )
+            })
+    }
+
+    /// Takes in a height. Gives the ratio to the one before.
+    pub fn set_height(&mut self, height: Height) -> Option<f64> {
+        self.height
+            .replace(height)
+            .filter(|before| height.time_s - before.time_s < HEIGHT_HOLD_S)
+            .map(|before| height.agl_m / before.agl_m)
+    }
+
+    pub fn set_velocity(&mut self, velocity: Velocity) {
+        self.velocity = Some(velocity);
+    }
+
+    /// The velocity, if it is not older than `hold_s`.
+    pub fn velocity_at(&self, time_s: f64, hold_s: f64) -> Option<Velocity> {
+        self.velocity.filter(|v| time_s - v.time_s <= hold_s)
+    }
+
+    /// Height above mean sea level, metres.
+    pub fn amsl_m(&self) -> Option<f64> {
+        self.height.and_then(|height| height.amsl_m)
+    }
+
+    /// Height above ground, metres.
+    pub fn agl_m(&self, time_s: f64) -> Option<f64> {
+        self.height
+            .filter(|height| time_s - height.time_s <= HEIGHT_HOLD_S)
+            .map(|height| height.agl_m)
+    }
+
+    /// The yaw of the latest attitude, if it is recent.
+    pub fn yaw_deg(&self, time_s: f64) -> Option<f64> {
+        self.attitude
+            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
+            .map(|attitude| attitude.yaw_deg)
+    }
+
+    /// How a photo taken at `time_s` with this ground resolution was directed.
+    pub fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
+        let from_gsd_m = || Some(gsd_m? * options.focal_length_px?);
+        let Some(height_agl_m) = self.agl_m(time_s).or_else(from_gsd_m) else {
+            return View::Centre;
+        };
+        let Some(attitude) = self
+            .attitude
+            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
+        else {
+            return View::Height { height_agl_m };
+        };
+        let (attitude, age_s) = (
+            self.extrapolated(attitude, time_s),
+            time_s - attitude.time_s,
+        );
+        if CentreOffset::new(&attitude, Vector2::zeros(), height_agl_m).is_none() {
+            return View::Height { height_agl_m };
+        }
+        View::Attitude {
+            attitude,
+            height_agl_m,
+            sigma_deg: ATTITUDE_SPREAD_DEG_S * age_s,
+        }
+    }
+
+    /// How a photo with `fix` was directed.
+    pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
+        self.view(fix.time_s, Some(fix.gsd_m), options)
+    }
+
+    fn extrapolated(&self, latest: Attitude, time_s: f64) -> Attitude {
+        let Some(before) = self.previous_attitude else {
+            return latest;
+        };
+        let interval_s = latest.time_s - before.time_s;
+        if interval_s <= 0.0 || interval_s > ATTITUDE_HOLD_S {
+            return latest;
+        }
+        let share = (time_s - latest.time_s) / interval_s;
+        let ahead = |from_deg: f64, to_deg: f64| to_deg + share * signed_turn_deg(from_deg, to_deg);
+        Attitude {
+            time_s,
+            yaw_deg: ahead(before.yaw_deg, latest.yaw_deg),
+            pitch_deg: ahead(before.pitch_deg, latest.pitch_deg),
+            roll_deg: ahead(before.roll_deg, latest.roll_deg),
+        }
+    }
+}

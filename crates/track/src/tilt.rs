@@ -1,0 +1,128 @@
+//! From the aircraft to the ground point at the photo's centre.
+
+use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
+
+use crate::input::Attitude;
+
+/// A view further off the vertical than this gives no offset: a small error of attitude or height is then tens of metres.
+const LARGEST_TILT_COS: f64 = 0.5;
+
+/// Where a camera that looks down sees its image centre, relative to the point below the aircraft.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct CentreOffset {
+    /// Metres east and north of the point below the aircraft.
+    pub offset_en_m: Vector2<f64>,
+    /// Metres for one radian of boresight: columns are a tilt of the view forward and to the right in the camera's frame.
+    pub by_boresight_m: Matrix2<f64>,
+    /// Metres for one radian by which the view is tilted to the east and to the north.
+    pub by_tilt_m: Matrix2<f64>,
+}
+
+impl CentreOffset {
+    /// The offset over flat ground.
+    ///
+    /// The optical axis in north-east-down is `R(yaw, pitch, roll) (forward, right, 1)` with the boresight's two small angles;
+    /// it is lengthened until it reaches the ground, `height_agl_m` below. `None` if the view is more than 60 degrees off the
+    /// vertical.
+    pub fn new(
+        attitude: &Attitude,
+        boresight_rad: Vector2<f64>,
+        height_agl_m: f64,
+    ) -> Option<Self> {
+        let rotation = Rotation3::from_euler_angles(
+            attitude.roll_deg.to_radians(),
+            attitude.pitch_deg.to_radians(),
+            attitude.yaw_deg.to_radians(),
+        );
+        let axis_ned = rotation * Vector3::new(boresight_rad.x, boresight_rad.y, 1.0);
+        if axis_ned.z < LARGEST_TILT_COS * axis_ned.norm() {
+            return None;
+        }
+        let on_ground_m = |v: Vector3<f64>| {
+            // Derivative of (east, north) / down along v.
+            let lateral = Vector2::new(v.y, v.x);
+            let axis = Vector2::new(axis_ned.y, axis_ned.x);
+            (lateral * axis_ned.z - axis * v.z) * (height_agl_m / (axis_ned.z * axis_ned.z))
+        };
+        let by_boresight_m = Matrix2::from_columns(&[
+            on_ground_m(rotation * Vector3::x()),
+            on_ground_m(rotation * Vector3::y()),
+        ]);
+        // A tilt to the east by a radian has components forward and right in the camera's frame by its yaw.
+        let (sin, cos) = attitude.yaw_deg.to_radians().sin_cos();
+        let camera_from_en = Matrix2::new(sin, cos, cos, -sin);
+        Some(Self {
+            offset_en_m: Vector2::new(axis_ned.y, axis_ned.x) * (height_agl_m / axis_ned.z),
+            by_boresight_m,
+            by_tilt_m: by_boresight_m * camera_from_en,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn attitude(yaw_deg: f64, pitch_deg: f64, roll_deg: f64) -> Attitude {
+        Attitude {
+            time_s: 0.0,
+            yaw_deg,
+            pitch_deg,
+            roll_deg,
+        }
+    }
+
+    #[test]
+    fn nose_up_looks_ahead_and_right_side_down_looks_left() {
+        let none = Vector2::zeros();
+        let ahead = CentreOffset::new(&attitude(90.0, 9.0, 0.0), none, 120.0).unwrap();
+        assert_relative_eq!(
+            ahead.offset_en_m,
+            Vector2::new(120.0 * 9f64.to_radians().tan(), 0.0),
+            epsilon = 1e-9
+        );
+        let left = CentreOffset::new(&attitude(0.0, 0.0, 27.0), none, 100.0).unwrap();
+        assert_relative_eq!(
+            left.offset_en_m,
+            Vector2::new(-100.0 * 27f64.to_radians().tan(), 0.0),
+            epsilon = 1e-9
+        );
+        assert!(CentreOffset::new(&attitude(0.0, 65.0, 0.0), none, 100.0).is_none());
+    }
+
+    #[test]
+    fn a_gimbal_that_looks_ahead_of_straight_down() {
+        let gimbal = Attitude::from_gimbal(0.0, 0.0, -81.0, 0.0);
+        let ahead = CentreOffset::new(&gimbal, Vector2::zeros(), 120.0).unwrap();
+        assert_relative_eq!(
+            ahead.offset_en_m.y,
+            120.0 * 9f64.to_radians().tan(),
+            epsilon = 1e-9
+        );
+    }
+
+    #[test]
+    fn derivatives_are_differences() {
+        let at = |forward: f64, right: f64| {
+            CentreOffset::new(
+                &attitude(35.0, 8.0, -20.0),
+                Vector2::new(0.02 + forward, -0.01 + right),
+                150.0,
+            )
+            .unwrap()
+        };
+        let here = at(0.0, 0.0);
+        let step = 1e-6;
+        let by_forward = (at(step, 0.0).offset_en_m - at(-step, 0.0).offset_en_m) / (2.0 * step);
+        let by_right = (at(0.0, step).offset_en_m - at(0.0, -step).offset_en_m) / (2.0 * step);
+        assert_relative_eq!(
+            here.by_boresight_m,
+            Matrix2::from_columns(&[by_forward, by_right]),
+            max_relative = 1e-6
+        );
+        // Level flight: a tilt of the view to the east moves the centre to the east by the height for each radian.
+        let level = CentreOffset::new(&attitude(70.0, 0.0, 0.0), Vector2::zeros(), 150.0).unwrap();
+        assert_relative_eq!(level.by_tilt_m, Matrix2::identity() * 150.0, epsilon = 1e-9);
+    }
+}

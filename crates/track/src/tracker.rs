@@ -1,0 +1,178 @@
+//! The filter as a user sees it: inputs in any order, the track at any time.
+
+use crate::{
+    error::{InputError, OptionsError},
+    filter::Filter,
+    input::Input,
+    lag::{Lag, Taken},
+    options::TrackOptions,
+    point::TrackPoint,
+};
+
+/// So many inputs in a row have to be outside of the lag or beyond the jump before the clock is believed to have jumped.
+const INPUTS_TO_CONFIRM_A_JUMP: usize = 10;
+
+/// How many inputs were taken, and how.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct InputCounts {
+    /// Taken as the newest.
+    pub in_order: u64,
+    /// Taken late.
+    pub late: u64,
+    /// Ignored as duplicates.
+    pub duplicates: u64,
+    /// Refused as invalid.
+    pub invalid: u64,
+    /// Refused as older than the lag.
+    pub too_late: u64,
+    /// Refused because the clock jumped.
+    pub clock_jumps: u64,
+    /// Restarts after jumps of the clock.
+    pub restarts: u64,
+}
+
+/// Follows one aircraft.
+///
+/// # Example
+/// ```
+/// use grimnet_geo::LonLat;
+/// use grimnet_track::{Input, PositionFix, TrackOptions, TrackState, Tracker};
+///
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let mut tracker = Tracker::new(TrackOptions::default())?;
+/// for frame in 0..8 {
+///     tracker.push(Input::Fix(PositionFix {
+///         time_s: f64::from(frame) * 0.5,
+///         // 5 m/s to the north.
+///         lonlat: LonLat::new(120.7, 24.2 + f64::from(frame) * 2.5 / 110_800.0),
+///         covariance_en_m2: [1.0, 0.0, 1.0],
+///         map_error_m: 1.0,
+///         heading_deg: Some(0.0),
+///         gsd_m: 0.05,
+///         confidence: 0.99,
+///     }))?;
+/// }
+/// let point = tracker.point_at(4.0).ok_or("before the first input")?;
+/// assert_eq!(point.state, TrackState::Tracking);
+/// let estimate = point.estimate.ok_or("no position")?;
+/// assert!((estimate.velocity_north_m_s - 5.0).abs() < 1.0);
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug, Clone)]
+pub struct Tracker {
+    options: TrackOptions,
+    lag: Lag,
+    counts: InputCounts,
+    /// Time of the last input that was refused for its time, and how many in a row were.
+    refused: Option<(f64, usize)>,
+}
+
+impl Tracker {
+    /// A tracker before any input.
+    ///
+    /// # Errors
+    /// [`OptionsError`] if an option is not finite or out of range.
+    pub fn new(options: TrackOptions) -> Result<Self, OptionsError> {
+        options.validate()?;
+        Ok(Self {
+            options,
+            lag: Lag::new(),
+            counts: InputCounts::default(),
+            refused: None,
+        })
+    }
+
+    /// The options.
+    pub fn options(&self) -> &TrackOptions {
+        &self.options
+    }
+
+    /// How many inputs were taken, and how.
+    pub fn counts(&self) -> InputCounts {
+        self.counts
+    }
+
+    /// Time of the newest input, seconds.
+    pub fn newest_s(&self) -> Option<f64> {
+        self.lag.newest_s()
+    }
+
+    /// Takes in an input. It may be up to [`TrackOptions::lag_s`] older than the newest one: the state is then, bit for bit,
+    /// as if all had come in order.
+    ///
+    /// # Errors
+    /// [`InputError`] if the input is invalid, too late, or far away in time. The state is then as before.
+    pub fn push(&mut self, input: Input) -> Result<Taken, InputError> {
+        if let Err(error) = input.validate() {
+            self.counts.invalid += 1;
+            return Err(error);
+        }
+        if let Err(error) = self.check_time(input.time_s()) {
+            if !self.clock_has_jumped(input.time_s()) {
+                return Err(error);
+            }
+            self.lag = Lag::new();
+            self.refused = None;
+            self.counts.restarts += 1;
+            self.lag.push(input, &self.options);
+            return Ok(Taken::Restarted);
+        }
+        self.refused = None;
+        let taken = self.lag.push(input, &self.options);
+        match taken {
+            Taken::Duplicate => self.counts.duplicates += 1,
+            Taken::Late => self.counts.late += 1,
+            Taken::InOrder | Taken::Restarted => self.counts.in_order += 1,
+        }
+        Ok(taken)
+    }
+
+    fn check_time(&mut self, time_s: f64) -> Result<(), InputError> {
+        let Some(newest_s) = self.lag.newest_s() else {
+            return Ok(());
+        };
+        let by_s = time_s - newest_s;
+        if by_s.abs() > self.options.clock_jump_s {
+            self.counts.clock_jumps += 1;
+            return Err(InputError::ClockJump { by_s });
+        }
+        if by_s < -self.options.lag_s {
+            self.counts.too_late += 1;
+            return Err(InputError::TooLate {
+                age_s: -by_s,
+                lag_s: self.options.lag_s,
+            });
+        }
+        Ok(())
+    }
+
+    /// Whether enough inputs in a row were refused for their time and agree with each other.
+    fn clock_has_jumped(&mut self, time_s: f64) -> bool {
+        let count = match self.refused {
+            Some((last_s, count)) if (time_s - last_s).abs() <= self.options.lag_s => count + 1,
+            _ => 1,
+        };
+        self.refused = Some((time_s, count));
+        count >= INPUTS_TO_CONFIRM_A_JUMP
+    }
+
+    /// The track at a time: extrapolated after the newest input, as known up to that time before it. `None` before the first
+    /// input, for a time older than the lag, and for a time that is not finite.
+    pub fn point_at(&self, time_s: f64) -> Option<TrackPoint> {
+        self.lag.newest_s()?;
+        if !time_s.is_finite() {
+            return None;
+        }
+        if time_s >= self.head().time_s {
+            return Some(TrackPoint::of(self.head(), time_s, &self.options));
+        }
+        let state = self.lag.state_at(time_s, &self.options)?;
+        Some(TrackPoint::of(&state, time_s, &self.options))
+    }
+
+    /// The state after all inputs.
+    pub(crate) fn head(&self) -> &Filter {
+        self.lag.head()
+    }
+}

@@ -27,6 +27,7 @@ mod hypothesis;
 mod input;
 mod kalman;
 mod lag;
+pub mod measure;
 mod observation;
 mod options;
 mod plane;
@@ -35,6 +36,8 @@ mod radius;
 mod reference;
 mod scalar;
 mod sensors;
+#[cfg(feature = "simulation")]
+pub mod simulation;
 mod tilt;
 mod tracker;
 

@@ -88,6 +88,10 @@ impl Network {
                 Layer::normalised(source, "upsample.0", Kind::Transposed)?,
                 Layer::normalised(source, "upsample.1", Kind::Transposed)?,
             ])),
+            Decoder::TransposedPlain { .. } => DecoderLayers::Transposed(Box::new([
+                Layer::plain(source, "upsample.0", Kind::Transposed)?,
+                Layer::plain(source, "upsample.1", Kind::Transposed)?,
+            ])),
         };
         let keypoints = match spec.keypoints {
             KeypointHead::FromGrey { layers, .. } => KeypointLayers::FromGrey {
@@ -191,7 +195,7 @@ impl Network {
         }
         heatmap_from_logits(isa, logits, &mut output.heatmap);
 
-        if self.vlad_input == VladInput::Deepest {
+        if self.vlad_input.is_deepest() {
             std::mem::swap(&mut output.deepest, h32);
         }
         let Output {
@@ -200,7 +204,7 @@ impl Network {
             vlad: field,
             ..
         } = output;
-        let vectors = if self.vlad_input == VladInput::Deepest {
+        let vectors = if self.vlad_input.is_deepest() {
             deepest
         } else {
             descriptors
@@ -214,9 +218,10 @@ impl Network {
 impl Output {
     /// What NetVLAD aggregates.
     pub(crate) fn vlad_vectors(&self, input: VladInput) -> &Tensor {
-        match input {
-            VladInput::Deepest => &self.deepest,
-            VladInput::Descriptors => &self.descriptors,
+        if input.is_deepest() {
+            &self.deepest
+        } else {
+            &self.descriptors
         }
     }
 }

@@ -52,6 +52,15 @@ impl NetSpec {
                     norm(&mut push, &format!("upsample.{i}"), width);
                 }
             }
+            Decoder::TransposedPlain { width } => {
+                for (i, from) in [self.stage_width(STAGES - 1), width]
+                    .into_iter()
+                    .enumerate()
+                {
+                    push(format!("upsample.{i}.weight"), &[from, width, 4, 4]);
+                    push(format!("upsample.{i}.bias"), &[width]);
+                }
+            }
         }
         let kernel = self.descriptor_kernel();
         push(

@@ -84,9 +84,15 @@ pub enum Decoder {
         /// Channels of the fused features.
         width: usize,
     },
-    /// The paper's (eq. 4): two 4 x 4 transposed convolutions, stride 2, padding 1, each with DA-BN and ReLU, from H/32 to
-    /// H/8; a 3 x 3 convolution gives descriptors.
+    /// Two 4 x 4 transposed convolutions, stride 2, padding 1, from H/32 to H/8 (paper, eq. 4), each followed by DA-BN and
+    /// ReLU, which the paper does not have; a 3 x 3 convolution gives descriptors.
     Transposed {
+        /// Output channels of both transposed convolutions.
+        width: usize,
+    },
+    /// As [`Decoder::Transposed`], but as published (eq. 4): the transposed convolutions have a bias and neither normalisation
+    /// nor activation.
+    TransposedPlain {
         /// Output channels of both transposed convolutions.
         width: usize,
     },
@@ -96,7 +102,9 @@ impl Decoder {
     /// Channels of the features at 1/8 of the picture's side.
     pub fn width(self) -> usize {
         match self {
-            Decoder::Lateral { width } | Decoder::Transposed { width } => width,
+            Decoder::Lateral { width }
+            | Decoder::Transposed { width }
+            | Decoder::TransposedPlain { width } => width,
         }
     }
 }
@@ -121,10 +129,24 @@ pub enum KeypointHead {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VladInput {
-    /// The encoder's last output, at 1/32 (the paper's).
+    /// The encoder's last output, at 1/32, scaled to unit length at each position.
     Deepest,
-    /// The local descriptors, at 1/8.
+    /// The encoder's last output, at 1/32, as it is (paper, eq. 5-6).
+    DeepestUnscaled,
+    /// The local descriptors, at 1/8, scaled to unit length at each position.
     Descriptors,
+}
+
+impl VladInput {
+    /// Whether the encoder's last output is aggregated.
+    pub fn is_deepest(self) -> bool {
+        self != Self::Descriptors
+    }
+
+    /// Whether vectors are scaled to unit length before they are assigned.
+    pub fn is_scaled(self) -> bool {
+        self != Self::DeepestUnscaled
+    }
 }
 
 /// The NetVLAD layer (paper, eq. 5-7; Arandjelovic et al. 2016).
@@ -212,6 +234,21 @@ impl NetSpec {
         }
     }
 
+    /// The paper's network as published: as [`NetSpec::vgg16`] without normalisation and activation after the transposed
+    /// convolutions (eq. 4), and without scaling of NetVLAD's input (eq. 5-6). It is harder to train from random weights.
+    pub fn vgg16_paper() -> Self {
+        let normalised = Self::vgg16();
+        Self {
+            preset: "vgg16-paper".into(),
+            decoder: Decoder::TransposedPlain { width: 512 },
+            vlad: Vlad {
+                input: VladInput::DeepestUnscaled,
+                ..normalised.vlad
+            },
+            ..normalised
+        }
+    }
+
     /// The paper's encoder with `compact`'s lateral decoder and NetVLAD on the local descriptors: detail need not pass the deepest
     /// stage, so that it trains without ImageNet's weights.
     pub fn vgg16_lateral() -> Self {
@@ -228,8 +265,13 @@ impl NetSpec {
     }
 
     /// Every preset, the default one first.
-    pub fn presets() -> [Self; 3] {
-        [Self::compact(), Self::vgg16(), Self::vgg16_lateral()]
+    pub fn presets() -> [Self; 4] {
+        [
+            Self::compact(),
+            Self::vgg16(),
+            Self::vgg16_lateral(),
+            Self::vgg16_paper(),
+        ]
     }
 
     /// The preset of that name, if there is one.
@@ -261,7 +303,7 @@ impl NetSpec {
     /// Length D of the vectors that NetVLAD aggregates.
     pub fn vlad_dim(&self) -> usize {
         match self.vlad.input {
-            VladInput::Deepest => self.stage_width(STAGES - 1),
+            VladInput::Deepest | VladInput::DeepestUnscaled => self.stage_width(STAGES - 1),
             VladInput::Descriptors => self.descriptor_dim,
         }
     }
@@ -269,7 +311,7 @@ impl NetSpec {
     /// Pitch of the vectors that NetVLAD aggregates, in pixels: 32 or 8.
     pub fn vlad_pitch_px(&self) -> u32 {
         match self.vlad.input {
-            VladInput::Deepest => SIZE_MULTIPLE_PX,
+            VladInput::Deepest | VladInput::DeepestUnscaled => SIZE_MULTIPLE_PX,
             VladInput::Descriptors => KEYPOINT_CELL_PX,
         }
     }
@@ -297,7 +339,7 @@ impl NetSpec {
     pub(crate) fn descriptor_kernel(&self) -> usize {
         match self.decoder {
             Decoder::Lateral { .. } => 1,
-            Decoder::Transposed { .. } => 3,
+            Decoder::Transposed { .. } | Decoder::TransposedPlain { .. } => 3,
         }
     }
 
@@ -392,7 +434,7 @@ mod tests {
             assert_eq!(NetSpec::preset(&spec.preset).as_ref(), Some(&spec));
         }
         let lengths = NetSpec::presets().map(|spec| spec.global_len());
-        assert_eq!(lengths, [1024, 512, 512]);
+        assert_eq!(lengths, [1024, 512, 512, 512]);
         // VGG-16's 13 convolutions hold 14,710,464 weights without biases.
         let encoder = |(name, shape): &(String, Vec<usize>)| {
             (name.starts_with("encoder") && shape.len() == 4)

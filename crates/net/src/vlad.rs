@@ -13,7 +13,7 @@ use crate::softmax::softmax;
 use crate::{Model, NetError};
 
 /// Unnormalised VLAD of some part of a picture: K x D, row k the sum over positions n of a_nk (u_n - c_k), where u_n is the
-/// position's vector at unit length and a_n its soft assignment. Sums of parts add up to the sum of the whole.
+/// position's vector (at unit length, unless [`crate::VladInput::DeepestUnscaled`]) and a_n its soft assignment. Sums of parts add up to the sum of the whole.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VladSum(Vec<f32>);
 
@@ -57,6 +57,8 @@ impl AddAssign for VladSum {
 pub(crate) struct VladLayer {
     pub clusters: usize,
     pub pitch_px: u32,
+    /// Whether vectors are scaled to unit length.
+    scaled: bool,
     assign_bias: Vec<f32>,
     centres: Vec<f32>,
 }
@@ -66,7 +68,7 @@ pub(crate) struct VladLayer {
 pub(crate) struct VladField {
     /// Positions x clusters: soft assignments.
     assignments: Vec<f32>,
-    /// One over the length of each position's vector.
+    /// Factor of each position's vector: one over its length, or 1.
     inverse_norms: Vec<f32>,
 }
 
@@ -84,6 +86,7 @@ impl VladLayer {
         Ok(Self {
             clusters: spec.vlad.clusters,
             pitch_px: spec.vlad_pitch_px(),
+            scaled: spec.vlad.input.is_scaled(),
             assign_bias: model.values("netvlad.assign.bias")?,
             centres: model.values("netvlad.centres")?,
         })
@@ -111,6 +114,7 @@ impl VladLayer {
                 vectors,
                 products,
                 y,
+                scaled: self.scaled,
                 bias: &self.assign_bias,
                 assignments,
                 norms,
@@ -198,6 +202,7 @@ struct AssignRow<'a> {
     vectors: &'a Tensor,
     products: &'a Tensor,
     y: usize,
+    scaled: bool,
     bias: &'a [f32],
     assignments: &'a mut [f32],
     norms: &'a mut [f32],
@@ -213,7 +218,11 @@ impl PlainKernel for AssignRow<'_> {
             .chunks_exact_mut(self.bias.len())
             .zip(self.norms);
         for (x, (row, norm)) in rows.enumerate() {
-            *norm = inverse_norm(self.vectors.pixel(self.y, x));
+            *norm = if self.scaled {
+                inverse_norm(self.vectors.pixel(self.y, x))
+            } else {
+                1.0
+            };
             let products = self.products.pixel(self.y, x);
             for ((v, product), bias) in row.iter_mut().zip(products).zip(self.bias) {
                 *v = product * *norm + bias;

@@ -1,6 +1,7 @@
 //! Errors of training.
 
 use grimnet_net::NetError;
+use grimnet_output::OutputError;
 use std::path::PathBuf;
 
 /// An error of this crate.
@@ -10,6 +11,9 @@ pub enum TrainError {
     /// A file or folder cannot be read or written. The message names it.
     #[error(transparent)]
     Io(#[from] std::io::Error),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// A value in the configuration is not usable.
     #[error("training configuration: {reason}")]
     Config {

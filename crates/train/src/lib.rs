@@ -5,7 +5,6 @@
 //! with their own CPU kernels), [`data`] (training pairs), `run` (the training loop), `measure` (validation and export), and
 //! [`import`] (weights of other programs).
 
-mod aside;
 mod config;
 pub mod data;
 mod error;
@@ -14,6 +13,7 @@ pub mod loss;
 mod measure;
 mod model;
 pub mod ops;
+mod output;
 mod run;
 #[cfg(test)]
 mod test_numbers;

@@ -86,6 +86,7 @@ fn heatmap(probabilities: &[f32]) -> Vec<f32> {
 #[case::compact(NetSpec::compact())]
 #[case::vgg16(NetSpec::vgg16())]
 #[case::vgg16_lateral(NetSpec::vgg16_lateral())]
+#[case::vgg16_paper(NetSpec::vgg16_paper())]
 fn both_domains_are_the_engines(#[case] spec: NetSpec) {
     let device = Device::flex();
     let start = Model::random(&spec, 3).unwrap();

@@ -1,45 +1,38 @@
-//! What can go wrong when a world is placed on the globe or written to disk.
+//! Errors of placing a world on the globe and of writing its files.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+
+use grimnet_output::OutputError;
 
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum WorldError {
     /// A file could not be written.
-    #[error("cannot write {path}: {source}; check the folder, its permissions and the free space")]
-    Write {
-        /// The file.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The picture could not be encoded.
+    #[error(transparent)]
+    Output(#[from] OutputError),
+    /// A picture or table could not be encoded.
     #[error("cannot encode {path}: {reason}")]
     Encode {
         /// The file.
         path: PathBuf,
-        /// What the encoder said.
+        /// The encoder's message.
         reason: String,
     },
-    /// The place cannot be expressed in a UTM zone.
+    /// A place cannot be expressed in a UTM zone.
     #[error("cannot place the world at longitude {lon_deg}, latitude {lat_deg}: {reason}")]
     Place {
-        /// Degrees east.
+        /// Degrees east; NaN if not known.
         lon_deg: f64,
-        /// Degrees north.
+        /// Degrees north; NaN if not known.
         lat_deg: f64,
-        /// What is wrong with it.
+        /// Why not.
         reason: String,
     },
 }
 
 impl WorldError {
-    pub(crate) fn write(path: &std::path::Path) -> impl FnOnce(std::io::Error) -> Self {
-        let path = path.to_path_buf();
-        move |source| Self::Write { path, source }
-    }
-
-    pub(crate) fn encode(path: &std::path::Path, reason: impl std::fmt::Display) -> Self {
+    pub(crate) fn encode(path: &Path, reason: impl std::fmt::Display) -> Self {
         Self::Encode {
             path: path.to_path_buf(),
             reason: reason.to_string(),

@@ -3,6 +3,7 @@
 use std::io::{BufWriter, Seek, Write};
 use std::path::Path;
 
+use grimnet_output::AtomicFile;
 use image::RgbImage;
 use rayon::prelude::*;
 use tiff::TiffResult;
@@ -23,7 +24,7 @@ const GEO_ASCII_PARAMS: u16 = 34737;
 /// system `epsg` (metres); `gsd_m` the side of a pixel.
 ///
 /// # Errors
-/// [`WorldError::Write`] or [`WorldError::Encode`], naming the file.
+/// [`WorldError::Output`] or [`WorldError::Encode`], naming the file.
 pub fn write_geotiff(
     path: &Path,
     image: &RgbImage,
@@ -33,21 +34,14 @@ pub fn write_geotiff(
 ) -> Result<(), WorldError> {
     let (width, height) = image.dimensions();
     let (columns, rows) = (width.div_ceil(TILE_PX), height.div_ceil(TILE_PX));
+    let encode = |error: tiff::TiffError| WorldError::encode(path, error);
     let tiles: Vec<Vec<u8>> = (0..columns * rows)
         .into_par_iter()
         .map(|t| deflate(&tile(image, t % columns * TILE_PX, t / columns * TILE_PX)))
         .collect::<Result<_, _>>()
-        .map_err(WorldError::write(path))?;
+        .map_err(|error| WorldError::encode(path, error))?;
 
-    let file = fs_err::File::create(path).map_err(WorldError::write(path))?;
-    let mut out = BufWriter::new(file);
-    let encode = |e: tiff::TiffError| match e {
-        tiff::TiffError::IoError(source) => WorldError::Write {
-            path: path.to_path_buf(),
-            source,
-        },
-        other => WorldError::encode(path, other),
-    };
+    let mut out = BufWriter::new(AtomicFile::create(path)?);
     let mut encoder = TiffEncoder::new(&mut out).map_err(encode)?;
     let mut directory = encoder.image_directory().map_err(encode)?;
     let mut offsets = Vec::with_capacity(tiles.len());
@@ -60,7 +54,10 @@ pub fn write_geotiff(
     write_raster_tags(&mut directory, [width, height], &offsets, &sizes).map_err(encode)?;
     write_geo_tags(&mut directory, gsd_m, north_west_m, epsg).map_err(encode)?;
     directory.finish().map_err(encode)?;
-    out.flush().map_err(WorldError::write(path))
+    let file = out
+        .into_inner()
+        .map_err(|error| WorldError::encode(path, error.into_error()))?;
+    Ok(file.commit()?)
 }
 
 fn write_raster_tags<W: Write + Seek, K: TiffKind>(
@@ -110,7 +107,7 @@ fn write_geo_tags<W: Write + Seek, K: TiffKind>(
     Ok(())
 }
 
-/// One tile's bytes; beyond the picture its border is repeated.
+/// The bytes of a tile; pixels beyond the picture repeat its border.
 fn tile(image: &RgbImage, x0: u32, y0: u32) -> Vec<u8> {
     let (width, height) = image.dimensions();
     let mut bytes = Vec::with_capacity((TILE_PX * TILE_PX * 3) as usize);

@@ -1,14 +1,16 @@
-//! JPEG photos with the metadata of a DJI drone: EXIF (CIPA DC-008) and XMP, written by hand.
+//! JPEG photos with the metadata of a DJI drone: EXIF (CIPA DC-008) and XMP.
 
 use std::path::Path;
 
+use grimnet_output::write_bytes_atomic;
 use image::{ExtendedColorType, RgbImage};
+use img_parts::jpeg::{Jpeg, JpegSegment, markers};
 
 use crate::camera::{Camera, Pose};
 use crate::error::WorldError;
 use crate::placement::Placement;
 
-/// What a photo says about how it was taken.
+/// The metadata of a photo.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PhotoTags {
     /// GPS latitude of the camera, degrees north.
@@ -27,15 +29,15 @@ pub struct PhotoTags {
     pub gimbal_roll_deg: f64,
     /// Direction of the aircraft's nose, degrees clockwise from true north, -180 to 180.
     pub flight_yaw_deg: f64,
-    /// Of the lens, millimetres.
+    /// Focal length of the lens, millimetres.
     pub focal_length_mm: f64,
-    /// Equivalent on 36 x 24 mm film, millimetres.
+    /// Focal length with the same field of view on 36 x 24 mm film, millimetres.
     pub focal_35mm: f64,
-    /// In pixels of this picture.
+    /// Focal length in pixels of this picture.
     pub calibrated_focal_px: f64,
-    /// Maker of the camera.
+    /// Manufacturer of the camera.
     pub make: String,
-    /// Its model.
+    /// Model of the camera.
     pub model: String,
     /// Local time, `YYYY:MM:DD HH:MM:SS`.
     pub taken: String,
@@ -47,8 +49,8 @@ fn signed_deg(angle_deg: f64) -> f64 {
 }
 
 impl PhotoTags {
-    /// The tags of a photo whose metadata claim `pose` (which may differ from the true one), over
-    /// ground `ground_altitude_m` above the sea.
+    /// The metadata for a reported `pose` (which may differ from the true one) over ground at `ground_altitude_m` above sea
+    /// level.
     ///
     /// # Errors
     /// As [`Placement::lonlat_from_world`].
@@ -82,11 +84,14 @@ impl PhotoTags {
     }
 }
 
-/// A directory of EXIF: entries, then the values that do not fit into them.
+/// An EXIF directory: entries, followed by the values that do not fit into them.
 #[derive(Default)]
 struct Directory {
     entries: Vec<(u16, u16, u32, Vec<u8>)>,
 }
+
+/// Longest content of a JPEG segment, whose two length bytes count themselves.
+const MOST_SEGMENT_BYTES: usize = 65_533;
 
 const ASCII: u16 = 2;
 const SHORT: u16 = 3;
@@ -137,7 +142,7 @@ impl Directory {
         (2 + 12 * self.entries.len() + 4 + extra) as u32
     }
 
-    /// Bytes of the directory when it starts at `offset` of the TIFF block.
+    /// Bytes of the directory at `offset` of the TIFF block.
     fn bytes(mut self, offset: u32) -> Vec<u8> {
         self.entries.sort_by_key(|e| e.0);
         let mut out = (self.entries.len() as u16).to_le_bytes().to_vec();
@@ -272,7 +277,7 @@ fn xmp_block(tags: &PhotoTags) -> Vec<u8> {
 /// Writes a JPEG of the given quality (1-100) that carries `tags` as EXIF and as DJI's XMP.
 ///
 /// # Errors
-/// [`WorldError::Write`] or [`WorldError::Encode`], naming the file.
+/// [`WorldError::Output`] or [`WorldError::Encode`], naming the file.
 pub fn write_jpeg_with_exif(
     path: &Path,
     image: &RgbImage,
@@ -288,29 +293,24 @@ pub fn write_jpeg_with_exif(
             ExtendedColorType::Rgb8,
         )
         .map_err(|e| WorldError::encode(path, e))?;
-    let mut out = vec![0xff, 0xd8];
-    for block in [
+    let mut jpeg =
+        Jpeg::from_bytes(plain.into()).map_err(|error| WorldError::encode(path, error))?;
+    // Cameras write no JFIF segment.
+    jpeg.segments_mut()
+        .retain(|segment| segment.marker() != markers::APP0);
+    let blocks = [
         exif_block(tags, image.width(), image.height()),
         xmp_block(tags),
-    ] {
-        let length = u16::try_from(block.len() + 2).map_err(|_| {
-            WorldError::encode(path, "metadata larger than a JPEG segment (64 KiB)")
-        })?;
-        out.extend([0xff, 0xe1]);
-        out.extend(length.to_be_bytes());
-        out.extend(block);
+    ];
+    for (at, block) in blocks.into_iter().enumerate() {
+        if block.len() > MOST_SEGMENT_BYTES {
+            return Err(WorldError::encode(
+                path,
+                "the metadata are larger than a JPEG segment (64 KiB)",
+            ));
+        }
+        let segment = JpegSegment::new_with_contents(markers::APP1, block.into());
+        jpeg.segments_mut().insert(at, segment);
     }
-    out.extend(without_jfif(&plain));
-    fs_err::write(path, out).map_err(WorldError::write(path))
-}
-
-/// The stream after SOI and, as cameras write it, without the JFIF segment.
-fn without_jfif(jpeg: &[u8]) -> &[u8] {
-    let rest = jpeg.get(2..).unwrap_or_default();
-    match rest {
-        [0xff, 0xe0, high, low, ..] => rest
-            .get(2 + usize::from(u16::from_be_bytes([*high, *low]))..)
-            .unwrap_or_default(),
-        _ => rest,
-    }
+    Ok(write_bytes_atomic(path, &jpeg.encoder().bytes())?)
 }

@@ -1,14 +1,15 @@
-//! `truth.csv`: where each photo's middle lies.
+//! `truth.csv`: the true position of each photo.
 
 use std::path::Path;
 
+use grimnet_output::write_bytes_atomic;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::{Camera, Pose, View};
 use crate::error::WorldError;
 use crate::placement::Placement;
 
-/// A line of `truth.csv`.
+/// A row of `truth.csv`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TruthRow {
     /// File name of the photo.
@@ -27,7 +28,7 @@ impl TruthRow {
     /// The truth of a photo taken at `pose`.
     ///
     /// # Errors
-    /// [`WorldError::Place`] if the picture's middle is not on the ground or off the projection.
+    /// [`WorldError::Place`] if the middle of the picture is above the horizon or outside the projection.
     pub fn new(
         photo: &str,
         pose: &Pose,
@@ -43,7 +44,7 @@ impl TruthRow {
             .ok_or_else(|| WorldError::Place {
                 lon_deg: f64::NAN,
                 lat_deg: f64::NAN,
-                reason: format!("{photo} does not look at the ground"),
+                reason: format!("the middle of {photo} is above the horizon"),
             })?;
         let [lon_deg, lat_deg] = placement.lonlat_from_world(ground)?;
         let heading_deg = (pose.heading_deg + placement.grid_north_deg(ground)?).rem_euclid(360.0);
@@ -60,7 +61,7 @@ impl TruthRow {
 /// Writes `photo,lat_deg,lon_deg,heading_deg,height_agl_m`.
 ///
 /// # Errors
-/// [`WorldError::Write`] or [`WorldError::Encode`], naming the file.
+/// [`WorldError::Output`] or [`WorldError::Encode`], naming the file.
 pub fn write_truth_csv(path: &Path, rows: &[TruthRow]) -> Result<(), WorldError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     for row in rows {
@@ -79,5 +80,5 @@ pub fn write_truth_csv(path: &Path, rows: &[TruthRow]) -> Result<(), WorldError>
         .map_err(|e| WorldError::encode(path, e))?;
     let mut bytes = b"photo,lat_deg,lon_deg,heading_deg,height_agl_m\n".to_vec();
     bytes.extend(body);
-    fs_err::write(path, bytes).map_err(WorldError::write(path))
+    Ok(write_bytes_atomic(path, &bytes)?)
 }

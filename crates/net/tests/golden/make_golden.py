@@ -9,7 +9,7 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from safetensors.numpy import save_file
-from network import Network, compact, fill, metadata, stored, tiny, vgg16
+from network import Network, compact, fill, metadata, stored, tiny, vgg16, vgg16_paper
 
 HEIGHT, WIDTH, THRESHOLD, RADIUS, MAX, MARGIN = 64, 96, 0.03, 2, 60, 4
 HERE = os.path.dirname(os.path.abspath(__file__))
@@ -55,6 +55,7 @@ def main():
     cases = {
         'tiny_compact': (tiny(compact(), (4, 8, 16, 20, 24), 16, 6, 32), 'uav'),
         'tiny_vgg16': (tiny(vgg16(), (4, 8, 12, 16, 24), 20, 5, 0), 'sat'),
+        'tiny_vgg16_paper': (tiny(vgg16_paper(), (4, 8, 12, 16, 24), 20, 5, 0), 'sat'),
         'compact': (compact(), 'sat'),
         'vgg16': (vgg16(), 'uav'),
     }

@@ -28,6 +28,13 @@ def vgg16():
     }
 
 
+def vgg16_paper():
+    "As published: transposed convolutions alone (eq. 4), NetVLAD on the features as they are (eq. 5-6)."
+    spec = vgg16()
+    return {**spec, 'preset': 'vgg16-paper', 'decoder': {'transposed_plain': {'width': 512}},
+            'vlad': {**spec['vlad'], 'input': 'deepest_unscaled'}}
+
+
 def tiny(spec, widths, decoder, clusters, global_dim):
     "The same network with narrow layers."
     for stage, width in zip(spec['stages'], widths):
@@ -62,7 +69,10 @@ def parameters(spec):
     else:
         for i, n in enumerate((c, w)):
             out[f'upsample.{i}.weight'] = [n, w, 4, 4]
-            norm(f'upsample.{i}', w)
+            if kind == 'transposed_plain':
+                out[f'upsample.{i}.bias'] = [w]
+            else:
+                norm(f'upsample.{i}', w)
     k = 1 if kind == 'lateral' else 3
     out['descriptor.weight'], out['descriptor.bias'] = [d, w, k, k], [d]
     if spec['keypoints'] == 'from_decoder':
@@ -74,7 +84,7 @@ def parameters(spec):
             norm(f'keypoint.{i}', head['width'])
             n = head['width']
         out['keypoint.out.weight'], out['keypoint.out.bias'] = [65, n, 1, 1], [65]
-    K, D = spec['vlad']['clusters'], c if spec['vlad']['input'] == 'deepest' else d
+    K, D = spec['vlad']['clusters'], c if spec['vlad']['input'].startswith('deepest') else d
     out['netvlad.assign.weight'], out['netvlad.assign.bias'], out['netvlad.centres'] = [K, D], [K], [K, D]
     if spec['global_dim'] not in (0, K * D):
         out['whitening.mean'], out['whitening.projection'] = [K * D], [spec['global_dim'], K * D]
@@ -169,7 +179,10 @@ class Network(torch.nn.Module):
         else:
             u = x
             for i in range(2):
-                u = self.norm(F.conv_transpose2d(u, self.value(f'upsample.{i}.weight'), None, 2, 1), f'upsample.{i}')
+                plain = 'transposed_plain' in spec['decoder']
+                bias = self.value(f'upsample.{i}.bias') if plain else None
+                u = F.conv_transpose2d(u, self.value(f'upsample.{i}.weight'), bias, 2, 1)
+                u = u if plain else self.norm(u, f'upsample.{i}')
         descriptors = self.conv(u, 'descriptor')
         if spec['keypoints'] == 'from_decoder':
             logits = self.conv(u, 'keypoint')
@@ -177,10 +190,10 @@ class Network(torch.nn.Module):
             for i in range(spec['keypoints']['from_grey']['layers']):
                 grey = self.norm(self.conv(grey, f'keypoint.{i}'), f'keypoint.{i}')
             logits = self.conv(grey, 'keypoint.out')
-        return logits, descriptors, self.vlad(x if spec['vlad']['input'] == 'deepest' else descriptors)
+        return logits, descriptors, self.vlad(x if spec['vlad']['input'].startswith('deepest') else descriptors)
 
     def vlad(self, x):
-        u = F.normalize(x, dim=1)
+        u = x if self.spec['vlad']['input'] == 'deepest_unscaled' else F.normalize(x, dim=1)
         a = F.conv2d(u, self.value('netvlad.assign.weight')[..., None, None], self.value('netvlad.assign.bias')).softmax(1)
         if self.mask is not None:
             a = a * self.seen(x)

@@ -26,7 +26,7 @@ use std::path::{Path, PathBuf};
 pub struct TrainConfig {
     /// What is trained. Each stage has its own output folder and starts from the previous one with `start_from`.
     pub stage: Stage,
-    /// Network preset: `compact`, `vgg16` or `vgg16-lateral`, or one of the variants that [`NetSpec::preset`] lists.
+    /// Network preset: `compact`, `vgg16`, `vgg16-lateral` or `vgg16-paper` ([`NetSpec::presets`]).
     pub network: String,
     /// The device that computes.
     pub device: Accelerator,
@@ -178,7 +178,7 @@ impl TrainConfig {
     pub fn spec(&self) -> Result<NetSpec, TrainError> {
         NetSpec::preset(&self.network).ok_or_else(|| TrainError::Config {
             reason: format!(
-                "`network = \"{}\"`: unknown preset; use compact, vgg16 or vgg16-lateral",
+                "`network = \"{}\"`: unknown preset; use compact, vgg16, vgg16-lateral or vgg16-paper",
                 self.network
             ),
         })

@@ -26,7 +26,7 @@ impl TrainConfig {
     /// project's. Data folders and the initial ImageNet weights are for the user to set.
     pub fn paper() -> Self {
         Self {
-            network: "vgg16".into(),
+            network: "vgg16-paper".into(),
             learning_rate: 1e-3,
             encoder_rate: 0.1,
             adam: AdamOptions::pytorch(),
@@ -80,6 +80,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grimnet_net::{Decoder, KeypointHead, VladInput};
 
     /// The values that the paper gives, copied from its text.
     #[test]
@@ -115,12 +116,19 @@ mod tests {
         assert_eq!(recipe.clip, f32::INFINITY);
         assert_eq!(recipe.average_decay, 0.0);
         // Section 3.5.1: labels as SuperPoint's, by homographic adaptation; threshold as at inference.
-        let labels = recipe.labels.unwrap();
+        let labels = recipe.labels.as_ref().unwrap();
         assert_eq!(labels.threshold, 0.015);
         assert_eq!(labels.views, 100);
         // Section 3.3: VGG-16, five poolings, 13 convolutions; two transposed convolutions of 512 channels; 64 clusters on the
         // deepest features; 512 values after whitening.
-        assert_eq!(recipe.network, "vgg16");
+        let network = recipe.spec().unwrap();
+        let layers: Vec<usize> = network.stages.iter().map(|s| s.widths.len()).collect();
+        assert_eq!(layers, [2, 2, 3, 3, 3]);
+        assert_eq!(network.decoder, Decoder::TransposedPlain { width: 512 });
+        assert_eq!(network.keypoints, KeypointHead::FromDecoder);
+        assert_eq!(network.descriptor_dim, 256);
+        assert_eq!(network.vlad.input, VladInput::DeepestUnscaled);
+        assert_eq!((network.vlad.clusters, network.global_dim), (64, 512));
     }
 
     #[test]

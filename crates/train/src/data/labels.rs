@@ -5,7 +5,7 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use std::path::Path;
 
 /// Keypoints of a picture for each level of its pyramid, the strongest first: x and y in pixels of the whole picture (pixel
-/// centres at integers), and the mean probability that the detector gave them.
+/// centres at integers), and the mean probability of the detector.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Labels {
     /// By level, the picture itself first.
@@ -17,7 +17,7 @@ fn level_name(level: usize) -> String {
 }
 
 impl Labels {
-    /// Writes them beside `path` and renames, so that a file is whole or absent: for each level a tensor `level.N` of n x 3.
+    /// Writes the file atomically: a tensor `level.N` of n x 3 values for each level.
     ///
     /// # Errors
     /// [`TrainError::Io`], [`TrainError::Labels`].
@@ -44,13 +44,13 @@ impl Labels {
             .collect::<Result<_, safetensors::SafeTensorError>>()
             .map_err(|error| wrong(path, &error))?;
         let file = safetensors::serialize(views, None).map_err(|error| wrong(path, &error))?;
-        crate::aside::write_aside(path, &file)
+        crate::output::write_file(path, &file)
     }
 
-    /// Reads them back.
+    /// Reads a file.
     ///
     /// # Errors
-    /// [`TrainError::Io`]; [`TrainError::Labels`] for a damaged file.
+    /// [`TrainError::Io`]; [`TrainError::Labels`] if the file is damaged.
     pub fn open(path: &Path) -> Result<Self, TrainError> {
         let bytes = fs_err::read(path)?;
         let tensors = SafeTensors::deserialize(&bytes).map_err(|error| wrong(path, &error))?;
@@ -66,7 +66,7 @@ impl Labels {
         Ok(Self { levels })
     }
 
-    /// The places alone.
+    /// The points without their probabilities.
     pub fn into_points(self) -> Vec<Vec<[f32; 2]>> {
         let places = |points: Vec<[f32; 3]>| points.into_iter().map(|[x, y, _]| [x, y]).collect();
         self.levels.into_iter().map(places).collect()
@@ -76,7 +76,7 @@ impl Labels {
 fn wrong(path: &Path, error: &safetensors::SafeTensorError) -> TrainError {
     TrainError::Labels {
         reason: format!(
-            "{}: {error}; delete it and make the labels again",
+            "{}: {error}; delete the file and label the picture again",
             path.display()
         ),
     }

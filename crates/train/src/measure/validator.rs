@@ -6,6 +6,7 @@ use crate::error::TrainError;
 use crate::measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
 use crate::measure::validation::{PairOutputs, Validation, pairs_of, validation_options};
 use crate::model::input::Norms;
+use crate::output::write_file;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::data::Data;
 use grimnet_net::{Card, Model};
@@ -160,10 +161,7 @@ impl Validator {
             ));
             out.push(((*name).to_owned(), figures));
         }
-        if let Some(folder) = self.path.parent() {
-            fs_err::create_dir_all(folder)?;
-        }
-        fs_err::write(&self.path, text)?;
+        write_file(&self.path, text.as_bytes())?;
         Ok(out)
     }
 

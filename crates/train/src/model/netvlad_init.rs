@@ -7,13 +7,14 @@ use grimnet_net::KMeans;
 
 /// Iterations of k-means.
 const ITERATIONS: usize = 12;
-/// The assignment weights are the centres multiplied by this factor.
+/// Sharpness of the soft assignment: the assignment weights are the centres multiplied by this factor, for vectors of unit
+/// length.
 const SHARPNESS: f32 = 20.0;
 
-/// Sets NetVLAD's centres and assignment by spherical k-means.
+/// Sets NetVLAD's centres and assignment by k-means, spherical if it scales its input to unit length.
 ///
 /// # Shapes
-/// `vectors` `[n, dim]`, rows of unit length.
+/// `vectors` `[n, dim]`: what NetVLAD aggregates, with rows of unit length if it scales them.
 ///
 /// # Errors
 /// Returns an error if there are fewer vectors than clusters, or values cannot be read from the device.
@@ -24,6 +25,7 @@ pub(crate) fn init_netvlad(
 ) -> Result<(), TrainError> {
     let [count, dim] = vectors.dims();
     let clusters = parameters.spec().vlad.clusters;
+    let scaled = parameters.spec().vlad.input.is_scaled();
     if count < clusters {
         return Err(TrainError::Config {
             reason: format!(
@@ -34,12 +36,23 @@ pub(crate) fn init_netvlad(
     let k_means = KMeans {
         clusters,
         iterations: ITERATIONS,
-        spherical: true,
+        spherical: scaled,
         seed,
     };
-    let centres = k_means.run(&host(vectors)?, dim);
-    let sharp = centres.iter().map(|v| v * SHARPNESS).collect();
-    parameters.set_from_host("netvlad.assign.weight", sharp)?;
-    parameters.set_from_host("netvlad.assign.bias", vec![0.0; clusters])?;
+    let vectors = host(vectors)?;
+    let centres = k_means.run(&vectors, dim);
+    let (weight, bias) = if scaled {
+        let weight = centres.iter().map(|v| v * SHARPNESS).collect();
+        (weight, vec![0.0; clusters])
+    } else {
+        // softmax(-a |x - c|^2) = softmax(2 a c x - a |c|^2), with `a` relative to the mean squared length.
+        let squares: f32 = vectors.iter().map(|v| v * v).sum();
+        let a = 0.5 * SHARPNESS * count as f32 / squares.max(f32::MIN_POSITIVE);
+        let square = |c: &[f32]| c.iter().map(|v| v * v).sum::<f32>();
+        let bias = centres.chunks_exact(dim).map(|c| -a * square(c)).collect();
+        (centres.iter().map(|v| 2.0 * a * v).collect(), bias)
+    };
+    parameters.set_from_host("netvlad.assign.weight", weight)?;
+    parameters.set_from_host("netvlad.assign.bias", bias)?;
     parameters.set_from_host("netvlad.centres", centres)
 }

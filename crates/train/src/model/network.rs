@@ -59,7 +59,9 @@ impl<'a> Network<'a> {
         let features = self.decode(&stages, &input.parts)?;
         let descriptors = match self.spec().decoder {
             Decoder::Lateral { .. } => self.linear("descriptor", features.clone())?,
-            Decoder::Transposed { .. } => self.conv_with_bias("descriptor", features.clone())?,
+            Decoder::Transposed { .. } | Decoder::TransposedPlain { .. } => {
+                self.conv_with_bias("descriptor", features.clone())?
+            }
         };
         let keypoints = match self.spec().keypoints {
             KeypointHead::FromGrey { layers, .. } => self.keypoints_from_grey(input, layers)?,
@@ -68,7 +70,9 @@ impl<'a> Network<'a> {
         let [n, h, w, _] = keypoints.dims();
         let (vectors, seen) = match self.spec().vlad.input {
             VladInput::Descriptors => (descriptors.clone(), input.seen.clone()),
-            VladInput::Deepest => (deepest(stages)?, coarse_mask(&input.seen, n, h, w)),
+            VladInput::Deepest | VladInput::DeepestUnscaled => {
+                (deepest(stages)?, coarse_mask(&input.seen, n, h, w))
+            }
         };
         let vectors = if with_global {
             vectors
@@ -161,14 +165,33 @@ impl<'a> Network<'a> {
             Decoder::Transposed { .. } => {
                 let mut x = h32.clone();
                 for name in ["upsample.0", "upsample.1"] {
-                    let weight = self.parameters.shaped::<4>(&format!("{name}.weight"))?;
-                    let options = ConvTransposeOptions::new([2, 2], [1, 1], [0, 0], [1, 1], 1);
-                    let y = conv_transpose2d(x.permute([0, 3, 1, 2]), weight, None, options);
-                    x = self.norm(name, y.permute([0, 2, 3, 1]), parts)?;
+                    let y = self.transposed(name, x, None)?;
+                    x = self.norm(name, y, parts)?;
+                }
+                Ok(x)
+            }
+            Decoder::TransposedPlain { .. } => {
+                let mut x = h32.clone();
+                for name in ["upsample.0", "upsample.1"] {
+                    let bias = self.parameters.flat(&format!("{name}.bias"))?;
+                    x = self.transposed(name, x, Some(bias))?;
                 }
                 Ok(x)
             }
         }
+    }
+
+    /// 4x4 transposed convolution, stride 2, padding 1.
+    fn transposed(
+        &self,
+        name: &str,
+        x: Tensor<4>,
+        bias: Option<Tensor<1>>,
+    ) -> Result<Tensor<4>, TrainError> {
+        let weight = self.parameters.shaped::<4>(&format!("{name}.weight"))?;
+        let options = ConvTransposeOptions::new([2, 2], [1, 1], [0, 0], [1, 1], 1);
+        let y = conv_transpose2d(x.permute([0, 3, 1, 2]), weight, bias, options);
+        Ok(y.permute([0, 2, 3, 1]))
     }
 
     fn keypoints_from_grey(

@@ -21,17 +21,22 @@ pub(super) fn net_vlad(
     seen: Tensor<3>,
 ) -> Result<Tensor<2>, TrainError> {
     let [n, h, w, d] = x.dims();
-    let unit = unit_rows(x.reshape([n * h * w, d]));
+    let rows = x.reshape([n * h * w, d]);
+    let vectors = if parameters.spec().vlad.input.is_scaled() {
+        unit_rows(rows)
+    } else {
+        rows
+    };
     let weight = parameters.shaped::<2>("netvlad.assign.weight")?;
     let bias = parameters.flat("netvlad.assign.bias")?;
     let centres = parameters.shaped::<2>("netvlad.centres")?;
     let k = weight.dims()[0];
-    let logits = unit.clone().matmul(weight.transpose()) + bias.unsqueeze::<2>();
+    let logits = vectors.clone().matmul(weight.transpose()) + bias.unsqueeze::<2>();
     let share = softmax(logits, 1).reshape([n, h * w, k]) * seen;
     let sums = share
         .clone()
         .swap_dims(1, 2)
-        .matmul(unit.reshape([n, h * w, d]));
+        .matmul(vectors.reshape([n, h * w, d]));
     let mass = share.sum_dim(1).swap_dims(1, 2);
     let residuals = sums - mass * centres.unsqueeze::<3>();
     let rows = unit_rows(residuals.reshape([n * k, d])).reshape([n, k * d]);

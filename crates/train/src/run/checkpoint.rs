@@ -1,9 +1,9 @@
 //! Checkpoints: everything needed to resume training, in one safetensors file that is replaced atomically.
 
-use crate::aside::write_aside;
 use crate::config::Stage;
 use crate::error::TrainError;
 use crate::model::parameters::{Parameters, host};
+use crate::output::write_file;
 use crate::run::optimiser::Adam;
 use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::{Card, Model, NetSpec};
@@ -100,7 +100,7 @@ impl Checkpoint {
             .map_err(|error| wrong(error.to_string()))?;
         let bytes = safetensors::serialize(views, Some(metadata))
             .map_err(|error| wrong(error.to_string()))?;
-        write_aside(path, &bytes)
+        write_file(path, &bytes)
     }
 
     /// Whether the header of a file is that of a checkpoint. The tensors are not read, so that the file may be damaged.

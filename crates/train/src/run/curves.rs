@@ -1,6 +1,7 @@
 //! Training curves: a CSV file with a row for each report, and a plot of it as SVG.
 
 use crate::error::TrainError;
+use crate::output::write_file;
 use crate::run::losses::Losses;
 use crate::run::trainer::Progress;
 use std::fmt::Write as _;
@@ -96,12 +97,8 @@ impl Curves {
             text.push_str(&values.join(","));
             text.push('\n');
         }
-        if let Some(folder) = self.path.parent() {
-            fs_err::create_dir_all(folder)?;
-        }
-        fs_err::write(&self.path, text)?;
-        fs_err::write(self.path.with_extension("svg"), self.svg())?;
-        Ok(())
+        write_file(&self.path, text.as_bytes())?;
+        write_file(&self.path.with_extension("svg"), self.svg().as_bytes())
     }
 
     /// The losses over the steps; losses that are always 0 are not drawn.

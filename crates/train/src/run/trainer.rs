@@ -271,6 +271,7 @@ impl Trainer {
     /// Initialises NetVLAD from the vectors of map views.
     fn init_netvlad(&mut self) -> Result<(), TrainError> {
         let mut all = Vec::new();
+        let scaled = self.state.parameters.spec().vlad.input.is_scaled();
         for i in 0..CENTRE_BATCHES {
             let batch = batch_of(
                 &self.sources,
@@ -290,12 +291,9 @@ impl Trainer {
             let output =
                 Network::new(&self.state.parameters, Statistics::Batch).forward(&input, false)?;
             let [_, h, w, d] = output.aggregated.dims();
-            all.push(unit_rows(
-                output
-                    .aggregated
-                    .narrow(0, 0, batch.len())
-                    .reshape([batch.len() * h * w, d]),
-            ));
+            let vectors = output.aggregated.narrow(0, 0, batch.len());
+            let vectors = vectors.reshape([batch.len() * h * w, d]);
+            all.push(if scaled { unit_rows(vectors) } else { vectors });
         }
         init_netvlad(
             &mut self.state.parameters,

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use grimnet_geo::{LonLat, distance_m, offset_en_m};
-use grimnet_locate::covariance::radius;
+use grimnet_locate::internals::covariance::radius;
 use nalgebra::Matrix2;
 use serde::Serialize;
 

@@ -74,7 +74,7 @@ fn photos_are_written_once_and_say_how_they_were_taken() {
     let scene = golden().join("Scene_07");
     read(&scene, None, photos.path()).unwrap();
     let path = photos.path().join("L07_0002.jpg");
-    let photo = Photo::open(&path).unwrap();
+    let photo = Photo::open_full(&path).unwrap();
     assert_eq!(photo.image.dimensions(), (64, 48));
     assert_eq!(photo.metadata.calibrated_focal_px, Some(50.0));
     assert_eq!(photo.metadata.gimbal_pitch_deg, Some(-50.0));

@@ -7,7 +7,7 @@ use std::path::Path;
 use grimnet_eval::metrics::{Frame, ScoredFix, Summary};
 use grimnet_eval::rank_distance::{FrameDistances, RankDistance, TileDistance};
 use grimnet_geo::{LonLat, destination};
-use grimnet_locate::covariance::radius95;
+use grimnet_locate::internals::covariance::radius95;
 use nalgebra::Matrix2;
 
 const TRUTH: LonLat = LonLat {

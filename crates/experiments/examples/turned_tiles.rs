@@ -149,7 +149,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     ] {
         let mut ranks = Vec::new();
         for shot in &scene.shots {
-            let view = shot.photo.view(&shot.prior(false).overrides());
+            let view = shot.photo.view(&shot.prior(false).view);
             let width_m = view
                 .footprint
                 .map_or(width_m, |footprint| footprint.width_m);

@@ -96,7 +96,7 @@ impl Scene {
             .shots
             .iter()
             .filter_map(|shot| {
-                let view = shot.photo.view(&shot.prior(true).overrides());
+                let view = shot.photo.view(&shot.prior(true).view);
                 Some(view.footprint?.width_m)
             })
             .collect();
@@ -113,7 +113,7 @@ fn shot(
     let Some((lat_deg, lon_deg)) = frame.centre_lat_lon_deg.or(frame.gps_lat_lon_deg) else {
         return Ok(None);
     };
-    let photo = Photo::open_for_query(path)?;
+    let photo = Photo::open(path)?;
     Ok(Some(Shot {
         gsd_m: footprint_width_m.map(|width_m| width_m / f64::from(photo.full_size_px.0)),
         name: frame.photo,

@@ -4,13 +4,13 @@
 
 use grimnet_geo::{GeoError, Georeference, LevelFrame, LevelPx, LonLat, Raster};
 use grimnet_kernels::Isa;
-use grimnet_locate::correspondence::Correspondence;
-use grimnet_locate::matching::{Descriptors, Matcher, MatchingError};
-use grimnet_locate::solve::{Expected, solve};
-use grimnet_locate::transform::Transform;
+use grimnet_locate::internals::correspondence::Correspondence;
+use grimnet_locate::internals::estimation::estimate;
+use grimnet_locate::internals::matching::{Descriptors, Matcher, MatchingError};
+use grimnet_locate::internals::transform::Transform;
 use grimnet_locate::{GeometryModel, Options, Prior};
 use grimnet_pack::Level;
-use grimnet_photo::{Photo, PhotoError, QueryOptions};
+use grimnet_photo::{Photo, PhotoError, QueryOptions, QueryPx};
 use image::imageops::grayscale;
 use image::{GrayImage, Luma};
 use nalgebra::Point2;
@@ -113,7 +113,7 @@ impl SiftMap {
         prior: &Prior,
         among: Option<&[usize]>,
     ) -> Result<Option<SiftFix>, SiftMapError> {
-        let view = photo.view(&prior.overrides());
+        let view = photo.view(&prior.view);
         let Some(footprint) = view.footprint else {
             return Err(SiftMapError::NoScale(photo.path.display().to_string()));
         };
@@ -162,7 +162,7 @@ impl SiftMap {
         &self,
         query: &SiftFeatures,
         tile: usize,
-        centre: [f64; 2],
+        centre: QueryPx,
     ) -> Result<Option<(usize, [f64; 2])>, SiftMapError> {
         let tile = &self.tiles[tile];
         let mut matches = Vec::new();
@@ -190,20 +190,19 @@ impl SiftMap {
             .map(|m| Correspondence::new(point(query, m.query), point(&tile.features, m.tile)))
             .collect();
         // SIFT knows its orientations: any rotation may come out.
-        let expected = Expected {
-            max_rotation_rad: f64::INFINITY,
-        };
         let options = Options {
             geometry: GeometryModel::Similarity,
             ..Options::default()
         };
-        Ok(solve(&pairs, expected, &options).and_then(|solved| {
-            let at = solved.homography.map(Point2::from(centre))?;
-            Some((
-                solved.inliers.len(),
-                [at.x + tile.origin_px[0], at.y + tile.origin_px[1]],
-            ))
-        }))
+        Ok(
+            estimate(&pairs, &options.estimation(f64::INFINITY)).and_then(|solved| {
+                let at = solved.homography.map(Point2::new(centre.x, centre.y))?;
+                Some((
+                    solved.inliers.len(),
+                    [at.x + tile.origin_px[0], at.y + tile.origin_px[1]],
+                ))
+            }),
+        )
     }
 }
 

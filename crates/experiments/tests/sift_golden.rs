@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_experiments::sift::{DESCRIPTOR_DIM, SiftFeatures, SiftKeypoint, SiftOptions, sift};
 use grimnet_kernels::Isa;
-use grimnet_locate::matching::{Descriptors, Matcher};
+use grimnet_locate::internals::matching::{Descriptors, Matcher};
 
 fn golden(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

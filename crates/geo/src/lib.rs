@@ -41,7 +41,6 @@ mod level_px;
 mod map_px;
 mod metres;
 mod open;
-mod paper_equations;
 mod picture;
 mod raster;
 mod resample;
@@ -64,5 +63,4 @@ pub use metres::{
     LonLat, bearing_deg, destination, destination_en_m, distance_m, offset_en_m, wrap_longitude_deg,
 };
 pub use open::{MapOptions, open_map};
-pub use paper_equations::{PaperCorners, PaperTile};
 pub use raster::{Raster, RasterPatch};

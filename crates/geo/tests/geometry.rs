@@ -2,8 +2,7 @@
 
 use approx::assert_relative_eq;
 use grimnet_geo::{
-    Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, PaperCorners, PaperTile,
-    bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
+    Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
 };
 use proptest::prelude::*;
 
@@ -103,58 +102,6 @@ proptest! {
         prop_assert!((distance_m(from, to) - length).abs() < 1e-6);
         let (east, north) = offset_en_m(from, to);
         prop_assert!(distance_m(destination_en_m(from, east, north), to) < 1e-6);
-    }
-}
-
-#[test]
-fn equations_2_22_and_23_by_hand() {
-    let map = PaperCorners {
-        lower_left: LonLat::new(-2.30, 53.40),
-        upper_right: LonLat::new(-2.20, 53.48),
-        map_width_px: 10_000.0,
-        map_height_px: 8_000.0,
-    };
-    // (2a): -2.30 + (3 * 256 + 256) / 10000 * 0.10 = -2.30 + 0.01024;
-    // (2b): 53.48 - (2 * 256 + 256) / 8000 * 0.08 = 53.48 - 0.00768.
-    let centre = map.tile_centre(PaperTile { row: 2, column: 3 }, 512.0, 256.0);
-    assert_relative_eq!(centre.lon_deg, -2.28976, epsilon = 1e-12);
-    assert_relative_eq!(centre.lat_deg, 53.47232, epsilon = 1e-12);
-    // (22): (200, 80) of 320 x 320 is (320, 128) of 512 x 512.
-    let px = PaperCorners::tile_px_from_processing_px((200.0, 80.0), 320.0, 320.0, 512.0);
-    assert_eq!(px, (320.0, 128.0));
-    // And of 640 x 320: (160, 128).
-    let wide = PaperCorners::tile_px_from_processing_px((200.0, 80.0), 640.0, 320.0, 512.0);
-    assert_eq!(wide, (160.0, 128.0));
-    // (23): lon + (320/512 - 0.5) * 0.1 * 512/10000 = lon + 0.125 * 0.00512;
-    //       lat - (128/512 - 0.5) * 0.08 * 512/8000 = lat + 0.25 * 0.00512.
-    let place = map.lonlat_from_tile_px(centre, px, 512.0);
-    assert_relative_eq!(place.lon_deg, -2.28976 + 0.00064, epsilon = 1e-12);
-    assert_relative_eq!(place.lat_deg, 53.47232 + 0.00128, epsilon = 1e-12);
-}
-
-#[test]
-fn the_papers_equations_are_the_affine_of_the_corners() {
-    // Tile (i, j) and a point in it, the paper's way and through the georeference.
-    let (ll, ur) = (LonLat::new(120.70, 24.20), LonLat::new(120.73, 24.22));
-    let size = (6000, 4400);
-    let corners = grimnet_geo::Corners::new(ll, ur, size, "test", "").unwrap();
-    let map = Georeference::new(corners.affine(size).unwrap(), Crs::wgs84().unwrap(), size);
-    let paper = PaperCorners {
-        lower_left: ll,
-        upper_right: ur,
-        map_width_px: 6000.0,
-        map_height_px: 4400.0,
-    };
-    for (row, column, x, y) in [
-        (0, 0, 0.0, 0.0),
-        (3, 5, 100.0, 400.5),
-        (15, 21, 511.0, 256.0),
-    ] {
-        let centre = paper.tile_centre(PaperTile { row, column }, 512.0, 256.0);
-        let theirs = paper.lonlat_from_tile_px(centre, (x, y), 512.0);
-        let px = MapPx::new(column as f64 * 256.0 + x, row as f64 * 256.0 + y);
-        let ours = map.lonlat_from_map_px(px).unwrap();
-        assert!(distance_m(ours, theirs) < 1e-6);
     }
 }
 

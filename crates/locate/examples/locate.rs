@@ -19,7 +19,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     };
     let localizer = Localizer::new(Model::bundled()?, Pack::open(pack)?)?;
     for path in photos {
-        let photo = Photo::open_for_query(path)?;
+        let photo = Photo::open(path)?;
         match localizer.locate(&photo, &Prior::none())? {
             Outcome::Fix(fix) => {
                 let (lat, lon, radius) = (fix.lat_deg, fix.lon_deg, fix.radius95_m);

@@ -10,7 +10,7 @@ use std::error::Error;
 use std::io::Write;
 use std::time::Instant;
 
-use grimnet_locate::{HeadingPrior, Localizer, Outcome, Prior};
+use grimnet_locate::{HeadingPrior, Localizer, Outcome, Prior, ViewPrior};
 use grimnet_net::Model;
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
@@ -23,18 +23,21 @@ fn main() -> Result<(), Box<dyn Error>> {
     let localizer = Localizer::new(Model::bundled()?, Pack::open(pack)?)?;
     let decode = Instant::now();
     let photos = arguments
-        .map(Photo::open_for_query)
+        .map(Photo::open)
         .collect::<Result<Vec<Photo>, _>>()?;
     let decode_ms = decode.elapsed().as_secs_f64() * 1e3 / photos.len().max(1) as f64;
     let mut out = std::io::stdout();
     writeln!(out, "decoding: mean {decode_ms:.1} ms a photo")?;
     for (name, heading) in [
-        ("known", HeadingPrior::FromPhoto),
+        ("known", HeadingPrior::FromMetadata),
         ("unknown", HeadingPrior::Unknown),
     ] {
         let prior = Prior {
-            heading,
-            ..Prior::none()
+            view: ViewPrior {
+                heading,
+                ..ViewPrior::default()
+            },
+            near: None,
         };
         // The first photo warms up: it is measured again.
         if let Some(first) = photos.first() {

@@ -1,33 +1,34 @@
-//! How sure a fix is: what supports it, and the probability that the model's calibration gives that support.
+//! The confidence of a fix: its support in numbers, and the calibrated probability that it is right.
 
 use grimnet_net::Confidence;
 use serde::{Deserialize, Serialize};
 
-/// What a fix rests on, in numbers.
+/// The figures from which the confidence of a fix is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Support {
-    /// Matches that agree with the transform.
+    /// Number of matches that agree with the transform.
     pub inliers: usize,
-    /// Places of the photo that they lie in, see [`crate::gates::occupied_places`].
+    /// Number of grid cells of the photo that hold inliers. A cell is a twelfth of the photo's mean side wide.
     pub places: usize,
-    /// Matches.
+    /// Number of matches.
     pub matches: usize,
-    /// Matches that agree on the best answer at another place; 0 where there is none.
+    /// Number of inliers of the best candidate at another position; 0 if there is none.
     pub runner_up_inliers: usize,
-    /// Standard deviation of the inliers along their short axis over the photo's mean half side.
+    /// Standard deviation of the inliers along their short axis, over half the photo's mean side.
     pub spread: f64,
     /// Covariance of the centre from the inliers alone, before calibration, square metres: east-east, east-north,
     /// north-north.
     pub inlier_covariance_en_m2: [f64; 3],
 }
 
-/// Inliers that chance gives at some place of any map; a weaker runner-up says nothing.
+/// Number of inliers that occurs by chance at some position of any map; a runner-up below it is raised to it.
 const CHANCE_INLIERS: usize = 10;
-/// Below this the inliers lie on a line; keeps the logarithm finite.
+/// Smaller spreads are raised to this to keep the logarithm finite.
 const MIN_SPREAD: f64 = 1e-3;
 
 impl Support {
-    /// What the calibration weighs: log places, log of inliers over the runner-up's, log of inliers over matches, log spread.
+    /// The features of the logistic model: the logarithms of cells, of inliers over those of the runner-up, of inliers over
+    /// matches, and of spread.
     pub fn evidence(&self) -> [f64; 4] {
         let inliers = self.inliers.max(1) as f64;
         [
@@ -38,7 +39,7 @@ impl Support {
         ]
     }
 
-    /// Probability that a fix with this support is right, by a fitted model.
+    /// Probability that a fix with this support is right, by a fitted logistic model.
     pub fn confidence(&self, model: &Confidence) -> f64 {
         let weights = [
             model.log_places,
@@ -83,7 +84,7 @@ mod tests {
         };
         assert!(
             (alone.evidence()[1] - (20.0 / 10.0f64).ln()).abs() < 1e-12,
-            "no runner-up counts as chance"
+            "a missing runner-up counts as chance"
         );
     }
 }

@@ -1,45 +1,51 @@
-//! What can go wrong beside not finding the place.
+//! Errors of this crate.
 
-use crate::matching::MatchingError;
+use std::path::PathBuf;
+
+use crate::search::matching::MatchingError;
 
 /// A result of this crate.
 pub type Result<T> = std::result::Result<T, LocateError>;
 
-/// What can go wrong. A photo whose place is not found is no error but [`crate::Outcome::NoFix`].
+/// Why a photo cannot be localised at all. A photo whose position is not found is no error but [`crate::Outcome::NoFix`].
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum LocateError {
-    /// The network refuses.
+    /// The network cannot run.
     #[error(transparent)]
     Net(#[from] grimnet_net::NetError),
-    /// The pack refuses.
+    /// The pack cannot be used.
     #[error(transparent)]
     Pack(#[from] grimnet_pack::PackError),
-    /// The photo cannot be resampled.
+    /// The photo cannot be read or resampled.
     #[error(transparent)]
     Photo(#[from] grimnet_photo::PhotoError),
-    /// A coordinate has no place on Earth.
+    /// A coordinate has no position on Earth, or the map cannot be read.
     #[error(transparent)]
     Geo(#[from] grimnet_geo::GeoError),
-    /// Descriptors cannot be compared.
+    /// The descriptors of photo and pack cannot be compared.
     #[error(transparent)]
     Matching(#[from] MatchingError),
-    /// An option or prior that means nothing.
-    #[error("{name} is {value}: {expected}")]
-    BadOption {
-        /// Which.
-        name: &'static str,
-        /// As given.
+    /// A setting or a prior value is invalid.
+    #[error("{field} is {value}; expected {expected}")]
+    InvalidValue {
+        /// Name of the field.
+        field: &'static str,
+        /// The value.
         value: String,
-        /// What it must be.
+        /// The valid values.
         expected: &'static str,
     },
-    /// Paper mode needs the paper's tiles.
-    #[error("{path} was built in default mode: build it with --mode paper, or locate with --mode default", path = path.display())]
+    /// Paper mode needs a pack that was built in paper mode.
+    #[error(
+        "{path} was built in default mode; paper mode needs a pack that was built in paper mode",
+        path = path.display()
+    )]
     NotAPaperPack {
         /// The pack.
-        path: std::path::PathBuf,
+        path: PathBuf,
     },
-    /// Drawing needs the matched points.
-    #[error("the answer holds no matched points: locate with Options::keep_matches")]
+    /// The matches cannot be drawn because the answer does not hold them.
+    #[error("the answer holds no matched points; set `Options::keep_matches` before locating")]
     NoMatchesKept,
 }

@@ -1,4 +1,4 @@
-//! From a photo and a map pack to a fix: matching, homography, gates, the [`Localizer`].
+//! From a photo and a map pack to a fix: search, matching, verification, and the [`Localizer`] that runs them.
 //!
 //! ```no_run
 //! use grimnet_locate::{Localizer, Outcome, Prior};
@@ -17,54 +17,58 @@
 //! # }
 //! ```
 //!
-//! A photo is resampled as the map would show it under each hypothesis of heading and scale; tiles are found by global
-//! descriptor, ranked by a vote over translations, matched in full in that order until one passes the gates clearly. The
-//! geometry modules know pixels of two pictures only; metres and degrees come in with the facade.
+//! A photo is resampled as the map would show it under each hypothesis of heading and scale. Tiles are found by global
+//! descriptor, ranked by a vote over translations, and matched in full in that order until one passes the gates clearly.
+//!
+//! - `geometry`: transforms between two pictures, in pixels;
+//! - `search`: hypotheses, candidates, the vote;
+//! - `pipeline`: the stages from a photo to an answer in default mode;
+//! - `paper`: the paper's procedure and equations.
 
-// `!(x > limit)` is meant: a NaN must fail the check.
+// `!(x > limit)` is intended: a NaN must fail the check.
 #![allow(clippy::neg_cmp_op_on_partial_ord)]
 
-mod answer;
-mod attempt;
-mod candidates;
-mod cascade;
 mod confidence;
-pub mod correspondence;
-pub mod covariance;
+mod context;
 pub mod draw;
 mod error;
-pub mod gates;
-mod guided;
-pub mod homography;
-pub mod hypotheses;
+mod geometry;
 mod localizer;
-pub mod matching;
 mod options;
 mod outcome;
 mod paper;
-mod place;
+mod pipeline;
 mod prior;
 mod query_features;
-mod ranking;
-pub mod ransac;
-pub mod refine;
-pub mod sampler;
-pub mod similarity;
-pub mod solve;
+mod search;
 mod trace;
-pub mod transform;
-mod verify;
-pub mod vote;
+mod validation;
 
 pub use confidence::Support;
 pub use error::{LocateError, Result};
-pub use gates::{Gates, Rejection};
+pub use geometry::{
+    estimation::GeometryModel,
+    ransac::{Ransac, Score},
+};
+pub use grimnet_pack::{Index, Mode};
+pub use grimnet_photo::{HeadingPrior, ViewPrior};
 pub use localizer::Localizer;
-pub use options::{
-    Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, GeometryModel, Mode, Options, Search,
-};
+pub use options::{Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, VoteOptions};
 pub use outcome::{
-    EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, RunnerUp, TileRef, TimeMs,
+    EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp, TileRef, TimeMs,
 };
-pub use prior::{HeadingPrior, Near, Prior};
+pub use prior::{Near, Prior};
+#[doc(hidden)]
 pub use trace::{RoundTrace, Trace};
+
+/// Parts that the tests of this crate and the evaluation use. They may change in any release.
+#[doc(hidden)]
+pub mod internals {
+    pub use crate::{
+        geometry::{
+            correspondence, covariance, estimation, homography, ransac, refine, sampler,
+            similarity, transform,
+        },
+        search::matching,
+    };
+}

@@ -1,42 +1,43 @@
-//! The facade: a photo and what is known of it in, a fix or a reason out.
-
-use std::time::Instant;
+//! The localiser: a photo and prior knowledge in, a fix or a reason out.
 
 use grimnet_net::{Domain, Extractor, Model, Statistics};
-use grimnet_pack::Pack;
-use grimnet_photo::{Photo, View};
+use grimnet_pack::{Mode, Pack};
+use grimnet_photo::Photo;
 
 use crate::{
-    answer::no_fix,
-    attempt::Tried,
-    candidates::{Desks, by_descriptor},
+    context::Context,
     error::Result,
-    hypotheses::rounds,
-    options::{Adapt, Mode, Options},
-    outcome::{EvidenceUsed, Outcome, Reason, TimeMs, elapsed_ms},
+    options::{Adapt, Options},
+    outcome::Outcome,
+    paper::procedure,
+    pipeline::{
+        queries::{extract_queries, query_maker, side_px},
+        run,
+    },
     prior::Prior,
-    ranking::Best,
-    trace::{Trace, tiles_of},
+    search::{
+        candidates::{by_descriptor, distinct_tiles},
+        hypotheses::rounds,
+        scratch::ScratchPool,
+    },
+    trace::Trace,
 };
 
-/// Localises photos on the map of one pack. May be used from several threads at once.
+/// Localises photos on the map of one pack. It may be used by several threads at once.
 #[derive(Debug)]
 pub struct Localizer {
-    pub(crate) model: Model,
-    pub(crate) pack: Pack,
-    pub(crate) extractor: Extractor,
-    pub(crate) options: Options,
-    pub(crate) desks: Desks,
+    model: Model,
+    pack: Pack,
+    extractor: Extractor,
+    options: Options,
+    scratch: ScratchPool,
 }
 
-/// Fewer keypoints than this show nothing that could be recognised.
-pub(crate) const MIN_KEYPOINTS: usize = 8;
-
 impl Localizer {
-    /// Localises on the map of `pack` with the model that it was built with.
+    /// A localiser with default settings. `model` must be the model that the pack was built with.
     ///
     /// # Errors
-    /// Where the pack was built with another model, or the model cannot run.
+    /// Returns an error if the pack was built with another model, or the model cannot run.
     pub fn new(model: Model, pack: Pack) -> Result<Self> {
         pack.check_model(&model)?;
         let extractor = Extractor::new(&model, Domain::Uav)?;
@@ -45,11 +46,11 @@ impl Localizer {
             pack,
             extractor,
             options: Options::default(),
-            desks: Desks::default(),
+            scratch: ScratchPool::default(),
         })
     }
 
-    /// The same with other settings.
+    /// The same localiser with other settings. They are checked by [`Localizer::locate`].
     pub fn with_options(self, options: Options) -> Self {
         Self { options, ..self }
     }
@@ -64,34 +65,69 @@ impl Localizer {
         &self.pack
     }
 
-    /// The same with normalisation statistics taken from the photos of a flight, without labels ([`Adapt::Flight`]). Every answer
-    /// then depends on these photos.
+    /// Finds the position of the photo's centre.
+    ///
+    /// The same photo, prior, pack and settings give the same answer, whatever else is localised and on any number of threads,
+    /// unless a time budget is set.
     ///
     /// # Errors
-    /// Where a photo cannot be resampled, or there is none.
+    /// Returns an error if the settings or the prior are invalid, or an input is unusable. A photo whose position is not found is
+    /// no error but [`Outcome::NoFix`].
+    pub fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Outcome> {
+        Ok(self.locate_traced(photo, prior)?.0)
+    }
+
+    /// As [`Localizer::locate`], with the steps of the search.
+    ///
+    /// # Errors
+    /// As [`Localizer::locate`].
+    #[doc(hidden)]
+    pub fn locate_traced(&self, photo: &Photo, prior: &Prior) -> Result<(Outcome, Trace)> {
+        let context = self.context();
+        let budget = context.start_budget();
+        self.options.check()?;
+        prior.check()?;
+        let view = photo.view(&prior.view);
+        let located = match self.options.mode {
+            Mode::Paper => procedure::locate(context, photo, &view, prior)?,
+            Mode::Default => run::locate(context, photo, &view, prior, budget)?,
+        };
+        let mut time_ms = located.time_ms;
+        time_ms.total = budget.elapsed_ms();
+        let mut outcome = located.outcome;
+        match &mut outcome {
+            Outcome::Fix(fix) => fix.time_ms = time_ms,
+            Outcome::NoFix(no_fix) => no_fix.time_ms = time_ms,
+        }
+        Ok((outcome, located.trace))
+    }
+
+    /// The same localiser with batch-normalisation statistics recomputed from the photos of a flight, without labels
+    /// ([`Adapt::Flight`]). Every answer then depends on these photos.
+    ///
+    /// # Errors
+    /// Returns an error if a photo cannot be resampled, or there is none.
     pub fn adapted_to_flight<'a>(
         self,
         photos: impl IntoIterator<Item = (&'a Photo, &'a Prior)>,
     ) -> Result<Self> {
-        let mut all = Vec::new();
+        let mut statistics = Vec::new();
         for (photo, prior) in photos {
-            let view = photo.view(&prior.overrides());
-            let Some(hypothesis) = rounds(&view, prior, &self.pack, &self.options)
+            let view = photo.view(&prior.view);
+            let Some(hypothesis) = rounds(&view, &self.pack, &self.options)
                 .first()
                 .and_then(|round| round.hypotheses.first().copied())
             else {
                 continue;
             };
-            let query = self
-                .query_maker(photo, &view, &hypothesis, u32::MAX)?
-                .make(0.0);
-            all.push(
-                self.extractor
-                    .dense_instance(&query.image, Some(&query.mask))?
-                    .1,
-            );
+            let maker = query_maker(self.context(), photo, &view, &hypothesis, u32::MAX)?;
+            let query = maker.make(0.0);
+            let (_, of_photo) = self
+                .extractor
+                .dense_instance(&query.image, Some(&query.mask))?;
+            statistics.push(of_photo);
         }
-        let statistics = Statistics::mean_of(&all)?;
+        let statistics = Statistics::mean_of(&statistics)?;
         let extractor = Extractor::with_statistics(&self.model, Domain::Uav, &statistics)?;
         let options = Options {
             adapt: Adapt::Flight,
@@ -104,39 +140,38 @@ impl Localizer {
         })
     }
 
-    /// The same, with photos normalised by another domain's statistics and parameters: what the two sets of DA-BN are worth.
+    /// The same localiser with photos normalised by the statistics of another domain, to measure what domain-aware batch
+    /// normalisation contributes.
     ///
     /// # Errors
-    /// The model cannot run.
+    /// Returns an error if the model cannot run.
+    #[doc(hidden)]
     pub fn seeing_photos_as(self, domain: Domain) -> Result<Self> {
         let extractor = Extractor::new(&self.model, domain)?;
         Ok(Self { extractor, ..self })
     }
 
-    /// The tiles most similar to the photo under its first round of hypotheses, best first, [`Options::top_k`] at most: retrieval
-    /// alone.
+    /// The tiles most similar to the photo under its first round of hypotheses, best first, at most [`Options::top_k`]. They are
+    /// indices in the level of that round.
     ///
     /// # Errors
     /// As [`Localizer::locate`].
+    #[doc(hidden)]
     pub fn retrieve(&self, photo: &Photo, prior: &Prior) -> Result<Vec<usize>> {
         self.options.check()?;
         prior.check()?;
-        let view = photo.view(&prior.overrides());
-        let mut time_ms = TimeMs::default();
-        let Some(round) = rounds(&view, prior, &self.pack, &self.options)
-            .into_iter()
-            .next()
-        else {
+        let context = self.context();
+        let view = photo.view(&prior.view);
+        let Some(round) = rounds(&view, &self.pack, &self.options).into_iter().next() else {
             return Ok(Vec::new());
         };
         let Some(first) = round.hypotheses.first() else {
             return Ok(Vec::new());
         };
-        let level = &self.pack.levels()[first.level];
-        let side = self.side_px(&round.hypotheses);
-        let queries = self.queries(photo, &view, &round.hypotheses, side, &mut time_ms)?;
-        let mut tiles = tiles_of(&by_descriptor(
-            level,
+        let side_px = side_px(context, &round.hypotheses);
+        let (queries, _) = extract_queries(context, photo, &view, &round.hypotheses, side_px)?;
+        let mut tiles = distinct_tiles(&by_descriptor(
+            context.level(first.level),
             &queries,
             prior.near.as_ref(),
             &self.options,
@@ -145,98 +180,13 @@ impl Localizer {
         Ok(tiles)
     }
 
-    /// Finds where the photo's centre lies.
-    ///
-    /// The same photo, prior, pack and settings give the same answer, whatever else is localised and on however many threads,
-    /// unless a time budget is set.
-    ///
-    /// # Errors
-    /// Where options mean nothing, or photo, network or pack refuse. Not finding the place is no error.
-    pub fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Outcome> {
-        Ok(self.locate_traced(photo, prior)?.0)
-    }
-
-    /// The same, with what was tried on the way.
-    ///
-    /// # Errors
-    /// As [`Localizer::locate`].
-    pub fn locate_traced(&self, photo: &Photo, prior: &Prior) -> Result<(Outcome, Trace)> {
-        let start = Instant::now();
-        self.options.check()?;
-        prior.check()?;
-        let mut time_ms = TimeMs::default();
-        let view = photo.view(&prior.overrides());
-        let (mut outcome, trace) = match self.options.mode {
-            Mode::Paper => self.locate_as_paper(photo, &view, prior, &mut time_ms)?,
-            Mode::Default => self.locate_by_rounds(photo, &view, prior, start, &mut time_ms)?,
-        };
-        time_ms.total = elapsed_ms(start);
-        match &mut outcome {
-            Outcome::Fix(fix) => fix.time_ms = time_ms,
-            Outcome::NoFix(no_fix) => no_fix.time_ms = time_ms,
+    fn context(&self) -> Context<'_> {
+        Context {
+            model: &self.model,
+            pack: &self.pack,
+            extractor: &self.extractor,
+            options: &self.options,
+            scratch: &self.scratch,
         }
-        Ok((outcome, trace))
-    }
-
-    fn locate_by_rounds(
-        &self,
-        photo: &Photo,
-        view: &View,
-        prior: &Prior,
-        start: Instant,
-        time_ms: &mut TimeMs,
-    ) -> Result<(Outcome, Trace)> {
-        let mut rounds_tried: Vec<Tried> = Vec::new();
-        let mut most_keypoints = 0;
-        for round in rounds(view, prior, &self.pack, &self.options) {
-            let tried = self.try_round(photo, view, prior, &round, start, time_ms)?;
-            most_keypoints = tried
-                .queries
-                .iter()
-                .map(|query| query.points.len())
-                .max()
-                .unwrap_or(0)
-                .max(most_keypoints);
-            let clear =
-                Best::of(&tried, &self.options).is_some_and(|best| best.is_clear(&self.options));
-            rounds_tried.push(tried);
-            if clear || self.is_over_budget(start) {
-                break;
-            }
-        }
-        let trace = Trace {
-            rounds: rounds_tried
-                .iter()
-                .map(|tried| tried.trace.clone())
-                .collect(),
-        };
-        let evidence = EvidenceUsed::of(view);
-        let best = rounds_tried
-            .iter()
-            .filter_map(|tried| Best::of(tried, &self.options))
-            .reduce(|a, b| if b.rank() > a.rank() { b } else { a });
-        let Some(best) = best else {
-            let reason = if most_keypoints < MIN_KEYPOINTS {
-                Reason::TooFewKeypoints {
-                    found: most_keypoints,
-                }
-            } else {
-                Reason::NoTiles
-            };
-            return Ok((no_fix(reason, None, evidence), trace));
-        };
-        let realigned = self.realign(photo, view, &best, time_ms)?;
-        let again = realigned
-            .as_ref()
-            .and_then(|tried| Best::of(tried, &self.options));
-        let best = best.or_again(again, &self.options);
-        let outcome = self.answer(photo, prior, &best, evidence)?;
-        Ok((outcome, trace))
-    }
-
-    pub(crate) fn is_over_budget(&self, start: Instant) -> bool {
-        self.options
-            .budget_ms
-            .is_some_and(|budget_ms| elapsed_ms(start) >= budget_ms)
     }
 }

@@ -1,54 +1,12 @@
-//! Every decision of the localiser as a setting, and the two named sets: what the paper does, and what serves a user best.
+//! The settings of the localiser, with their two named sets: [`Options::default`] and [`Options::paper`].
 
+use grimnet_pack::{Index, Mode};
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    error::{LocateError, Result},
-    gates::Gates,
+use crate::geometry::{
+    estimation::{EstimationOptions, GeometryModel},
     ransac::{Ransac, Score},
-    vote::VoteOptions,
 };
-
-/// The two named sets of settings.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Mode {
-    /// What a user is best served by.
-    #[default]
-    Default,
-    /// The paper's recipe to the letter.
-    Paper,
-}
-
-/// How tile descriptors are searched.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Search {
-    /// With the index that the pack was built with.
-    #[default]
-    AsBuilt,
-    /// Every tile is compared.
-    Exact,
-    /// Inverted lists with product quantisation; the pack must hold them.
-    IvfPq {
-        /// Lists visited.
-        nprobe: usize,
-        /// Candidates per answer ranked again by full vectors; 0: none.
-        rerank_factor: usize,
-    },
-}
-
-/// The transform from photo to map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum GeometryModel {
-    /// Rotation, scale and translation only.
-    Similarity,
-    /// A similarity first; a homography in its place where the matches support one.
-    SimilarityThenHomography,
-    /// A homography from the start, as in the paper.
-    Homography,
-}
 
 /// Which candidate wins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -60,103 +18,165 @@ pub enum Choice {
     InlierRatio,
 }
 
-/// How pixels of the map become degrees.
+/// How map pixels become degrees.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Coordinates {
-    /// By the map's affine transform and coordinate system.
+    /// By the map's affine transform and coordinate reference system.
     Georeference,
-    /// Linearly between the map's lower left and upper right corner (the paper's equations 22 and 23).
+    /// By linear interpolation between the map's lower left and upper right corners (the paper's equations 22 and 23). Paper
+    /// mode only.
     PaperCorners,
 }
 
-/// Whether normalisation statistics are taken anew, without labels.
+/// Whether batch-normalisation statistics are recomputed from the photos, without labels.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Adapt {
-    /// The model's own.
+    /// Use the statistics of the model.
     #[default]
     None,
-    /// Of each photo over itself.
+    /// Recompute them for each photo from the photo itself.
     Photo,
-    /// Of a flight over its photos, see [`crate::Localizer::adapted_to_flight`]. The only setting under which an answer depends
-    /// on other photos.
+    /// Recompute them from the photos of a flight, see [`crate::Localizer::adapted_to_flight`]. This is the only setting with
+    /// which an answer depends on other photos.
     Flight,
 }
 
-/// Registration error that a map is taken to have, metres, 1-sigma per axis. Of national orthophotos (20 to 40 cm a pixel) two to
-/// three pixels per axis are usual (ASPRS Positional Accuracy Standards for Digital Geospatial Data, 2014, table B.5); satellite
-/// layers of web maps are often worse, a survey's own map better.
+/// The translation vote that ranks candidates.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct VoteOptions {
+    /// Number of strongest keypoints of the query and of the tile that take part.
+    pub keypoints: usize,
+    /// Side of a bin of the histogram, pixels. The peak is the fullest square of 2 x 2 bins.
+    pub bin_px: f64,
+}
+
+impl Default for VoteOptions {
+    fn default() -> Self {
+        Self {
+            keypoints: 256,
+            bin_px: 24.0,
+        }
+    }
+}
+
+/// Limits that a transform must keep to become a fix.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Gates {
+    /// Minimum number of inliers.
+    pub min_inliers: usize,
+    /// Largest deviation of the scale from the expected one, as a factor in both directions: 0.35 allows 1 / 1.35 to 1.35.
+    pub max_scale_change: f64,
+    /// Largest difference of the two principal scales at the photo's centre over their geometric mean. For a pure shear this is
+    /// the shear.
+    pub max_shear: f64,
+    /// Largest length of the homography's perspective row relative to its value at the photo's centre, per pixel.
+    pub max_perspective_per_px: f64,
+    /// Minimum standard deviation of the inliers along their short axis, over half the photo's mean side.
+    pub min_spread: f64,
+    /// Minimum number of grid cells of the photo that hold inliers. A cell is a twelfth of the photo's mean side wide.
+    pub min_places: usize,
+    /// Minimum share of the matches that are inliers, 0 to 1.
+    pub min_inlier_share: f64,
+    /// Minimum ratio of the inliers to those of the best candidate at another position.
+    pub min_margin: f64,
+    /// Whether a fix must have at least the confidence that the model's calibration requires, if the model is calibrated.
+    pub by_confidence: bool,
+    /// Required confidence, 0 to 1; `None` for the one of the model's calibration.
+    pub min_confidence: Option<f64>,
+}
+
+impl Default for Gates {
+    fn default() -> Self {
+        Self {
+            min_inliers: 20,
+            max_scale_change: 0.35,
+            max_shear: 0.25,
+            max_perspective_per_px: 1e-3,
+            min_spread: 0.12,
+            min_places: 15,
+            min_inlier_share: 0.0,
+            min_margin: 1.25,
+            by_confidence: true,
+            min_confidence: None,
+        }
+    }
+}
+
+/// Assumed registration error of a map, metres, 1-sigma per axis. National orthophotos (20 to 40 cm per pixel) usually have two to
+/// three pixels per axis (ASPRS Positional Accuracy Standards for Digital Geospatial Data, 2014, table B.5); satellite layers of
+/// web maps are often worse, a map surveyed by a drone is often better.
 pub const DEFAULT_MAP_ERROR_M: f64 = 1.0;
 
-/// How a photo is localised. [`Options::default`] and [`Options::paper`] are the named sets.
+/// How a photo is localised.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(default, rename_all = "snake_case")]
 pub struct Options {
-    /// Which set these began as. In paper mode the whole photo is resized to the network's resolution, heading and scale are
-    /// neither used nor searched, and the pack must be built in paper mode.
+    /// The procedure. In paper mode the whole photo is resized to the network's resolution, heading and scale are neither used
+    /// nor searched, and the pack must be built in paper mode.
     pub mode: Mode,
-    /// Tiles taken from the search by descriptor, per hypothesis of heading and scale.
+    /// Maximum number of tiles found by descriptor, per hypothesis of heading and scale.
     pub top_k: usize,
-    /// How tile descriptors are searched.
-    pub search: Search,
-    /// The photo's keypoints are at least this probable.
+    /// How tile descriptors are searched; `None` for the index that the pack was built with.
+    pub index: Option<Index>,
+    /// Minimum probability of the photo's keypoints.
     pub keypoint_threshold: f32,
-    /// The photo's keypoints at most.
+    /// Maximum number of the photo's keypoints.
     pub max_keypoints: usize,
-    /// A keypoint is the most probable within this distance, pixels.
+    /// Radius of non-maximum suppression of keypoints, pixels.
     pub nms_radius_px: u32,
-    /// Ranks the tiles found by a vote over translations before any is matched in full; none keeps the order of the search.
+    /// The translation vote that ranks candidates before any is matched in full; `None` keeps the order of the search.
     pub vote: Option<VoteOptions>,
-    /// Candidates that enter each stage of a round, best by descriptor first; what is left after these makes the last stage.
+    /// Number of candidates that enter each stage of the cascade, best by descriptor first. The rest enter in a last stage.
     pub stages: Vec<usize>,
-    /// Candidates matched in full at most, per stage of a round.
+    /// Maximum number of candidates that are matched in full per stage.
     pub max_matched: usize,
-    /// Candidates matched in full at least, so that a runner-up is known.
+    /// Minimum number of candidates that are matched in full before a clear answer ends the search.
     pub min_matched: usize,
-    /// No further candidate is matched once one passes the gates with this many inliers.
+    /// An answer with this many inliers, and twice as many as any at another position, ends the search.
     pub clear_inliers: usize,
-    /// Lowe's ratio; none for mutual nearest neighbours alone.
+    /// Lowe's ratio test: largest ratio of the distances to the nearest and the second nearest descriptor; `None` for no test.
     pub max_ratio: Option<f32>,
-    /// Search for the transform.
+    /// Settings of RANSAC.
     pub ransac: Ransac,
-    /// Seed of its samples.
+    /// Seed of the samples that RANSAC draws.
     pub seed: u64,
-    /// The transform.
+    /// The kind of transform from photo to map.
     pub geometry: GeometryModel,
-    /// Looks for more matches near where the transform puts each keypoint, and fits it to them.
+    /// Whether to match again around the positions that the first transform predicts (guided matching).
     pub guided: bool,
-    /// Refines the transform with each pair weighted by its keypoint's probability.
+    /// Whether to refine the transform with each pair weighted by the probability of its keypoint.
     pub refine: bool,
     /// Which candidate wins.
     pub choice: Choice,
-    /// When a transform is not believed; none answers always.
+    /// Limits that a transform must keep to become a fix; `None` answers always.
     pub gates: Option<Gates>,
-    /// How pixels of the map become degrees.
+    /// How map pixels become degrees.
     pub coordinates: Coordinates,
-    /// Normalisation statistics of the photo.
+    /// Batch-normalisation statistics for the photos.
     pub adapt: Adapt,
-    /// Rotations tried where the heading is unknown, evenly spread; 12 is one every 30 degrees.
+    /// Number of evenly spaced headings that are tried if the heading is unknown; 12 is one every 30 degrees.
     pub headings: usize,
-    /// Factors on the believed ground width that are tried one after the other where it is doubtful, after 1.
+    /// Factors on a doubtful ground width that are tried after the width itself.
     pub doubtful_scales: Vec<f64>,
-    /// Factors on a tile's width that are taken for the photo's where nothing is known of it, per level of the pack.
+    /// Ground widths that are tried if none is known, as factors on the width of a tile, for each level of the pack.
     pub unknown_scales: Vec<f64>,
-    /// Queries are cropped to this side about the photo's centre, pixels.
+    /// Largest side of a query, cropped around the photo's centre, pixels.
     pub query_side_px: u32,
-    /// Queries whose heading is only a hypothesis are cropped to this side; one is made again at the size above around the
-    /// best answer.
+    /// Largest side of a query if several headings are tried, pixels. The best answer is matched again at `query_side_px`.
     pub hypothesis_side_px: u32,
-    /// Matches again with the photo turned and scaled as the first answer says, where that differs by much.
+    /// Whether the best answer is matched again with the photo rotated and scaled accordingly, if it deviates from its hypothesis.
     pub realign: bool,
-    /// The photo's width in pixels of the level that suits it best; the nearest level is taken.
+    /// Desired width of the photo in level pixels; the level with the nearest resolution is used.
     pub query_width_px: f64,
-    /// Stop after this time and answer with what was found, milliseconds. Answers then depend on the machine's speed.
+    /// Time after which the search stops and answers with what it found, milliseconds. With a limit the answers depend on the
+    /// speed of the machine.
     pub budget_ms: Option<f64>,
-    /// How far the map itself may lie beside the truth, metres, 1-sigma per axis: its registration, which no photo can tell.
-    /// Added to the stated covariance. [`DEFAULT_MAP_ERROR_M`] unless it is known better.
+    /// Registration error of the map, metres, 1-sigma per axis. It is added to the stated covariance, since no photo can reveal
+    /// it. See [`DEFAULT_MAP_ERROR_M`].
     pub map_error_m: f64,
-    /// Keeps the matched points in the answer, for drawing.
+    /// Whether the answer holds the matched points, for drawing.
     pub keep_matches: bool,
 }
 
@@ -165,7 +185,7 @@ impl Default for Options {
         Self {
             mode: Mode::Default,
             top_k: 300,
-            search: Search::AsBuilt,
+            index: None,
             keypoint_threshold: 0.005,
             max_keypoints: 1024,
             nms_radius_px: 2,
@@ -205,84 +225,18 @@ impl Default for Options {
 }
 
 impl Options {
-    /// The paper's recipe: the whole photo at the network's resolution, top 5 by descriptor, ratio 0.8, RANSAC-DLT with 4 px and
-    /// 1000 iterations, weighted refinement, the largest inliers / (matches + 1), always an answer.
-    pub fn paper() -> Self {
-        Self {
-            mode: Mode::Paper,
-            top_k: 5,
-            search: Search::AsBuilt,
-            keypoint_threshold: 0.015,
-            max_keypoints: 1024,
-            vote: None,
-            max_matched: 5,
-            min_matched: 5,
-            clear_inliers: usize::MAX,
-            max_ratio: Some(0.8),
-            ransac: Ransac::PAPER,
-            geometry: GeometryModel::Homography,
-            choice: Choice::InlierRatio,
-            gates: None,
-            coordinates: Coordinates::PaperCorners,
-            guided: false,
-            realign: false,
-            ..Self::default()
+    /// The settings of transform estimation, for a heading that is known to `max_rotation_rad`.
+    #[doc(hidden)]
+    pub fn estimation(&self, max_rotation_rad: f64) -> EstimationOptions {
+        EstimationOptions {
+            model: self.geometry,
+            ransac: self.ransac,
+            seed: self.seed,
+            refine: self.refine,
+            max_scale: self
+                .gates
+                .map_or(f64::INFINITY, |gates| 1.0 + gates.max_scale_change),
+            max_rotation_rad,
         }
     }
-
-    /// Checks that the settings mean something.
-    ///
-    /// # Errors
-    /// [`LocateError::BadOption`] names the first that does not.
-    pub fn check(&self) -> Result<()> {
-        let is_positive = |value: f64| value > 0.0 && value.is_finite();
-        let side_px = self.hypothesis_side_px.min(self.query_side_px);
-        let bin_px = self.vote.map_or(1.0, |vote| vote.bin_px);
-        demand(
-            "query_width_px",
-            self.query_width_px,
-            self.query_width_px.is_finite() && self.query_width_px >= 32.0,
-            "must be at least 32",
-        )?;
-        demand(
-            "ransac.threshold_px",
-            self.ransac.threshold_px,
-            is_positive(self.ransac.threshold_px),
-            "must be a number above zero",
-        )?;
-        demand(
-            "hypothesis_side_px or query_side_px",
-            side_px,
-            side_px >= 32,
-            "must be at least 32",
-        )?;
-        demand(
-            "top_k or max_matched",
-            self.top_k.min(self.max_matched),
-            self.top_k > 0 && self.max_matched > 0,
-            "must be at least 1",
-        )?;
-        demand(
-            "vote.bin_px",
-            bin_px,
-            bin_px >= 1.0 && bin_px.is_finite(),
-            "must be at least 1",
-        )
-    }
-}
-
-fn demand(
-    name: &'static str,
-    value: impl std::fmt::Display,
-    holds: bool,
-    expected: &'static str,
-) -> Result<()> {
-    if holds {
-        return Ok(());
-    }
-    Err(LocateError::BadOption {
-        name,
-        value: value.to_string(),
-        expected,
-    })
 }

@@ -1,25 +1,24 @@
-//! What the localiser answers.
+//! The answer of the localiser.
 
-use std::time::Instant;
+use std::{ops::AddAssign, time::Instant};
 
-use grimnet_pack::Level;
 use grimnet_photo::{Evidence, View};
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-use crate::{candidates::Candidate, confidence::Support, gates::Rejection};
+use crate::confidence::Support;
 
-/// The answer for one photo.
+/// The answer for one photo. It has these two states only, so a `match` needs no wildcard arm.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "state")]
 pub enum Outcome {
-    /// Its place was found.
+    /// The position was found.
     Fix(Box<Fix>),
-    /// It was not, with the reason.
+    /// The position was not found.
     NoFix(Box<NoFix>),
 }
 
 impl Outcome {
-    /// The fix, if there is one.
+    /// The fix; `None` without one.
     pub fn fix(&self) -> Option<&Fix> {
         match self {
             Self::Fix(fix) => Some(fix),
@@ -27,7 +26,7 @@ impl Outcome {
         }
     }
 
-    /// Time by stage.
+    /// Wall time by stage.
     pub fn time_ms(&self) -> &TimeMs {
         match self {
             Self::Fix(fix) => &fix.time_ms,
@@ -36,42 +35,42 @@ impl Outcome {
     }
 }
 
-/// Where the photo was taken. Positions are of the ground at the photo's centre, not of the aircraft.
+/// The position of a photo: of the ground at the photo's centre, not of the aircraft.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Fix {
     /// Latitude of the photo's centre, degrees north.
     pub lat_deg: f64,
     /// Longitude of the photo's centre, degrees east.
     pub lon_deg: f64,
-    /// Bearing of the photo's top, degrees clockwise from true north.
-    pub heading_deg: f64,
+    /// Bearing of the photo's top, degrees clockwise from true north. `None` in paper mode if the transform is unusable.
+    pub heading_deg: Option<f64>,
     /// Ground metres per pixel of the photo at full size, at its centre.
     pub gsd_m: f64,
-    /// 1-sigma covariance of the position, square metres: east-east, east-north, north-north. It includes the map's own error
-    /// ([`crate::Options::map_error_m`]).
+    /// 1-sigma covariance of the position, square metres: east-east, east-north, north-north. It includes the registration
+    /// error of the map ([`crate::Options::map_error_m`]).
     pub covariance_en_m2: [f64; 3],
-    /// The true position lies within this distance with 95 % probability, metres.
+    /// Radius of the circle that contains the true position with 95 % probability, metres.
     pub radius95_m: f64,
-    /// Probability that it is right and not another place; none where the model's calibration has no such figure.
+    /// Probability that this is the right position and not another one; `None` if the model is not calibrated for it.
     pub confidence: Option<f64>,
-    /// What that and the covariance are made from.
+    /// The figures from which confidence and covariance are computed.
     pub support: Support,
-    /// Matches that agree with the transform.
+    /// Number of matches that agree with the transform.
     pub inliers: usize,
-    /// Matches.
+    /// Number of matches.
     pub matches: usize,
     /// The tile that was matched.
     pub tile: TileRef,
-    /// The best candidate at another place.
+    /// The best candidate at another position.
     pub runner_up: Option<RunnerUp>,
-    /// Corners of the photo (top left, top right, bottom right, bottom left): longitude, latitude in degrees. Fewer where one
-    /// lies beyond the horizon.
+    /// Corners of the photo (top left, top right, bottom right, bottom left) as GeoJSON positions: longitude, latitude, degrees.
+    /// Corners beyond the horizon are left out.
     pub outline_lonlat_deg: Vec<[f64; 2]>,
-    /// What the answer rests on.
+    /// Which metadata and assumptions were used.
     pub evidence: EvidenceUsed,
-    /// Time by stage.
+    /// Wall time by stage.
     pub time_ms: TimeMs,
-    /// Matched points, where [`crate::Options::keep_matches`] asked for them.
+    /// Matched points, if [`crate::Options::keep_matches`] is set.
     #[serde(skip)]
     pub drawn: Option<Box<MatchedPoints>>,
 }
@@ -81,36 +80,24 @@ pub struct Fix {
 pub struct TileRef {
     /// Level of the pack, 0 the finest.
     pub level: usize,
-    /// Ground resolution of the level, metres a pixel.
+    /// Ground resolution of the level, metres per pixel.
     pub gsd_m: f64,
     /// Index in the level.
     pub index: usize,
     /// Similarity of the global descriptors.
     pub similarity: f32,
-    /// Votes for one translation; 0 where none were held.
+    /// Votes for one translation; 0 without a vote.
     pub votes: u32,
 }
 
-impl TileRef {
-    pub(crate) fn of(level_index: usize, level: &Level, candidate: &Candidate) -> Self {
-        Self {
-            level: level_index,
-            gsd_m: level.gsd_m(),
-            index: candidate.tile,
-            similarity: candidate.similarity,
-            votes: candidate.peak.votes,
-        }
-    }
-}
-
-/// The best candidate at another place than the answer's.
+/// The best candidate at another position than the answer's.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct RunnerUp {
     /// Latitude, degrees north.
     pub lat_deg: f64,
     /// Longitude, degrees east.
     pub lon_deg: f64,
-    /// Matches that agree there.
+    /// Number of matches that agree with it.
     pub inliers: usize,
 }
 
@@ -125,14 +112,14 @@ pub struct MatchedPoints {
     pub outline_map_px: Vec<[f64; 2]>,
 }
 
-/// What was believed of the photo's metadata and the caller's word, and what was not.
+/// Which metadata and prior values were used.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct EvidenceUsed {
-    /// What was used.
+    /// Values that were used.
     pub used: Vec<Evidence>,
-    /// What was set aside, and why.
+    /// Values that were not used.
     pub set_aside: Vec<Evidence>,
-    /// What was assumed where nothing was known, in words: the round of hypotheses that gave the answer.
+    /// What the round of hypotheses that gave the answer assumed.
     pub assumed: Option<String>,
 }
 
@@ -146,20 +133,20 @@ impl EvidenceUsed {
     }
 }
 
-/// Why there is no fix, with what was tried.
+/// An answer without a fix.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct NoFix {
-    /// Why.
+    /// The reason.
     pub reason: Reason,
-    /// Matches of the best candidate that agree.
+    /// Number of matches of the best candidate that agree with its transform.
     pub inliers: usize,
-    /// Matches of the best candidate.
+    /// Number of matches of the best candidate.
     pub matches: usize,
-    /// What was believed and what was not.
+    /// Which metadata and assumptions were used.
     pub evidence: EvidenceUsed,
-    /// Time by stage.
+    /// Wall time by stage.
     pub time_ms: TimeMs,
-    /// Matched points of the best candidate, where asked for.
+    /// Matched points of the best candidate, if [`crate::Options::keep_matches`] is set.
     #[serde(skip)]
     pub drawn: Option<Box<MatchedPoints>>,
 }
@@ -172,42 +159,139 @@ impl std::fmt::Display for NoFix {
 
 /// Why there is no fix.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, thiserror::Error)]
+#[non_exhaustive]
 #[serde(rename_all = "snake_case", tag = "kind")]
 pub enum Reason {
-    /// The photo has no texture: water, snow, cloud, night, blur.
+    /// The photo has too little texture: water, snow, cloud, night or blur.
     #[error(
-        "the photo shows too little to recognise ({found} keypoints): water, snow, cloud, night or blur?"
+        "the photo has too little texture: {found} keypoints (water, snow, cloud, night or blur?)"
     )]
     TooFewKeypoints {
-        /// Keypoints found.
+        /// Number of keypoints.
         found: usize,
     },
-    /// No tile of the pack may show the photo.
+    /// No tile of the pack is in the given area.
     #[error("the pack has no tile in the given area")]
     NoTiles,
-    /// The best candidate did not pass a gate.
-    #[error("no place on the map fits well enough: {0}")]
+    /// The best candidate does not pass a gate.
+    #[error("no position on the map fits well enough: {0}")]
     Rejected(Rejection),
+}
+
+/// The gate that an answer does not pass. See [`crate::Gates`] for the limits.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
+#[non_exhaustive]
+#[serde(rename_all = "snake_case", tag = "gate")]
+pub enum Rejection {
+    /// Too few matches agree.
+    #[error("{found} matches agree on a position; at least {needed} are required")]
+    Inliers {
+        /// Number of matches that agree.
+        found: usize,
+        /// The limit.
+        needed: usize,
+    },
+    /// Too small a share of the matches agrees.
+    #[error("too few of the matches agree on a position ({percent:.0} %)")]
+    InlierShare {
+        /// Share, per cent.
+        percent: f64,
+    },
+    /// The transform is singular or not finite.
+    #[error("the transform from photo to map is singular")]
+    NotFinite,
+    /// The transform mirrors the photo.
+    #[error("the transform mirrors the photo")]
+    Mirrored,
+    /// The scale differs too much from the expected one.
+    #[error("the scale is {factor:.2} times the expected one")]
+    Scale {
+        /// Ratio of the scale to the expected one.
+        factor: f64,
+    },
+    /// The transform shears or stretches the photo too much.
+    #[error("the transform shears the photo by {shear:.2}")]
+    Shear {
+        /// See [`crate::Gates::max_shear`].
+        shear: f64,
+    },
+    /// The perspective of the transform is too strong.
+    #[error("the perspective of the transform is too strong ({per_px:.1e} per pixel)")]
+    Perspective {
+        /// See [`crate::Gates::max_perspective_per_px`].
+        per_px: f64,
+    },
+    /// The photo's centre is outside the map.
+    #[error("the photo's centre is outside the map")]
+    OutsideMap,
+    /// The photo's centre is outside the given area.
+    #[error("the photo's centre is outside the given area")]
+    OutsideArea,
+    /// The inliers are concentrated at a point or along a line.
+    #[error(
+        "the matches that agree are concentrated at a point or along a line (spread {spread:.2})"
+    )]
+    Spread {
+        /// See [`crate::Gates::min_spread`].
+        spread: f64,
+    },
+    /// The inliers occupy too few grid cells of the photo.
+    #[error(
+        "the matches that agree occupy {found} grid cells of the photo; at least {needed} are required"
+    )]
+    Places {
+        /// Number of occupied cells.
+        found: usize,
+        /// See [`crate::Gates::min_places`].
+        needed: usize,
+    },
+    /// Another position fits nearly as well.
+    #[error("another position fits nearly as well ({runner_up} matches, the best has {inliers})")]
+    Ambiguous {
+        /// Inliers of the best candidate.
+        inliers: usize,
+        /// Inliers of the best candidate at another position.
+        runner_up: usize,
+    },
+    /// The confidence is too low.
+    #[error("confidence {percent:.1} %; at least {needed_percent:.1} % is required")]
+    Confidence {
+        /// Confidence, per cent.
+        percent: f64,
+        /// The limit.
+        needed_percent: f64,
+    },
 }
 
 /// Wall time by stage, milliseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct TimeMs {
-    /// Resampling the photo.
+    /// Resampling of the photo.
     pub query: f64,
-    /// The network.
+    /// Inference of the network.
     pub features: f64,
     /// Search by descriptor.
     pub search: f64,
     /// The translation vote.
     pub vote: f64,
-    /// Full matching, transform, gates and refinement.
+    /// Full matching, transform and gates.
     pub matching: f64,
-    /// Everything, decoding apart.
+    /// The whole localisation without decoding of the photo.
     pub total: f64,
 }
 
-/// Milliseconds since then.
-pub(crate) fn elapsed_ms(since: Instant) -> f64 {
-    since.elapsed().as_secs_f64() * 1e3
+impl AddAssign for TimeMs {
+    fn add_assign(&mut self, other: Self) {
+        self.query += other.query;
+        self.features += other.features;
+        self.search += other.search;
+        self.vote += other.vote;
+        self.matching += other.matching;
+        self.total += other.total;
+    }
+}
+
+/// Milliseconds since `start`.
+pub(crate) fn elapsed_ms(start: Instant) -> f64 {
+    start.elapsed().as_secs_f64() * 1e3
 }

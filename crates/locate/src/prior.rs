@@ -1,124 +1,77 @@
-//! What the caller knows of a photo beside the photo.
+//! Prior knowledge of a photo.
 
 use grimnet_geo::LonLat;
-use grimnet_photo::{HeadingSource, Overrides};
+use grimnet_photo::{HeadingPrior, ViewPrior};
 use serde::{Deserialize, Serialize};
 
-use crate::error::{LocateError, Result};
-
-/// What is said of the heading: the bearing of the photo's top, degrees clockwise from true north.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum HeadingPrior {
-    /// It is known.
-    Known {
-        /// Degrees clockwise from true north.
-        heading_deg: f64,
-        /// 1-sigma, degrees.
-        sigma_deg: f64,
-    },
-    /// As the photo's metadata have it, if they are believed; else it is searched.
-    #[default]
-    FromPhoto,
-    /// It is searched, whatever the metadata say.
-    Unknown,
-}
-
-/// An area that the photo's centre lies in.
+/// An area that contains the photo's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Near {
-    /// Middle of the area.
+    /// Centre of the area.
     pub centre: LonLat,
-    /// Its radius, metres.
+    /// Radius of the area, metres.
     pub radius_m: f64,
 }
 
-/// What the caller knows; whatever is left out comes from the photo's metadata where these are believed, or is searched.
+/// Prior knowledge of a photo. Values that are not given come from the photo's metadata if these are plausible, and are searched
+/// otherwise.
+///
+/// ```
+/// use grimnet_locate::Prior;
+/// let prior = Prior::none().with_heading(214.0, 5.0).with_height_agl_m(118.0);
+/// ```
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Prior {
-    /// Heading.
-    pub heading: HeadingPrior,
-    /// Height above ground, metres.
-    pub height_agl_m: Option<f64>,
-    /// Field of view across the photo's width, degrees.
-    pub hfov_deg: Option<f64>,
-    /// Ground metres per pixel of the photo at full size.
-    pub gsd_m: Option<f64>,
-    /// Where to look.
+    /// Heading, height, field of view and ground resolution.
+    #[serde(flatten)]
+    pub view: ViewPrior,
+    /// An area that contains the photo's centre.
     pub near: Option<Near>,
 }
 
 impl Prior {
-    /// Nothing is known beside the photo.
+    /// No knowledge besides the photo and its metadata.
     pub fn none() -> Self {
         Self::default()
     }
 
-    /// The heading is known to `sigma_deg`.
-    pub fn with_heading(self, heading_deg: f64, sigma_deg: f64) -> Self {
-        Self {
-            heading: HeadingPrior::Known {
-                heading_deg,
-                sigma_deg,
-            },
-            ..self
-        }
-    }
-
-    /// The heading is to be searched, whatever the metadata say.
-    pub fn with_unknown_heading(self) -> Self {
-        Self {
-            heading: HeadingPrior::Unknown,
-            ..self
-        }
-    }
-
-    /// Metres per pixel of the photo at full size.
-    pub fn with_gsd_m(self, gsd_m: f64) -> Self {
-        Self {
-            gsd_m: Some(gsd_m),
-            ..self
-        }
-    }
-
-    /// The photo's centre lies within `radius_m` of `centre`.
-    pub fn near(self, centre: LonLat, radius_m: f64) -> Self {
-        Self {
-            near: Some(Near { centre, radius_m }),
-            ..self
-        }
-    }
-
-    /// Checks that it means something.
-    ///
-    /// # Errors
-    /// [`LocateError::BadOption`] where the area is none.
-    pub fn check(&self) -> Result<()> {
-        match &self.near {
-            Some(near) if !(near.centre.is_valid() && near.radius_m > 0.0) => {
-                Err(LocateError::BadOption {
-                    name: "near",
-                    value: format!("{near:?}"),
-                    expected: "a place in degrees and a radius in metres above zero",
-                })
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// The same, as the photo takes it.
-    pub fn overrides(&self) -> Overrides {
-        let heading = match self.heading {
-            HeadingPrior::Known { heading_deg, .. } => HeadingSource::Known(heading_deg),
-            HeadingPrior::FromPhoto => HeadingSource::Exif,
-            HeadingPrior::Unknown => HeadingSource::Unknown,
+    /// The heading (bearing of the photo's top, degrees clockwise from true north) with its 1-sigma, degrees.
+    pub fn with_heading(mut self, heading_deg: f64, sigma_deg: f64) -> Self {
+        self.view.heading = HeadingPrior::Known {
+            heading_deg,
+            sigma_deg,
         };
-        Overrides {
-            heading,
-            height_agl_m: self.height_agl_m,
-            hfov_deg: self.hfov_deg,
-            gsd_m: self.gsd_m,
-        }
+        self
+    }
+
+    /// The heading is unknown; metadata are ignored.
+    pub fn with_unknown_heading(mut self) -> Self {
+        self.view.heading = HeadingPrior::Unknown;
+        self
+    }
+
+    /// Height above ground, metres.
+    pub fn with_height_agl_m(mut self, height_agl_m: f64) -> Self {
+        self.view.height_agl_m = Some(height_agl_m);
+        self
+    }
+
+    /// Field of view across the photo's width, degrees.
+    pub fn with_hfov_deg(mut self, hfov_deg: f64) -> Self {
+        self.view.hfov_deg = Some(hfov_deg);
+        self
+    }
+
+    /// Ground metres per pixel of the photo at full size.
+    pub fn with_gsd_m(mut self, gsd_m: f64) -> Self {
+        self.view.gsd_m = Some(gsd_m);
+        self
+    }
+
+    /// The photo's centre is within `radius_m` metres of `centre`.
+    pub fn near(mut self, centre: LonLat, radius_m: f64) -> Self {
+        self.near = Some(Near { centre, radius_m });
+        self
     }
 }

@@ -1,4 +1,4 @@
-//! The photo as the matcher sees it: keypoints, descriptors, and where the photo's centre lies among them.
+//! The features of a query: keypoints, descriptors, and the position of the photo's centre.
 
 use grimnet_net::{ExtractOptions, Extractor, Features};
 use grimnet_pack::quantise::{descriptor_scale, quantise_descriptors};
@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Point2};
 
 use crate::{
     error::Result,
-    matching::Descriptors,
     options::{Adapt, Options},
+    search::matching::Descriptors,
 };
 
 /// Features of one query. Points are continuous pixels: the centre of the top-left pixel is (0.5, 0.5).
@@ -16,25 +16,28 @@ use crate::{
 pub(crate) struct QueryFeatures {
     /// Keypoints, strongest first, query pixels.
     pub points: Vec<Point2<f32>>,
-    /// Their probabilities.
+    /// Probabilities of the keypoints.
     pub scores: Vec<f32>,
-    /// Their descriptors, n x dim, quantised as the pack's are.
+    /// Their descriptors, n x dim, quantised like those of the pack.
     descriptors: Vec<i8>,
     descriptor_scale: f32,
-    /// Numbers in a descriptor.
+    /// Dimension of a descriptor.
     pub dim: usize,
     /// The global descriptor.
     pub global: Vec<f32>,
-    /// Where the photo's centre lies, query pixels.
+    /// The photo's centre, query pixels.
     pub centre: Point2<f64>,
-    /// Half the geometric mean of the sides of what is seen of the photo, query pixels.
+    /// Half the square root of the photo's visible area, query pixels.
     pub half_side_px: f64,
     /// Pixels of `Photo::image` from query pixels, both continuous.
     pub photo_px_from_query_px: Matrix3<f64>,
 }
 
-/// From the network's integer pixel indices to continuous pixels. The one place of this half pixel on the photo's side.
+/// Added to the network's integer pixel indices to get continuous pixels.
 pub(crate) const PIXEL_CENTRE: f32 = 0.5;
+
+/// A photo with fewer keypoints than this cannot be localised.
+pub(crate) const MIN_KEYPOINTS: usize = 8;
 
 impl QueryFeatures {
     /// Runs the network over a query.

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
-use grimnet_locate::{
+use grimnet_locate::internals::{
     correspondence::Correspondence,
     covariance::{mapped_point_covariance, propagate, radius, radius95},
     homography::Homography,

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used)]
 
 use grimnet_kernels::Isa;
-use grimnet_locate::{
+use grimnet_locate::internals::{
     correspondence::Correspondence,
     homography::{Homography, HomographyEstimator},
     matching::{Descriptors, Matcher},

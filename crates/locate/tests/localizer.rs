@@ -220,7 +220,7 @@ fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
             fix.radius95_m
         );
         let turn_deg =
-            (fix.heading_deg - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
+            (fix.heading_deg.unwrap() - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
         assert!(turn_deg.abs() < 1.0, "{turn_deg} degrees");
         assert!(
             (fix.gsd_m / PHOTO_GSD_M - 1.0).abs() < 0.01,
@@ -253,8 +253,9 @@ fn unknown_heading_and_scale_are_found() {
     for prior in [known_scale, Prior::none()] {
         let outcome = localizer.locate(&photo, &prior).unwrap();
         assert!(error_m(&outcome, place) < 2.0);
-        let turn_deg =
-            (outcome.fix().unwrap().heading_deg - heading_deg + 540.0).rem_euclid(360.0) - 180.0;
+        let turn_deg = (outcome.fix().unwrap().heading_deg.unwrap() - heading_deg + 540.0)
+            .rem_euclid(360.0)
+            - 180.0;
         assert!(turn_deg.abs() < 3.0);
     }
 }
@@ -408,7 +409,7 @@ fn options_and_priors_that_mean_nothing_are_refused() {
     ] {
         assert!(matches!(
             localizer(options).locate(&photo, &Prior::none()),
-            Err(LocateError::BadOption { .. })
+            Err(LocateError::InvalidValue { .. })
         ));
     }
     let bad_place = Prior::none().near(LonLat::new(f64::NAN, 0.0), 10.0);

@@ -1,20 +1,20 @@
-//! What was believed and what was set aside, in plain words.
+//! Which metadata were used or not, and why.
 
 use serde::Serialize;
 
-/// One piece of metadata (or of the user's word), and why it was used or set aside.
+/// One metadata field or prior value, and why it was used or not.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Evidence {
-    /// The field as its source names it, such as `drone-dji:GimbalYawDegree` or `--heading`.
+    /// The field as its source names it, such as `GimbalYawDegree`.
     pub field: String,
     /// Its value as read, with the unit.
     pub value: String,
-    /// Why, in plain words.
+    /// The reason.
     pub reason: String,
 }
 
 impl Evidence {
-    /// Puts the three together.
+    /// Creates an entry.
     pub fn new(
         field: impl Into<String>,
         value: impl Into<String>,

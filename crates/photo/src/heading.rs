@@ -1,59 +1,59 @@
-//! Which heading and tilt are believed.
+//! Which heading and tilt are used.
 
 use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::metadata::Metadata;
-use crate::view::{Heading, HeadingSource, Overrides, View};
+use crate::view::{Heading, HeadingPrior, View, ViewPrior};
 
-/// 1-sigma of a heading that the user gives, degrees.
-const USER_SIGMA_DEG: f64 = 3.0;
-/// 1-sigma of a gimbal's yaw, degrees: the compass of a small drone in flight.
+/// 1-sigma of a gimbal's yaw, degrees: typical for the compass of a small drone in flight.
 const GIMBAL_SIGMA_DEG: f64 = 5.0;
-/// 1-sigma of an aircraft's yaw taken for the camera's, degrees.
+/// 1-sigma of an aircraft's yaw used as the camera's, degrees.
 const FLIGHT_SIGMA_DEG: f64 = 10.0;
 /// 1-sigma of EXIF's image direction, degrees.
 const IMAGE_DIRECTION_SIGMA_DEG: f64 = 15.0;
-/// Gimbal and aircraft this far apart may be a flip by 180 degrees, degrees.
+/// If gimbal and aircraft yaw differ by more than this, one of them may be flipped by 180 degrees.
 const FLIP_DEG: f64 = 150.0;
-/// Gimbals that do not pan follow the aircraft this closely, degrees.
+/// The yaw of a gimbal that does not pan differs from the aircraft's by less than this, degrees.
 const PAN_DEG: f64 = 30.0;
-/// Tilts below this change less than heights do over a town, degrees.
-const LEAST_TILT_DEG: f64 = 1.0;
+/// Smaller tilts are ignored: they distort less than buildings do, degrees.
+const MIN_TILT_DEG: f64 = 1.0;
 
-/// How the camera was turned, as far as it is believed.
+/// Attitude of the camera.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Attitude {
     pub pitch_from_nadir_deg: f64,
     pub roll_deg: f64,
 }
 
-/// Fills the view's heading and gives the attitude that is believed, `None` for one that is not known.
-pub(crate) fn resolve(
-    metadata: &Metadata,
-    overrides: &Overrides,
-    view: &mut View,
-) -> Option<Attitude> {
+/// Sets the view's heading. Returns the attitude, `None` if it is unknown.
+pub(crate) fn resolve(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Attitude> {
     let recorded = gimbal_is_recorded(metadata, view);
     let attitude = if recorded {
         attitude(metadata, view)
     } else {
         None
     };
-    match overrides.heading {
-        HeadingSource::Known(heading_deg) if heading_deg.is_finite() => {
+    match prior.heading {
+        HeadingPrior::Known {
+            heading_deg,
+            sigma_deg,
+        } if heading_deg.is_finite() && sigma_deg.is_finite() => {
             view.heading = Some(Heading {
                 heading_deg: heading_deg.rem_euclid(360.0),
-                sigma_deg: USER_SIGMA_DEG,
+                sigma_deg,
             });
-            view.use_evidence("heading", degrees(heading_deg), "given by the user");
+            view.use_evidence("heading", degrees(heading_deg), "given by the caller");
         }
-        HeadingSource::Known(value) => {
+        HeadingPrior::Known {
+            heading_deg,
+            sigma_deg,
+        } => {
             view.set_aside(
                 "heading",
-                value.to_string(),
-                "given by the user, not a number",
+                format!("{heading_deg} +- {sigma_deg}"),
+                "given by the caller, but not a finite number",
             );
         }
-        HeadingSource::Unknown => {
+        HeadingPrior::Unknown => {
             for (field, value) in [
                 ("gimbal yaw", metadata.gimbal_yaw_deg),
                 ("flight yaw", metadata.flight_yaw_deg),
@@ -62,18 +62,18 @@ pub(crate) fn resolve(
                     view.set_aside(
                         field,
                         degrees(value),
-                        "the user asked for an unknown heading",
+                        "the caller asked to treat the heading as unknown",
                     );
                 }
             }
         }
-        HeadingSource::Exif => from_metadata(metadata, recorded, view),
+        HeadingPrior::FromMetadata => from_metadata(metadata, recorded, view),
     }
     attitude
 }
 
-/// Whether the gimbal's angles were recorded: all zero would be a camera that looks at the horizon, due north and
-/// level to a hundredth of a degree, and is what drones write that do not record them.
+/// Whether the gimbal's angles were recorded. Drones that do not record them write zeros; a camera that really has all angles
+/// zero would look at the horizon, due north and level to a hundredth of a degree.
 fn gimbal_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
     let angles = [
         metadata.gimbal_yaw_deg,
@@ -87,7 +87,7 @@ fn gimbal_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
         view.set_aside(
             "gimbal yaw, pitch, roll",
             "0, 0, 0 deg",
-            "all exactly zero: not recorded, rather than a level camera looking north at the horizon",
+            "all exactly zero, so probably not recorded",
         );
         return false;
     }
@@ -100,7 +100,7 @@ fn attitude(metadata: &Metadata, view: &mut View) -> Option<Attitude> {
         view.set_aside(
             "gimbal pitch",
             "0 deg",
-            "exactly zero: not recorded, rather than a camera looking at the horizon",
+            "exactly zero, so probably not recorded",
         );
         return None;
     }
@@ -111,28 +111,28 @@ fn attitude(metadata: &Metadata, view: &mut View) -> Option<Attitude> {
             "gimbal pitch",
             degrees(pitch),
             format!(
-                "{:.0} degrees off straight down: the picture's centre shows no usable ground, if that is true",
+                "{:.0} degrees from nadir: too oblique, the image centre would show no usable ground",
                 pitch_from_nadir_deg.abs()
             ),
         );
         return None;
     }
-    if metadata.orientation != 1 && pitch_from_nadir_deg.abs() >= LEAST_TILT_DEG {
+    if metadata.orientation != 1 && pitch_from_nadir_deg.abs() >= MIN_TILT_DEG {
         view.set_aside(
             "gimbal pitch",
             degrees(pitch),
-            "the picture is stored turned, so which of its sides is the far one is not certain",
+            "the image is stored rotated, so it is not certain which side is the far one",
         );
         return None;
     }
-    if pitch_from_nadir_deg.abs() >= LEAST_TILT_DEG {
+    if pitch_from_nadir_deg.abs() >= MIN_TILT_DEG {
         view.use_evidence(
             "gimbal pitch",
             degrees(pitch),
-            format!("looks {pitch_from_nadir_deg:.1} degrees off straight down; rectified"),
+            format!("{pitch_from_nadir_deg:.1} degrees from nadir; rectified"),
         );
     } else {
-        view.use_evidence("gimbal pitch", degrees(pitch), "straight down");
+        view.use_evidence("gimbal pitch", degrees(pitch), "nadir");
     }
     Some(Attitude {
         pitch_from_nadir_deg,
@@ -141,9 +141,9 @@ fn attitude(metadata: &Metadata, view: &mut View) -> Option<Attitude> {
 }
 
 impl Attitude {
-    /// The rectification that this attitude asks for, if any.
+    /// The tilt to rectify, if it is large enough.
     pub(crate) fn tilt(self, hfov_deg: f64) -> Option<Tilt> {
-        (self.pitch_from_nadir_deg.abs() >= LEAST_TILT_DEG).then_some(Tilt {
+        (self.pitch_from_nadir_deg.abs() >= MIN_TILT_DEG).then_some(Tilt {
             pitch_from_nadir_deg: self.pitch_from_nadir_deg,
             roll_deg: self.roll_deg,
             hfov_deg,
@@ -167,7 +167,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         let apart = flight_yaw.map_or(0.0, |flight| difference_deg(top, flight).abs());
         if apart > FLIP_DEG {
             let reason = format!(
-                "gimbal and aircraft point {apart:.0} degrees apart: one of them may be flipped, so neither is believed"
+                "gimbal and aircraft yaw differ by {apart:.0} degrees: one of them may be flipped, so neither is used"
             );
             view.set_aside("gimbal yaw", degrees(yaw), reason.clone());
             if let Some(flight) = flight_yaw {
@@ -176,22 +176,22 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
             return;
         }
         let mut sigma_deg = GIMBAL_SIGMA_DEG;
-        let mut reason = String::from("the gimbal's yaw is the camera's");
+        let mut reason = String::from("gimbal yaw is the yaw of the camera");
         if apart > PAN_DEG {
             sigma_deg = FLIGHT_SIGMA_DEG;
             reason.push_str(&format!(
-                "; doubtful, {apart:.0} degrees from the aircraft's"
+                "; doubtful, {apart:.0} degrees from the aircraft's yaw"
             ));
         }
         if turn != 0.0 {
             sigma_deg = sigma_deg.max(FLIGHT_SIGMA_DEG);
-            reason.push_str("; turned with the picture by EXIF orientation");
+            reason.push_str("; rotated with the image by EXIF orientation");
         }
         if let Some(flight) = flight_yaw {
             view.set_aside(
                 "flight yaw",
                 degrees(flight),
-                "the gimbal's yaw is there and is the camera's",
+                "gimbal yaw is available and preferred",
             );
         }
         view.use_evidence("gimbal yaw", degrees(yaw), reason);
@@ -203,7 +203,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         view.use_evidence(
             "flight yaw",
             degrees(yaw),
-            "doubtful: the aircraft's heading, taken for the camera's because the gimbal's is not recorded",
+            "doubtful: yaw of the aircraft, used because no gimbal yaw is recorded",
         );
         view.heading = Some(Heading {
             heading_deg: (yaw + turn).rem_euclid(360.0),
@@ -212,7 +212,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
     } else if let Some(direction) = metadata.image_direction {
         let mut reason = String::from("doubtful: EXIF image direction");
         if direction.magnetic {
-            reason.push_str(", counted from magnetic north (declination not applied)");
+            reason.push_str(", relative to magnetic north (declination not applied)");
         }
         view.use_evidence("GPSImgDirection", degrees(direction.bearing_deg), reason);
         view.heading = Some(Heading {
@@ -222,7 +222,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
     }
 }
 
-/// An aircraft whose yaw, pitch and roll are all exactly zero was not measured.
+/// Whether the aircraft's angles were recorded: not if they are all exactly zero.
 fn flight_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
     let angles = [
         metadata.flight_yaw_deg,
@@ -234,13 +234,13 @@ fn flight_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
         view.set_aside(
             "flight yaw",
             "0 deg",
-            "the aircraft's angles are all exactly zero: not recorded",
+            "all angles of the aircraft are exactly zero, so probably not recorded",
         );
     }
     recorded
 }
 
-/// How far the top of the displayed picture lies clockwise of the top of the stored one, degrees on the ground.
+/// Bearing of the displayed picture's top relative to the stored picture's top, degrees clockwise.
 ///
 /// Orientation 6 turns the stored picture clockwise by 90 degrees for display, so its left edge comes to the top.
 fn orientation_turn_deg(orientation: u8) -> f64 {

@@ -1,11 +1,11 @@
 //! Drone photos: decoding, EXIF and XMP metadata, camera model, resampling to a query.
 //!
 //! ```no_run
-//! use grimnet_photo::{Overrides, Photo, QueryOptions};
-//! let photo = Photo::open_reduced("DJI_0042.jpg", 2000)?;
-//! let view = photo.view(&Overrides::default());
+//! use grimnet_photo::{Photo, QueryOptions, ViewPrior};
+//! let photo = Photo::open("DJI_0042.jpg")?;
+//! let view = photo.view(&ViewPrior::default());
 //! for evidence in &view.set_aside {
-//!     eprintln!("not believed: {evidence}");
+//!     eprintln!("not used: {evidence}");
 //! }
 //! if let (Some(heading), Some(footprint)) = (view.heading, view.footprint) {
 //!     let maker = photo.query_maker(&QueryOptions {
@@ -30,7 +30,10 @@ mod jpeg_structure;
 mod level;
 mod metadata;
 mod photo;
+mod points;
 mod query;
+mod read_metadata;
+mod resolve;
 mod scale;
 mod view;
 mod warp;
@@ -44,6 +47,7 @@ pub use decode::{MAX_PIXELS, MIN_SIDE_PX};
 pub use error::PhotoError;
 pub use evidence::Evidence;
 pub use metadata::{GpsPosition, ImageDirection, Metadata};
-pub use photo::Photo;
+pub use photo::{Photo, QUERY_LONG_SIDE_PX};
+pub use points::{PhotoPx, QueryPx};
 pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
-pub use view::{Footprint, Heading, HeadingSource, Overrides, View};
+pub use view::{Footprint, Heading, HeadingPrior, View, ViewPrior};

@@ -1,15 +1,10 @@
-//! What a photo's file says of itself, as read: EXIF and XMP, before anything is believed.
-
-use std::path::Path;
+//! Metadata of a photo as read from EXIF and XMP.
 
 use serde::Serialize;
 
-use crate::container::Embedded;
-use crate::error::PhotoError;
 use crate::evidence::Evidence;
-use crate::{exif_fields, xmp_fields};
 
-/// A position as a receiver wrote it. Never used to answer where a photo is, only to check an answer.
+/// Position recorded by a GNSS receiver. It is never used to localise a photo, only to check an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GpsPosition {
     /// Latitude, degrees, north positive.
@@ -23,14 +18,14 @@ pub struct GpsPosition {
 pub struct ImageDirection {
     /// Degrees clockwise from the reference.
     pub bearing_deg: f64,
-    /// Whether it is counted from magnetic north (`GPSImgDirectionRef` = M) and not from true north.
+    /// Whether it is relative to magnetic north (`GPSImgDirectionRef` = M) and not from true north.
     pub magnetic: bool,
 }
 
 /// Metadata of one photo, each field as its source gave it, in this crate's units.
 ///
-/// A number that is not finite, not parsable or outside what the quantity can be is left out here, with a line in
-/// `notes`. Whether the rest is to be believed is [`crate::View::resolve`]'s to say.
+/// A number that is not finite, not parsable or out of range is left out, with an entry in `notes`. [`crate::View::resolve`]
+/// decides which of the others are used.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Metadata {
     /// GPS position (EXIF, else DJI XMP).
@@ -51,9 +46,9 @@ pub struct Metadata {
     pub image_direction: Option<ImageDirection>,
     /// Height above the take-off point, m.
     pub relative_altitude_m: Option<f64>,
-    /// Height above the sea or the ellipsoid, m; says nothing of the height above ground.
+    /// Altitude above sea level or the ellipsoid, m; not a height above ground.
     pub gps_altitude_m: Option<f64>,
-    /// Height above ground as a rangefinder or a terrain model on board had it, m.
+    /// Height above ground by an on-board rangefinder or terrain model, m.
     pub above_ground_m: Option<f64>,
     /// Focal length, mm.
     pub focal_length_mm: Option<f64>,
@@ -61,7 +56,7 @@ pub struct Metadata {
     pub focal_35mm: Option<f64>,
     /// Calibrated focal length in pixels of the full-size picture (DJI `CalibratedFocalLength`).
     pub calibrated_focal_px: Option<f64>,
-    /// Focal length in pixels by EXIF's focal plane resolution.
+    /// Focal length in pixels from EXIF's focal plane resolution.
     pub focal_plane_px: Option<f64>,
     /// Digital zoom, 1 for none.
     pub digital_zoom: Option<f64>,
@@ -75,40 +70,11 @@ pub struct Metadata {
     pub model: Option<String>,
     /// When it was taken, as EXIF writes it (`YYYY:MM:DD hh:mm:ss`, the camera's clock).
     pub captured_at: Option<String>,
-    /// Fields that were there and could not be read, and why.
+    /// Fields that could not be read, and why.
     pub notes: Vec<Evidence>,
 }
 
 impl Metadata {
-    /// Reads the metadata of a photo without decoding its pixels.
-    ///
-    /// # Errors
-    /// Only where the file cannot be read; damaged metadata is absent metadata, with a note.
-    pub fn read(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
-        let path = path.as_ref();
-        let bytes = fs_err::read(path).map_err(|source| PhotoError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        Ok(Self::from_bytes(&bytes))
-    }
-
-    /// Reads the metadata from a photo file's bytes. Never fails: what cannot be read is absent, with a note.
-    pub fn from_bytes(bytes: &[u8]) -> Self {
-        let embedded = Embedded::find(bytes);
-        let mut metadata = Self {
-            orientation: 1,
-            ..Self::default()
-        };
-        if let Some(exif) = embedded.exif {
-            exif_fields::read_into(exif, &mut metadata);
-        }
-        for packet in &embedded.xmp {
-            xmp_fields::read_into(packet, &mut metadata);
-        }
-        metadata
-    }
-
     /// Whether EXIF orientation turns the stored picture by a quarter, so that width and height change places.
     pub fn swaps_sides(&self) -> bool {
         (5..=8).contains(&self.orientation)
@@ -120,7 +86,7 @@ impl Metadata {
         self.notes.push(note);
     }
 
-    /// Takes a position if it is one; (0, 0) is what receivers without a fix write.
+    /// Sets the position if it is valid and none was set. Receivers without a fix write (0, 0).
     pub(crate) fn take_position(&mut self, source: &str, lat_deg: f64, lon_deg: f64) {
         if self.position.is_some() {
             return;
@@ -129,17 +95,9 @@ impl Metadata {
         if !(lat_deg.is_finite() && lon_deg.is_finite()) {
             self.note(source, value, "not a number");
         } else if lat_deg.abs() > 90.0 || lon_deg.abs() > 180.0 {
-            self.note(
-                source,
-                value,
-                "outside the Earth's latitudes and longitudes",
-            );
+            self.note(source, value, "latitude or longitude out of range");
         } else if lat_deg == 0.0 && lon_deg == 0.0 {
-            self.note(
-                source,
-                value,
-                "zero, zero is written by receivers without a fix",
-            );
+            self.note(source, value, "receivers without a fix write 0, 0");
         } else {
             self.position = Some(GpsPosition { lat_deg, lon_deg });
         }

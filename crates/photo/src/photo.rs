@@ -9,38 +9,45 @@ use crate::decode;
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
 use crate::query::{Query, QueryMaker, QueryOptions};
-use crate::view::{Overrides, View};
+use crate::view::{View, ViewPrior};
 
-/// No query needs a longer side, pixels.
-const QUERY_LONG_SIDE_PX: u32 = 2048;
+/// [`Photo::open`] reduces longer sides to this, pixels: no query needs more.
+pub const QUERY_LONG_SIDE_PX: u32 = 2048;
 
 /// A decoded photo.
 #[derive(Debug, Clone)]
 pub struct Photo {
-    /// Where it came from; empty for pictures made in memory.
+    /// The file; empty for photos made in memory.
     pub path: PathBuf,
     /// Pixels as displayed (EXIF orientation applied), possibly at reduced size.
     pub image: RgbImage,
-    /// Size of the whole picture as displayed, px; `image` is this or smaller, of the same field of view.
+    /// Size of the whole picture as displayed, px. `image` has this size or is smaller, with the same field of view.
     pub full_size_px: (u32, u32),
-    /// What the file says of itself.
+    /// EXIF and XMP metadata.
     pub metadata: Metadata,
 }
 
 impl Photo {
-    /// Reads a JPEG, PNG, TIFF or WebP photo at full size.
+    /// Reads a JPEG, PNG, TIFF or WebP photo at the size that localisation needs: a long side of at most
+    /// [`QUERY_LONG_SIDE_PX`].
     ///
     /// # Errors
-    /// A [`PhotoError`] that names the file: unreadable, not a picture, truncated, damaged, too large (checked before
-    /// allocation), too small.
+    /// Returns a [`PhotoError`] that names the file if it is unreadable, not a picture, truncated, damaged, too large (checked
+    /// before allocation) or too small.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
+        Self::open_reduced(path, QUERY_LONG_SIDE_PX)
+    }
+
+    /// Reads a photo at full size.
+    ///
+    /// # Errors
+    /// As [`Photo::open`].
+    pub fn open_full(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
         Self::read(path.as_ref(), None)
     }
 
-    /// Reads a photo at a long side of at most `max_long_side_px`; a smaller one keeps its size.
-    ///
-    /// A query needs far fewer pixels than a camera stores. What is left is averaged over areas, so that nothing
-    /// aliases.
+    /// Reads a photo with a long side of at most `max_long_side_px`; a smaller photo keeps its size. Pixels are averaged over
+    /// areas, so that the reduction does not alias.
     ///
     /// # Errors
     /// As [`Photo::open`].
@@ -48,15 +55,7 @@ impl Photo {
         Self::read(path.as_ref(), Some(max_long_side_px))
     }
 
-    /// Reads a photo with as many pixels as a query needs.
-    ///
-    /// # Errors
-    /// As [`Photo::open`].
-    pub fn open_for_query(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
-        Self::open_reduced(path, QUERY_LONG_SIDE_PX)
-    }
-
-    /// Decodes a photo file that is in memory already; `path` only names it in errors.
+    /// Decodes the bytes of a photo file, at full size if `max_long_side_px` is `None`. `path` is used in errors only.
     ///
     /// # Errors
     /// As [`Photo::open`].
@@ -94,12 +93,12 @@ impl Photo {
         Self::from_bytes(path, &bytes, max_long_side_px)
     }
 
-    /// What is believed of this photo's view, with the reasons.
-    pub fn view(&self, overrides: &Overrides) -> View {
-        View::resolve(&self.metadata, self.full_size_px, overrides)
+    /// What is known of this photo's view, with the reasons. See [`View::resolve`].
+    pub fn view(&self, prior: &ViewPrior) -> View {
+        View::resolve(&self.metadata, self.full_size_px, prior)
     }
 
-    /// Prepares queries at one ground resolution; cheap to turn afterwards. See [`QueryMaker::new`].
+    /// Prepares queries at one ground resolution, which are then cheap to rotate. See [`QueryMaker::new`].
     ///
     /// # Errors
     /// As [`QueryMaker::new`].
@@ -114,7 +113,7 @@ impl Photo {
     /// rectified. For several rotations make a [`QueryMaker`] once.
     ///
     /// # Errors
-    /// As [`QueryMaker::new`], and for an `up_deg` that is not a number.
+    /// As [`QueryMaker::new`]; also if `up_deg` is not finite.
     pub fn query(
         &self,
         gsd_m: f64,
@@ -130,7 +129,7 @@ impl Photo {
             return Err(PhotoError::BadRequest {
                 name: "up_deg",
                 value: up_deg,
-                reason: "must be a number of degrees",
+                reason: "expected a finite number of degrees",
             });
         }
         Ok(self.query_maker(&options)?.make(up_deg))

@@ -7,29 +7,30 @@ use crate::area::{self, Crop};
 use crate::camera::{MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG, Tilt, focal_px};
 use crate::error::PhotoError;
 use crate::level::Level;
+use crate::points::{PhotoPx, QueryPx};
 use crate::warp::{self, Interpolation, LEVEL_PX_PER_QUERY_PX};
 
 /// Query sides are multiples of this, as the network needs.
 pub const SIDE_MULTIPLE_PX: u32 = 32;
 
-/// The largest query side unless asked otherwise, px.
+/// The default limit of a query's sides, px.
 pub const DEFAULT_MAX_SIDE_PX: u32 = 1024;
 
-/// What a query is made for.
+/// Resolution and size of a query.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QueryOptions {
     /// Ground metres per query pixel.
     pub gsd_m: f64,
     /// Ground width across the photo's centre, m.
     pub footprint_width_m: f64,
-    /// How far the camera looked off straight down.
+    /// Tilt of the camera to rectify.
     pub tilt: Option<Tilt>,
-    /// Queries larger than this are cropped about the photo's centre; rounded down to a multiple of 32.
+    /// Larger queries are cropped around the photo's centre; rounded down to a multiple of 32.
     pub max_side_px: u32,
 }
 
 impl QueryOptions {
-    /// A camera that looks straight down, the default size limit.
+    /// A camera that looks straight down, with the default size limit.
     pub fn new(gsd_m: f64, footprint_width_m: f64) -> Self {
         Self {
             gsd_m,
@@ -45,7 +46,7 @@ impl QueryOptions {
 pub struct Query {
     /// Pixels; black outside the photo. Both sides are multiples of 32.
     pub image: RgbImage,
-    /// 255 where the photo was seen, 0 outside.
+    /// 255 inside the photo, 0 outside.
     pub mask: GrayImage,
     /// Pixels of `Photo::image` from query pixels, both continuous: (0, 0) is the outer corner of the top left pixel,
     /// the centre of pixel (i, j) is (i + 0.5, j + 0.5). The photo's centre lies at the query's centre.
@@ -69,28 +70,28 @@ impl Default for Query {
 }
 
 impl Query {
-    /// Where the photo's centre lies, continuous query pixels: the query's own centre.
-    pub fn centre_px(&self) -> [f64; 2] {
-        [
+    /// The position of the photo's centre: the query's own centre.
+    pub fn centre_px(&self) -> QueryPx {
+        QueryPx::new(
             f64::from(self.image.width()) / 2.0,
             f64::from(self.image.height()) / 2.0,
-        ]
+        )
     }
 
-    /// The point of the photo (continuous pixels of `Photo::image`) that a continuous query pixel shows; `None` for
-    /// points beyond the horizon of a rectified query.
-    pub fn photo_px(&self, query_px: [f64; 2]) -> Option<[f64; 2]> {
-        apply(&self.photo_px_from_query_px, query_px)
+    /// The point of the photo that a point of the query shows; `None` beyond the horizon of a rectified query.
+    pub fn photo_px(&self, point: QueryPx) -> Option<PhotoPx> {
+        let [x, y] = apply(&self.photo_px_from_query_px, [point.x, point.y])?;
+        Some(PhotoPx::new(x, y))
     }
 }
 
-/// `matrix` applied to a point, `None` where the homogeneous coordinate is not positive.
+/// `matrix` applied to a point; `None` if the homogeneous coordinate is not positive.
 fn apply(matrix: &Matrix3<f64>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
     let mapped = matrix * Vector3::new(x, y, 1.0);
     (mapped.z > 1e-12).then(|| [mapped.x / mapped.z, mapped.y / mapped.z])
 }
 
-/// A photo prepared for queries at one ground resolution: reduced once, then turned as often as needed.
+/// A photo prepared for queries at one ground resolution: reduced once, then rotated as often as needed.
 #[derive(Debug)]
 pub struct QueryMaker {
     level: Level,
@@ -108,8 +109,8 @@ impl QueryMaker {
     /// Reduces `image` to about the query's ground resolution.
     ///
     /// # Errors
-    /// [`PhotoError::BadRequest`] for resolutions and widths that are not positive numbers, a maximal side below 32, a
-    /// field of view that is none; [`PhotoError::Horizon`] for tilts of more than 75 degrees.
+    /// Returns [`PhotoError::BadRequest`] if the resolution or the width is not a positive number, the maximum side is below 32, or
+    /// the field of view is invalid; [`PhotoError::Horizon`] for tilts of more than 75 degrees.
     pub fn new(image: &RgbImage, options: &QueryOptions) -> Result<Self, PhotoError> {
         check(options)?;
         let (width, height) = image.dimensions();
@@ -129,7 +130,7 @@ impl QueryMaker {
         let bad_tilt = || PhotoError::BadRequest {
             name: "tilt",
             value: options.tilt.map_or(0.0, |tilt| tilt.pitch_from_nadir_deg),
-            reason: "gives no ground plane",
+            reason: "the camera does not see the ground plane",
         };
         let photo_from_unturned = unturned_from_photo.try_inverse().ok_or_else(bad_tilt)?;
         let outline_px = usable_outline(size, &unturned_from_photo);
@@ -168,7 +169,7 @@ impl QueryMaker {
         query
     }
 
-    /// As [`QueryMaker::make`], into the buffers of an earlier query.
+    /// As [`QueryMaker::make`], reusing the buffers of an earlier query.
     pub fn make_into(&self, up_deg: f64, query: &mut Query) {
         let (sin, cos) = up_deg.to_radians().sin_cos();
         // Clockwise by up_deg, in pixels with y down.
@@ -180,7 +181,7 @@ impl QueryMaker {
         }
         let limit = (self.options.max_side_px / SIDE_MULTIPLE_PX).max(1);
         let side = |half: f64| {
-            // Rounding must not add 32 px for the last bits of a product.
+            // Rounding errors of the product must not add 32 px.
             let multiples = (2.0 * half / f64::from(SIDE_MULTIPLE_PX) - 1e-9).ceil();
             (multiples.max(1.0) as u32).min(limit) * SIDE_MULTIPLE_PX
         };
@@ -228,7 +229,7 @@ fn check(options: &QueryOptions) -> Result<(), PhotoError> {
             return Err(PhotoError::BadRequest {
                 name,
                 value,
-                reason: "must be a number of metres above zero",
+                reason: "expected a positive number of metres",
             });
         }
     }
@@ -236,7 +237,7 @@ fn check(options: &QueryOptions) -> Result<(), PhotoError> {
         return Err(PhotoError::BadRequest {
             name: "max_side_px",
             value: f64::from(options.max_side_px),
-            reason: "must be at least 32",
+            reason: "expected at least 32 pixels",
         });
     }
     let Some(tilt) = options.tilt else {
@@ -246,14 +247,14 @@ fn check(options: &QueryOptions) -> Result<(), PhotoError> {
         return Err(PhotoError::BadRequest {
             name: "hfov_deg",
             value: tilt.hfov_deg,
-            reason: "must lie between 0 and 179 degrees",
+            reason: "expected a field of view between 0 and 179 degrees",
         });
     }
     if !tilt.roll_deg.is_finite() {
         return Err(PhotoError::BadRequest {
             name: "roll_deg",
             value: tilt.roll_deg,
-            reason: "must be a number",
+            reason: "expected a finite number of degrees",
         });
     }
     let pitch_from_nadir_deg = tilt.pitch_from_nadir_deg;
@@ -266,7 +267,7 @@ fn check(options: &QueryOptions) -> Result<(), PhotoError> {
     Ok(())
 }
 
-/// The photo's outline without what is too far away, mapped to unturned query pixels.
+/// The outline of the part of the photo that is near enough, mapped to unrotated query pixels.
 ///
 /// The homogeneous coordinate is 1 at the centre and falls to 0 at the horizon; it is linear in photo pixels, so the
 /// far part is cut off along a straight line (Sutherland and Hodgman 1974).
@@ -301,8 +302,8 @@ fn usable_outline(size: [f64; 2], unturned_from_photo: &Matrix3<f64>) -> Vec<[f6
         .collect()
 }
 
-/// The central part of the photo that queries of the maximal side can show at any rotation, with a margin for the
-/// filters; all of it under a tilt.
+/// The central part of the photo that queries of the maximum side can show at any rotation, with a margin for the
+/// filters; the whole photo if it is tilted.
 fn visible_crop(
     (width, height): (u32, u32),
     photo_px_per_query_px: f64,

@@ -1,26 +1,26 @@
-//! Which field of view, height and ground width are believed.
+//! Which field of view, height and ground width are used.
 
 use crate::camera::{EquivalentFocal, focal_px, focal_px_from_35mm, fov_deg};
 use crate::heading::Attitude;
 use crate::metadata::Metadata;
-use crate::view::{Footprint, Overrides, View};
+use crate::view::{Footprint, View, ViewPrior};
 
-/// Relative 1-sigma of what the user gives as metres per pixel or height.
+/// Relative 1-sigma of a ground resolution or height that the caller gives.
 const USER_SIGMA: f64 = 0.02;
 /// Relative 1-sigma of a calibrated focal length.
 const CALIBRATED_SIGMA: f64 = 0.01;
-/// Relative 1-sigma of a focal length by the density of pixels on the sensor.
+/// Relative 1-sigma of a focal length from the pixel density of the sensor.
 const FOCAL_PLANE_SIGMA: f64 = 0.05;
 /// Relative 1-sigma of a height above ground that the drone measured.
 const ABOVE_GROUND_SIGMA: f64 = 0.1;
-/// Relative 1-sigma of the height above the take-off point as a height above ground: the ground rises and falls, and
-/// barometers drift. On a flight over a flat town 10 % too much was measured.
+/// Relative 1-sigma of the height above the take-off point used as height above ground: terrain is uneven and barometers drift.
+/// On a flight over a flat town it was 10 % too large.
 const RELATIVE_ALTITUDE_SIGMA: f64 = 0.15;
-/// Two focal lengths of one photo that differ by more than this share cannot both be right.
+/// Two focal lengths of one photo that differ by more than this share contradict each other.
 const FOCAL_AGREEMENT: f64 = 0.1;
-/// Heights above ground that photos are taken from, m.
+/// Plausible heights above ground, m.
 const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 2.0..=20_000.0;
-/// Fields of view that cameras without a fisheye lens have, degrees.
+/// Plausible fields of view of cameras without a fisheye lens, degrees.
 const FOV_RANGE_DEG: std::ops::RangeInclusive<f64> = 1.0..=150.0;
 
 /// A number with its relative 1-sigma.
@@ -30,23 +30,23 @@ struct Uncertain {
     relative_sigma: f64,
 }
 
-/// Fills the view's field of view, height, tilt and ground width.
+/// Sets the view's field of view, height, tilt and ground width.
 pub(crate) fn resolve(
     metadata: &Metadata,
     size_px: (u32, u32),
-    overrides: &Overrides,
+    prior: &ViewPrior,
     attitude: Option<Attitude>,
     view: &mut View,
 ) {
-    let focal = focal(metadata, size_px, overrides, view);
+    let focal = focal(metadata, size_px, prior, view);
     let hfov_deg = focal.map(|focal| fov_deg(f64::from(size_px.0), focal.value));
     view.hfov_deg = hfov_deg;
     view.tilt = attitude
         .zip(hfov_deg)
         .and_then(|(attitude, hfov_deg)| attitude.tilt(hfov_deg));
-    if let Some(gsd_m) = overrides.gsd_m {
+    if let Some(gsd_m) = prior.gsd_m {
         if gsd_m.is_finite() && gsd_m > 0.0 {
-            view.use_evidence("gsd", format!("{gsd_m} m/px"), "given by the user");
+            view.use_evidence("gsd", format!("{gsd_m} m/px"), "given by the caller");
             view.footprint = Some(Footprint {
                 width_m: gsd_m * f64::from(size_px.0),
                 relative_sigma: USER_SIGMA,
@@ -55,7 +55,7 @@ pub(crate) fn resolve(
                 view.set_aside(
                     "RelativeAltitude",
                     metres(relative),
-                    "the user gave metres per pixel",
+                    "overridden by the ground resolution that the caller gave",
                 );
             }
             return;
@@ -63,10 +63,10 @@ pub(crate) fn resolve(
         view.set_aside(
             "gsd",
             gsd_m.to_string(),
-            "given by the user, not a ground resolution",
+            "given by the caller, but not a positive number",
         );
     }
-    let Some(height) = height(metadata, overrides, view) else {
+    let Some(height) = height(metadata, prior, view) else {
         return;
     };
     view.height_agl_m = Some(height.value);
@@ -81,46 +81,46 @@ pub(crate) fn resolve(
     }
 }
 
-fn height(metadata: &Metadata, overrides: &Overrides, view: &mut View) -> Option<Uncertain> {
+fn height(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Uncertain> {
     if let Some(altitude) = metadata.gps_altitude_m {
         view.set_aside(
             "GPS altitude",
             metres(altitude),
-            "height above the sea, never taken for height above ground",
+            "altitude above sea level is never used as height above ground",
         );
     }
     let mut found = None;
     let candidates = [
         (
             "height above ground",
-            overrides.height_agl_m,
+            prior.height_agl_m,
             USER_SIGMA,
-            "given by the user",
+            "given by the caller",
         ),
         (
             "AboveGroundAltitude",
             metadata.above_ground_m,
             ABOVE_GROUND_SIGMA,
-            "height above ground as the drone had it",
+            "height above ground recorded by the drone",
         ),
         (
             "RelativeAltitude",
             metadata.relative_altitude_m,
             RELATIVE_ALTITUDE_SIGMA,
-            "doubtful by 15 %: height above the take-off point, taken for height above ground",
+            "height above the take-off point, used as height above ground with 15 % uncertainty",
         ),
     ];
     for (field, value, relative_sigma, reason) in candidates {
         let Some(value) = value else { continue };
         if !HEIGHT_RANGE_M.contains(&value) {
             let reason = format!(
-                "not a height above ground between {} and {} m",
+                "out of range: a height above ground must be between {} and {} m",
                 HEIGHT_RANGE_M.start(),
                 HEIGHT_RANGE_M.end()
             );
             view.set_aside(field, metres(value), reason);
         } else if found.is_some() {
-            view.set_aside(field, metres(value), "a better height is there");
+            view.set_aside(field, metres(value), "a better height is available");
         } else {
             view.use_evidence(field, metres(value), reason);
             found = Some(Uncertain {
@@ -132,16 +132,16 @@ fn height(metadata: &Metadata, overrides: &Overrides, view: &mut View) -> Option
     found
 }
 
-/// Focal length in pixels of the photo file.
+/// Focal length in pixels of the photo at full size.
 fn focal(
     metadata: &Metadata,
     size_px: (u32, u32),
-    overrides: &Overrides,
+    prior: &ViewPrior,
     view: &mut View,
 ) -> Option<Uncertain> {
-    if let Some(hfov_deg) = overrides.hfov_deg {
+    if let Some(hfov_deg) = prior.hfov_deg {
         if FOV_RANGE_DEG.contains(&hfov_deg) {
-            view.use_evidence("hfov", format!("{hfov_deg} deg"), "given by the user");
+            view.use_evidence("hfov", format!("{hfov_deg} deg"), "given by the caller");
             return Some(Uncertain {
                 value: focal_px(f64::from(size_px.0), hfov_deg),
                 relative_sigma: USER_SIGMA,
@@ -150,7 +150,7 @@ fn focal(
         view.set_aside(
             "hfov",
             hfov_deg.to_string(),
-            "given by the user, not a field of view between 1 and 150 degrees",
+            "given by the caller, but not between 1 and 150 degrees",
         );
     }
     let stored_px = if metadata.swaps_sides() {
@@ -169,7 +169,7 @@ fn focal(
             for (field, value, unit) in values {
                 if let Some(value) = value {
                     let reason = format!(
-                        "the camera stored {} x {} px, the file has {} x {}: it was cropped, by how much is not known",
+                        "the camera stored {} x {} px, but the file has {} x {} px: cropped by an unknown amount",
                         original_px.0, original_px.1, stored_px.0, stored_px.1
                     );
                     view.set_aside(field, format!("{value} {unit}"), reason);
@@ -179,7 +179,7 @@ fn focal(
         }
     };
     if let Some(zoom) = metadata.digital_zoom.filter(|zoom| *zoom > 1.01) {
-        let reason = "digital zoom: whether the focal lengths include it differs by maker, so none is believed";
+        let reason = "digital zoom: manufacturers differ in whether focal lengths include it, so no focal length is used";
         view.set_aside("DigitalZoomRatio", zoom.to_string(), reason);
         return None;
     }
@@ -189,7 +189,7 @@ fn focal(
     })
 }
 
-/// The factor between a camera's picture and the file, `None` where their shapes differ.
+/// Ratio of the file's size to the size that the camera stored; `None` if their aspect ratios differ.
 fn resized_by(stored_px: (u32, u32), original_px: (u32, u32)) -> Option<f64> {
     let across = f64::from(stored_px.0) / f64::from(original_px.0);
     let down = f64::from(stored_px.1) / f64::from(original_px.1);
@@ -208,7 +208,7 @@ fn focal_of_original(
         view.set_aside(
             "FocalLengthIn35mmFilm",
             format!("{focal_35mm} mm"),
-            "the picture has no sensor's shape (a panorama or a crop)",
+            "the aspect ratio is not that of a camera sensor (a panorama or a crop)",
         );
     }
     if let Some(calibrated) = metadata.calibrated_focal_px {
@@ -220,13 +220,16 @@ fn focal_of_original(
             view.use_evidence(
                 "CalibratedFocalLength",
                 format!("{calibrated} px"),
-                format!("calibrated, of the full picture {} px wide", original_px.0),
+                format!(
+                    "calibrated, for the full image width of {} px",
+                    original_px.0
+                ),
             );
             if let Some(focal_35mm) = metadata.focal_35mm.filter(|_| equivalent.is_some()) {
                 view.set_aside(
                     "FocalLengthIn35mmFilm",
                     format!("{focal_35mm} mm"),
-                    "agrees with the calibrated focal length, which is finer",
+                    "agrees with the calibrated focal length, which is more accurate",
                 );
             }
             return Some(Uncertain {
@@ -237,7 +240,7 @@ fn focal_of_original(
         view.set_aside(
             "CalibratedFocalLength",
             format!("{calibrated} px"),
-            "contradicts the 35 mm equivalent by more than 10 %, or no camera's",
+            "differs from the 35 mm equivalent by more than 10 %, or is implausible",
         );
     }
     if let (Some(focal_35mm), Some(equivalent)) = (metadata.focal_35mm, equivalent) {
@@ -256,14 +259,14 @@ fn focal_of_original(
         view.set_aside(
             "FocalLengthIn35mmFilm",
             format!("{focal_35mm} mm"),
-            "no camera's",
+            "implausible focal length",
         );
     }
     let focal_plane = metadata.focal_plane_px?;
     view.use_evidence(
         "FocalPlaneXResolution",
         format!("{focal_plane:.0} px"),
-        "focal length by the density of pixels on the sensor",
+        "focal length from the pixel density of the sensor",
     );
     Some(Uncertain {
         value: focal_plane,

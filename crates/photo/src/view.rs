@@ -1,38 +1,43 @@
-//! From metadata and the user's word to what is believed of a photo's view, with the reasons.
+//! What is known of how a photo sees the ground, with the reasons.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::camera::Tilt;
 use crate::evidence::Evidence;
-use crate::metadata::Metadata;
-use crate::{heading, scale};
 
-/// What the user says of the heading.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub enum HeadingSource {
-    /// The top of the photo points this many degrees clockwise from true north.
-    Known(f64),
-    /// Take it from the metadata, if they have it.
+/// Prior knowledge of the heading: the bearing of the photo's top, degrees clockwise from true north.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum HeadingPrior {
+    /// The heading is known.
+    Known {
+        /// Degrees clockwise from true north.
+        heading_deg: f64,
+        /// 1-sigma, degrees.
+        sigma_deg: f64,
+    },
+    /// The heading is taken from the photo's metadata; it is unknown if they do not have a plausible one.
     #[default]
-    Exif,
-    /// It is not known, whatever the metadata say.
+    FromMetadata,
+    /// The heading is unknown; metadata are ignored.
     Unknown,
 }
 
-/// What the user says of the view, before which metadata give way.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
-pub struct Overrides {
+/// Prior knowledge of a photo's view. Each value overrides the photo's metadata.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
+pub struct ViewPrior {
     /// Heading.
-    pub heading: HeadingSource,
+    pub heading: HeadingPrior,
     /// Height above ground, m.
     pub height_agl_m: Option<f64>,
     /// Field of view across the photo's width, degrees.
     pub hfov_deg: Option<f64>,
-    /// Ground metres per pixel of the photo file, at its centre.
+    /// Ground metres per pixel of the photo at full size, at its centre.
     pub gsd_m: Option<f64>,
 }
 
-/// A heading that is believed.
+/// A heading with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Heading {
     /// Where the top of the (displayed) photo points, degrees clockwise from true north, 0 to 360.
@@ -41,7 +46,7 @@ pub struct Heading {
     pub sigma_deg: f64,
 }
 
-/// A ground width that is believed.
+/// A ground width with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Footprint {
     /// Ground width across the photo's centre, m.
@@ -51,8 +56,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Whether the scale is certain enough to be tried alone: a ratio of 1.5 still matches, twice the sigma must not
-    /// reach it.
+    /// Whether the width is so uncertain that other widths should be tried: matching tolerates a ratio of 1.5, which must be
+    /// more than twice the sigma away.
     pub fn is_doubtful(&self) -> bool {
         self.relative_sigma > 0.1
     }
@@ -75,40 +80,26 @@ impl Footprint {
     }
 }
 
-/// What is believed of how a photo sees the ground. Everything may be unknown; a localiser then searches.
+/// What is known of how a photo sees the ground. Everything may be unknown; a localiser then searches.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct View {
     /// Where the photo's top points.
     pub heading: Option<Heading>,
     /// How much ground it covers.
     pub footprint: Option<Footprint>,
-    /// How far it looks off straight down, where that is recorded and at least a degree; `None` is taken as straight
-    /// down.
+    /// Tilt of the camera if it is recorded and at least one degree; `None` is treated as straight down.
     pub tilt: Option<Tilt>,
     /// Field of view across the displayed photo's width, degrees.
     pub hfov_deg: Option<f64>,
-    /// Height above ground, m, where `footprint` comes from one.
+    /// Height above ground, m, if `footprint` was computed from one.
     pub height_agl_m: Option<f64>,
-    /// What the above rest on.
+    /// Metadata and priors that were used.
     pub used: Vec<Evidence>,
-    /// What was read and not believed.
+    /// Metadata and priors that were not used.
     pub set_aside: Vec<Evidence>,
 }
 
 impl View {
-    /// Decides what to believe. `size_px` is the displayed size of the photo file ([`crate::Photo::full_size_px`]).
-    ///
-    /// The user's word comes first. Of the metadata, the gimbal's yaw comes before the aircraft's and before EXIF's
-    /// image direction; height above the sea is never taken for height above ground; height above the take-off point
-    /// is taken with a relative 1-sigma of 15 %.
-    pub fn resolve(metadata: &Metadata, size_px: (u32, u32), overrides: &Overrides) -> Self {
-        let mut view = Self::default();
-        view.set_aside.extend(metadata.notes.iter().cloned());
-        let attitude = heading::resolve(metadata, overrides, &mut view);
-        scale::resolve(metadata, size_px, overrides, attitude, &mut view);
-        view
-    }
-
     pub(crate) fn use_evidence(
         &mut self,
         field: &str,

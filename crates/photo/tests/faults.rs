@@ -247,7 +247,7 @@ fn quarters_of_red_green_blue_white(#[case] file: &str, #[case] tolerance: u8) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("tests/golden")
         .join(file);
-    let photo = Photo::open(&path).unwrap();
+    let photo = Photo::open_full(&path).unwrap();
     let (w, h) = photo.image.dimensions();
     assert_eq!((w, h), (64, 64));
     for (x, y, colour) in [

@@ -8,7 +8,7 @@
 
 use std::path::PathBuf;
 
-use grimnet_photo::{Overrides, Photo};
+use grimnet_photo::{Photo, ViewPrior};
 
 fn data(file: &str) -> Option<PathBuf> {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -30,7 +30,7 @@ fn gimbal_of_zeros_is_set_aside_and_the_scale_is_doubtful() {
         let Some(path) = data(file) else { return };
         let photo = Photo::open_reduced(&path, 1000).unwrap();
         assert_eq!(photo.image.width(), 1000);
-        let view = photo.view(&Overrides::default());
+        let view = photo.view(&ViewPrior::default());
         let heading = view.heading.unwrap();
         assert!((heading.heading_deg - 152.1).abs() < 1e-9);
         assert!(heading.sigma_deg >= 10.0);
@@ -56,7 +56,7 @@ fn a_gimbal_that_looks_down_is_believed() {
         return;
     };
     let photo = Photo::open_reduced(&path, 800).unwrap();
-    let view = photo.view(&Overrides::default());
+    let view = photo.view(&ViewPrior::default());
     assert!((view.heading.unwrap().heading_deg - 44.2).abs() < 1e-9);
     assert!(view.tilt.is_none());
     // 20 mm by diagonals of a 4:3 frame: 81.7 degrees across, at 40.1 m.

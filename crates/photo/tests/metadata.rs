@@ -8,7 +8,7 @@
 mod photo_files;
 
 use exif::{Tag, Value};
-use grimnet_photo::{HeadingSource, Metadata, Overrides, View};
+use grimnet_photo::{HeadingPrior, Metadata, View, ViewPrior};
 use image::ImageFormat;
 use photo_files::{
     ascii, encoded, exif_app1, exif_block, gps, gradient, jpeg, rationals, short, with_app1,
@@ -55,7 +55,7 @@ fn read_exif(fields: &[(Tag, Value)]) -> Metadata {
 }
 
 fn resolve(metadata: &Metadata) -> View {
-    View::resolve(metadata, (4000, 3000), &Overrides::default())
+    View::resolve(metadata, (4000, 3000), &ViewPrior::default())
 }
 
 /// Whether something about `field` was set aside for a reason with `words` in it.
@@ -141,9 +141,9 @@ fn parrot_attributes_under_its_own_names() {
     );
     assert_eq!(metadata.gimbal_yaw_deg, Some(101.5));
     assert_eq!(metadata.flight_yaw_deg, Some(100.9));
-    let overrides = Overrides {
+    let overrides = ViewPrior {
         hfov_deg: Some(70.0),
-        ..Overrides::default()
+        ..ViewPrior::default()
     };
     let view = View::resolve(&metadata, (4000, 3000), &overrides);
     let tilt = view.tilt.unwrap();
@@ -346,7 +346,7 @@ fn a_calibrated_focal_length_is_of_the_full_picture() {
     let mut metadata = read_xmp(&dji_elements(&[("CalibratedFocalLength", "3000")]));
     let full = resolve(&metadata).hfov_deg.unwrap();
     metadata.original_size_px = Some((4000, 3000));
-    let of = |size| View::resolve(&metadata, size, &Overrides::default());
+    let of = |size| View::resolve(&metadata, size, &ViewPrior::default());
     // A file at half size sees as much, a cropped one does not say how much.
     assert!((of((2000, 1500)).hfov_deg.unwrap() - full).abs() < 1e-9);
     let cropped = of((3000, 3000));
@@ -373,7 +373,7 @@ fn a_picture_displayed_upright_keeps_its_focal_length_and_turns_its_heading() {
     ]));
     metadata.orientation = 6;
     // Stored 4000 x 3000, displayed 3000 x 4000 with the stored left edge on top.
-    let view = View::resolve(&metadata, (3000, 4000), &Overrides::default());
+    let view = View::resolve(&metadata, (3000, 4000), &ViewPrior::default());
     assert!((view.footprint.unwrap().width_m - 100.0).abs() < 1e-9);
     let heading = view.heading.unwrap();
     assert_eq!((heading.heading_deg, heading.sigma_deg), (280.0, 10.0));
@@ -395,9 +395,12 @@ fn image_direction_is_the_last_resort() {
 #[test]
 fn the_user_is_believed_before_the_metadata() {
     let metadata = read_xmp(&dji_elements(&FULL));
-    let with = |overrides: Overrides| View::resolve(&metadata, (4000, 3000), &overrides);
-    let view = with(Overrides {
-        heading: HeadingSource::Known(-90.0),
+    let with = |overrides: ViewPrior| View::resolve(&metadata, (4000, 3000), &overrides);
+    let view = with(ViewPrior {
+        heading: HeadingPrior::Known {
+            heading_deg: -90.0,
+            sigma_deg: 3.0,
+        },
         height_agl_m: Some(50.0),
         hfov_deg: Some(90.0),
         gsd_m: None,
@@ -406,16 +409,19 @@ fn the_user_is_believed_before_the_metadata() {
     let footprint = view.footprint.unwrap();
     assert!((footprint.width_m - 100.0).abs() < 1e-9 && !footprint.is_doubtful());
     assert!(aside(&view, "RelativeAltitude", "better"));
-    let view = with(Overrides {
-        heading: HeadingSource::Unknown,
+    let view = with(ViewPrior {
+        heading: HeadingPrior::Unknown,
         gsd_m: Some(0.025),
-        ..Overrides::default()
+        ..ViewPrior::default()
     });
     assert!(view.heading.is_none() && aside(&view, "gimbal yaw", "user"));
     assert!((view.footprint.unwrap().width_m - 100.0).abs() < 1e-9);
     // Numbers that are none do not reach further.
-    let view = with(Overrides {
-        heading: HeadingSource::Known(f64::NAN),
+    let view = with(ViewPrior {
+        heading: HeadingPrior::Known {
+            heading_deg: f64::NAN,
+            sigma_deg: 3.0,
+        },
         height_agl_m: Some(-3.0),
         hfov_deg: Some(f64::INFINITY),
         gsd_m: Some(0.0),

@@ -6,7 +6,7 @@
     reason = "helpers of tests, outside of test functions"
 )]
 
-use grimnet_photo::{Metadata, Photo, PhotoError, Query, QueryOptions, Tilt, focal_px};
+use grimnet_photo::{Metadata, Photo, PhotoError, Query, QueryOptions, QueryPx, Tilt, focal_px};
 use image::{Rgb, RgbImage};
 use nalgebra::{Rotation3, Unit, Vector3};
 use proptest::prelude::*;
@@ -65,12 +65,12 @@ fn ground_of(
     Some([ground.y, ground.x])
 }
 
-fn query_px(query: &Query, ground_m: [f64; 2]) -> [f64; 2] {
+fn query_px(query: &Query, ground_m: [f64; 2]) -> QueryPx {
     let centre = query.centre_px();
-    [
-        centre[0] + ground_m[0] / query.gsd_m,
-        centre[1] - ground_m[1] / query.gsd_m,
-    ]
+    QueryPx::new(
+        centre.x + ground_m[0] / query.gsd_m,
+        centre.y - ground_m[1] / query.gsd_m,
+    )
 }
 
 fn tilts() -> impl Strategy<Value = Option<Tilt>> {
@@ -104,7 +104,7 @@ proptest! {
         prop_assert_eq!(query.mask.dimensions(), query.image.dimensions());
         // The centre stays the centre.
         let centre = query.photo_px(query.centre_px()).unwrap();
-        prop_assert!((centre[0] - 60.0).abs() < 1e-9 && (centre[1] - 40.0).abs() < 1e-9);
+        prop_assert!((centre.x - 60.0).abs() < 1e-9 && (centre.y - 40.0).abs() < 1e-9);
         // Any other photo pixel, out over the ground and back through the query's matrix.
         let photo_px = [share.0 * 120.0, share.1 * 80.0];
         let straight = Tilt { pitch_from_nadir_deg: 0.0, roll_deg: 0.0, hfov_deg: 60.0 };
@@ -112,7 +112,7 @@ proptest! {
         if let Some(ground) = ground {
             let back = query.photo_px(query_px(&query, ground)).unwrap();
             prop_assert!(
-                (back[0] - photo_px[0]).abs() < 1e-3 && (back[1] - photo_px[1]).abs() < 1e-3,
+                (back.x - photo_px[0]).abs() < 1e-3 && (back.y - photo_px[1]).abs() < 1e-3,
                 "{:?} came back as {:?}", photo_px, back
             );
         }
@@ -128,15 +128,15 @@ proptest! {
         let query = photo.query(gsd_m, 100.0, up_deg, None).unwrap();
         let mut worst = 0.0f64;
         for (x, y, seen) in query.mask.enumerate_pixels() {
-            let at = query.photo_px([f64::from(x) + 0.5, f64::from(y) + 0.5]).unwrap();
-            let inside = (0.0..=200.0).contains(&at[0]) && (0.0..=150.0).contains(&at[1]);
+            let at = query.photo_px(QueryPx::new(f64::from(x) + 0.5, f64::from(y) + 0.5)).unwrap();
+            let inside = (0.0..=200.0).contains(&at.x) && (0.0..=150.0).contains(&at.y);
             prop_assert_eq!(seen.0[0] == 255, inside);
             let pixel = query.image.get_pixel(x, y).0;
             if !inside {
                 prop_assert_eq!(pixel, [0, 0, 0]);
-            } else if (5.0..195.0).contains(&at[0]) && (5.0..145.0).contains(&at[1]) {
-                worst = worst.max((f64::from(pixel[0]) - (at[0] - 0.5) * 255.0 / 200.0).abs());
-                worst = worst.max((f64::from(pixel[1]) - (at[1] - 0.5) * 255.0 / 150.0).abs());
+            } else if (5.0..195.0).contains(&at.x) && (5.0..145.0).contains(&at.y) {
+                worst = worst.max((f64::from(pixel[0]) - (at.x - 0.5) * 255.0 / 200.0).abs());
+                worst = worst.max((f64::from(pixel[1]) - (at.y - 0.5) * 255.0 / 150.0).abs());
             }
         }
         prop_assert!(worst < 1.8, "{}", worst);
@@ -173,7 +173,7 @@ fn large_queries_are_cropped_about_the_centre() {
         assert_eq!(query.image.dimensions(), (96, 96));
         assert!(query.mask.pixels().all(|seen| seen.0 == [255]));
         let centre = query.photo_px(query.centre_px()).unwrap();
-        assert!((centre[0] - 200.0).abs() < 1e-9 && (centre[1] - 150.0).abs() < 1e-9);
+        assert!((centre.x - 200.0).abs() < 1e-9 && (centre.y - 150.0).abs() < 1e-9);
         // The same pixels as from the whole photo.
         let whole = photo.query(0.25, 100.0, up_deg, None).unwrap();
         let offset = [
@@ -218,7 +218,7 @@ fn a_tilted_query_cuts_off_what_is_far() {
     let distance_m = 100.0 * focal / 160.0;
     for (x, y, seen) in query.mask.enumerate_pixels() {
         // Depth along the optical axis of ground `ahead` metres beyond the centre.
-        let ahead = query.centre_px()[1] - (f64::from(y) + 0.5);
+        let ahead = query.centre_px().y - (f64::from(y) + 0.5);
         let depth = 1.0 + ahead * 60f64.to_radians().sin() / distance_m;
         if seen.0 == [255] {
             assert!(depth <= 2.5 + 1e-9, "{x},{y}");

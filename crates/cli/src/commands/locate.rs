@@ -13,7 +13,7 @@ use grimnet_locate::{
     Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Localizer, Options, Outcome, Prior, Trace,
 };
 use grimnet_pack::Pack;
-use grimnet_photo::Photo;
+use grimnet_photo::{Photo, ViewPrior};
 
 use super::map::MapPlace;
 use super::{ModeChoice, ModelChoice};
@@ -57,7 +57,7 @@ impl HeadingChoice {
     /// As the localiser takes it.
     pub fn prior(self) -> HeadingPrior {
         match self {
-            Self::Exif => HeadingPrior::FromPhoto,
+            Self::Exif => HeadingPrior::FromMetadata,
             Self::Unknown => HeadingPrior::Unknown,
             Self::Degrees(heading_deg) => HeadingPrior::Known {
                 heading_deg,
@@ -177,10 +177,12 @@ impl LocateOptions {
     /// What the user knows of the photos.
     pub fn prior(&self) -> Prior {
         Prior {
-            heading: self.heading.prior(),
-            height_agl_m: self.height_agl,
-            hfov_deg: self.hfov,
-            gsd_m: self.gsd,
+            view: ViewPrior {
+                heading: self.heading.prior(),
+                height_agl_m: self.height_agl,
+                hfov_deg: self.hfov,
+                gsd_m: self.gsd,
+            },
             near: self.near.map(|n| n.0),
         }
     }
@@ -391,7 +393,7 @@ pub fn locate_one_traced(
     path: &Path,
     prior: &Prior,
 ) -> Result<(Photo, Outcome, Trace)> {
-    let photo = Photo::open_for_query(path)?;
+    let photo = Photo::open(path)?;
     let (outcome, trace) = localizer.locate_traced(&photo, prior)?;
     Ok((photo, outcome, trace))
 }
@@ -405,10 +407,7 @@ pub fn adapt_to_flight(
     paths: &[PathBuf],
     prior: &Prior,
 ) -> Result<Localizer> {
-    let photos: Vec<Photo> = paths
-        .iter()
-        .filter_map(|p| Photo::open_for_query(p).ok())
-        .collect();
+    let photos: Vec<Photo> = paths.iter().filter_map(|p| Photo::open(p).ok()).collect();
     Ok(localizer.adapted_to_flight(photos.iter().map(|photo| (photo, prior)))?)
 }
 

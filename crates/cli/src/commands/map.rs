@@ -9,7 +9,7 @@ use clap::{Args, Subcommand};
 use grimnet_geo::{MapOptions, open_map};
 use grimnet_locate::Options;
 use grimnet_pack::{BuildOptions, BuildReport, Levels, Pack, Progress, build};
-use grimnet_photo::{HeadingSource, Overrides, Photo};
+use grimnet_photo::{HeadingPrior, Photo, ViewPrior};
 
 use super::{ModeChoice, ModelChoice};
 use crate::exit::Exit;
@@ -224,10 +224,10 @@ fn levels(arguments: &BuildArgs) -> Result<Levels> {
         2.0 * height * (hfov.to_radians() / 2.0).tan()
     } else if let Some(path) = &arguments.photo {
         let photo = Photo::open(path)?;
-        let overrides = Overrides {
-            heading: HeadingSource::Unknown,
+        let overrides = ViewPrior {
+            heading: HeadingPrior::Unknown,
             hfov_deg: arguments.hfov,
-            ..Overrides::default()
+            ..ViewPrior::default()
         };
         photo
             .view(&overrides)

@@ -1,7 +1,7 @@
 //! From the covariance of the inliers to one that holds: two numbers by maximum likelihood, then scaled until the stated 95 %
 //! radius holds 95 % of the errors (split conformal prediction, Lei et al. 2018).
 
-use grimnet_locate::covariance::radius95;
+use grimnet_locate::internals::covariance::radius95;
 use grimnet_net::PositionError;
 use nalgebra::{Matrix2, Vector2};
 

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Matrix3, Point2, SMatrix, SVector, SymmetricEigen, Vector3};
 
-use crate::{
+use crate::geometry::{
     correspondence::{Correspondence, Normalisation, doubled_area},
     ransac::Estimator,
     transform::Transform,
@@ -189,7 +189,7 @@ impl Transform<8> for Homography {
     }
 }
 
-/// Fits homographies for [`crate::ransac::Ransac`].
+/// Fits homographies for [`crate::geometry::ransac::Ransac`].
 #[derive(Debug, Clone, Copy)]
 pub struct HomographyEstimator {
     /// Three points of a sample spanning a triangle smaller than this are taken for collinear, square pixels.

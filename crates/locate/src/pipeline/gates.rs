@@ -1,135 +1,14 @@
-//! When a transform is not believed. A wrong fix is worse than none.
+//! Checks that an estimated transform must pass before it becomes a fix. A wrong fix is worse than none.
 //!
 //! The limits are those that other systems converged on (GISNav, AnyVisLoc, wildnav and their issue threads).
 
 use nalgebra::{Matrix2, Point2};
-use serde::{Deserialize, Serialize};
 
-use crate::{homography::Homography, transform::Transform};
-
-/// The limits.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Gates {
-    /// Inliers at least.
-    pub min_inliers: usize,
-    /// Scale, relative to the expected one, within this factor of 1 both ways: 0.35 allows 1 / 1.35 to 1.35.
-    pub max_scale_change: f64,
-    /// Difference of the two principal scales at the centre over their geometric mean; for a pure shear it is the shear.
-    pub max_shear: f64,
-    /// Length of the homography's perspective row relative to its value at the centre, per pixel.
-    pub max_perspective_per_px: f64,
-    /// Standard deviation of the inliers along their short axis over the photo's mean half side.
-    pub min_spread: f64,
-    /// Places of the photo that hold inliers, at least: see [`occupied_places`].
-    pub min_places: usize,
-    /// Share of the matches that are inliers, at least.
-    pub min_inlier_share: f64,
-    /// Inliers at least this many times the runner-up's at another place.
-    pub min_margin: f64,
-    /// Whether a fix must be as probable as the model's calibration asks for, where it is calibrated.
-    pub by_confidence: bool,
-    /// The probability that is asked for in its place.
-    pub min_confidence: Option<f64>,
-}
-
-impl Default for Gates {
-    fn default() -> Self {
-        Self {
-            min_inliers: 20,
-            max_scale_change: 0.35,
-            max_shear: 0.25,
-            max_perspective_per_px: 1e-3,
-            min_spread: 0.12,
-            min_places: 15,
-            min_inlier_share: 0.0,
-            min_margin: 1.25,
-            by_confidence: true,
-            min_confidence: None,
-        }
-    }
-}
-
-/// A gate that a transform did not pass, with what was found.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, thiserror::Error)]
-#[serde(rename_all = "snake_case", tag = "gate")]
-pub enum Rejection {
-    /// Too few matches agree.
-    #[error("only {found} matches agree on a position, {needed} are needed")]
-    Inliers {
-        /// Matches that agree.
-        found: usize,
-        /// The limit.
-        needed: usize,
-    },
-    /// Too small a share of the matches agrees.
-    #[error("only {percent:.0} % of the matches agree on a position")]
-    InlierShare {
-        /// Share in per cent.
-        percent: f64,
-    },
-    /// A number is not finite, or the centre maps to infinity.
-    #[error("the geometry is singular")]
-    NotFinite,
-    /// The transform mirrors the photo.
-    #[error("the geometry mirrors the photo")]
-    Mirrored,
-    /// The photo would be much larger or smaller than expected.
-    #[error("the photo would be {factor:.2} times as large as expected")]
-    Scale {
-        /// Found over expected scale.
-        factor: f64,
-    },
-    /// The photo would be sheared or stretched.
-    #[error("the photo would be sheared by {shear:.2}")]
-    Shear {
-        /// See [`Gates::max_shear`].
-        shear: f64,
-    },
-    /// The photo would be seen at a steep angle.
-    #[error("the photo would be distorted by a perspective of {per_px:.1e} per pixel")]
-    Perspective {
-        /// See [`Gates::max_perspective_per_px`].
-        per_px: f64,
-    },
-    /// The photo's centre would lie off the map.
-    #[error("the photo's centre would lie outside the map")]
-    OutsideMap,
-    /// The centre is outside the area that the caller allowed.
-    #[error("the photo's centre would lie outside the given area")]
-    OutsideArea,
-    /// The inliers crowd in a corner or along a line.
-    #[error("the matches that agree crowd together or lie on a line (spread {spread:.2})")]
-    Spread {
-        /// See [`Gates::min_spread`].
-        spread: f64,
-    },
-    /// The inliers lie in too few places of the photo.
-    #[error("the matches that agree lie in {found} places of the photo, {needed} are needed")]
-    Places {
-        /// Places found.
-        found: usize,
-        /// See [`Gates::min_places`].
-        needed: usize,
-    },
-    /// Another place fits nearly as well.
-    #[error("another place fits nearly as well ({inliers} against {runner_up} matches)")]
-    Ambiguous {
-        /// Inliers of the best.
-        inliers: usize,
-        /// Inliers of the best at another place.
-        runner_up: usize,
-    },
-    /// By the model's calibration it is too likely to be wrong.
-    #[error(
-        "the matches that agree may do so by chance ({percent:.1} % sure, {needed_percent:.1} % are needed)"
-    )]
-    Confidence {
-        /// Probability that it is right, per cent.
-        percent: f64,
-        /// The limit.
-        needed_percent: f64,
-    },
-}
+use crate::{
+    geometry::{homography::Homography, transform::Transform},
+    options::Gates,
+    outcome::Rejection,
+};
 
 /// How a homography bends the picture around a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -197,14 +76,14 @@ pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f
 }
 
 /// Sides of a place that go into half a side of the photo.
-const PLACES_PER_HALF_SIDE: f64 = 6.0;
+const CELLS_PER_HALF_SIDE: f64 = 6.0;
 
 /// Squares of a twelfth of the photo's mean side that hold at least one of `points`.
 ///
 /// Keypoints crowd on crowns and edges, and where one is matched wrongly its neighbours are too, by the same shift: they count
 /// once.
-pub fn occupied_places(points: impl Iterator<Item = Point2<f64>>, half_side_px: f64) -> usize {
-    let side_px = half_side_px / PLACES_PER_HALF_SIDE;
+pub fn occupied_cells(points: impl Iterator<Item = Point2<f64>>, half_side_px: f64) -> usize {
+    let side_px = half_side_px / CELLS_PER_HALF_SIDE;
     points
         .map(|point| [point.x, point.y].map(|along| (along / side_px).floor() as i64))
         .collect::<std::collections::HashSet<_>>()
@@ -255,7 +134,7 @@ impl Gates {
                 percent: share * 100.0,
             });
         }
-        let found = occupied_places(inliers.clone(), half_side_px);
+        let found = occupied_cells(inliers.clone(), half_side_px);
         if found < self.min_places {
             return Err(Rejection::Places {
                 found,
@@ -412,14 +291,14 @@ mod tests {
             (0..40).map(|i| Point2::new(100.0 + f64::from(i % 7) * 5.0, 100.0 + f64::from(i)));
         let far = [Point2::new(480.0, 20.0), Point2::new(30.0, 400.0)];
         let crowded = crowd.chain(far);
-        assert!(occupied_places(crowded.clone(), 256.0) <= 6);
+        assert!(occupied_cells(crowded.clone(), 256.0) <= 6);
         assert!(matches!(
             gates.check_support(crowded, 100, 256.0),
             Err(Rejection::Places { needed: 15, .. })
         ));
         let everywhere =
             (0..40).map(|i| Point2::new(f64::from(i % 8) * 60.0, f64::from(i / 8) * 90.0));
-        assert_eq!(occupied_places(everywhere.clone(), 256.0), 40);
+        assert_eq!(occupied_cells(everywhere.clone(), 256.0), 40);
         assert_eq!(gates.check_support(everywhere, 100, 256.0), Ok(()));
     }
 }

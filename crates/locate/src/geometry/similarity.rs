@@ -3,7 +3,7 @@
 
 use nalgebra::{Matrix2x4, Matrix3, Point2, Vector4};
 
-use crate::{
+use crate::geometry::{
     correspondence::{Correspondence, Normalisation},
     ransac::Estimator,
     transform::Transform,
@@ -120,7 +120,7 @@ fn similarity_of(m: &Matrix3<f64>) -> Similarity {
     }
 }
 
-/// Fits similarities for [`crate::ransac::Ransac`].
+/// Fits similarities for [`crate::geometry::ransac::Ransac`].
 #[derive(Debug, Clone, Copy)]
 pub struct SimilarityEstimator {
     /// Least and greatest scale that a sample may have; others are thrown away before they are scored.

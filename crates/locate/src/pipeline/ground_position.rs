@@ -1,25 +1,27 @@
-//! From a transform between query and tile to degrees, metres and headings.
+//! From the transform between query and tile to position, heading, ground resolution and covariance.
 
-use grimnet_geo::{LevelPx, LonLat, MapPx};
+use grimnet_geo::{LonLat, MapPx};
 use grimnet_net::PositionError;
 use grimnet_pack::Level;
 use grimnet_photo::Photo;
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
 
 use crate::{
-    covariance::{propagate, radius95},
     error::Result,
-    homography::Homography,
+    geometry::{
+        covariance::{propagate, radius95},
+        homography::Homography,
+        transform::Transform,
+    },
     options::Options,
     outcome::MatchedPoints,
+    pipeline::{tile_frame::TileFrame, verification::VerifiedCandidate},
     query_features::QueryFeatures,
-    transform::Transform,
-    verify::{TileFrame, Verified},
 };
 
-/// The geometry of a fix.
+/// The ground position of a verified candidate.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Place {
+pub(crate) struct GroundPosition {
     pub centre: LonLat,
     pub heading_deg: f64,
     pub gsd_m: f64,
@@ -51,10 +53,10 @@ pub(crate) fn level_from_photo(
     Homography::from_matrix(level_from_tile * transform.as_matrix() * query_from_photo)
 }
 
-/// Metres east and north per level pixel, at a place of the level.
+/// Derivative of metres east and north by level pixels, at a point of the level.
 pub(crate) fn en_m_from_level_px_jacobian(
     level: &Level,
-    level_px: LevelPx,
+    level_px: [f64; 2],
 ) -> Result<Matrix2<f64>> {
     let frame = level.frame();
     let by_map_px = level
@@ -69,15 +71,15 @@ pub(crate) fn en_m_from_level_px_jacobian(
         ))
 }
 
-/// The place of a verified candidate; none where it has no finite one.
-pub(crate) fn place(
-    verified: &Verified,
+/// The ground position of a verified candidate; `None` if it has no finite one.
+pub(crate) fn ground_position(
+    verified: &VerifiedCandidate,
     level: &Level,
     query: &QueryFeatures,
     photo: &Photo,
     error: &PositionError,
     options: &Options,
-) -> Result<Option<Place>> {
+) -> Result<Option<GroundPosition>> {
     let frame = TileFrame::new(level, verified.candidate.tile);
     let (Some(transform), Some(centre_px), Some(covariance_px2)) = (
         &verified.transform,
@@ -94,7 +96,7 @@ pub(crate) fn place(
     let Some(level_px_by_photo_px) = level_from_photo.point_jacobian(photo_centre) else {
         return Ok(None);
     };
-    let en_by_level_px = en_m_from_level_px_jacobian(level, centre_px.into())?;
+    let en_by_level_px = en_m_from_level_px_jacobian(level, centre_px)?;
     let en_by_photo_px = en_by_level_px * level_px_by_photo_px;
     let up: Vector2<f64> = en_by_photo_px * Vector2::new(0.0, -1.0);
     // `Photo::image` may be a reduced copy.
@@ -113,15 +115,11 @@ pub(crate) fn place(
     let outline_lonlat_deg = corners
         .iter()
         .filter_map(|&(x, y)| level_from_photo.map(Point2::new(f64::from(x), f64::from(y))))
-        .filter_map(|corner| {
-            level
-                .lonlat_from_level_px(LevelPx::new(corner.x, corner.y))
-                .ok()
-        })
+        .filter_map(|corner| level.lonlat_from_level_px(corner.into()).ok())
         .map(|corner| [corner.lon_deg, corner.lat_deg])
         .collect();
-    Ok(Some(Place {
-        centre: level.lonlat_from_level_px(centre_px.into())?,
+    Ok(Some(GroundPosition {
+        centre: level.lonlat_from_level_px(centre_px)?,
         heading_deg: up.x.atan2(up.y).to_degrees().rem_euclid(360.0),
         gsd_m: en_by_photo_px.determinant().abs().sqrt() * photo_px_per_full_px,
         inlier_covariance_en_m2: upper(&of_inliers),
@@ -135,16 +133,16 @@ fn upper(symmetric: &Matrix2<f64>) -> [f64; 3] {
     [symmetric[(0, 0)], symmetric[(0, 1)], symmetric[(1, 1)]]
 }
 
-/// The matched points in pixels of photo and map.
+/// The matched points in pixels of the photo and of the map.
 pub(crate) fn matched_points(
-    verified: &Verified,
+    verified: &VerifiedCandidate,
     level: &Level,
     query: &QueryFeatures,
     photo: &Photo,
 ) -> MatchedPoints {
     let frame = TileFrame::new(level, verified.candidate.tile);
     let map_px = |level_px: [f64; 2]| -> [f64; 2] {
-        let MapPx { x, y } = level.map_px_from_level_px(level_px.into());
+        let MapPx { x, y } = level.map_px_from_level_px(level_px);
         [x, y]
     };
     let photo_px = |at: Point2<f64>| {
@@ -158,7 +156,7 @@ pub(crate) fn matched_points(
             let agrees = verified.inliers.binary_search(&index).is_ok();
             Some((
                 photo_px(pair.from)?.into(),
-                map_px(frame.level_px(pair.to)),
+                map_px(frame.level_px_from_tile_px(pair.to)),
                 agrees,
             ))
         });

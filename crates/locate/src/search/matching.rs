@@ -13,39 +13,38 @@ pub struct Match {
     pub similarity: f32,
 }
 
-/// Descriptors of one picture, one unit vector a row.
+/// Descriptors of one picture: one unit vector per row.
 #[derive(Debug, Clone, Copy)]
 pub enum Descriptors<'a> {
-    /// As the network gives them, n x dim.
+    /// As the network computes them, n x dim.
     F32(&'a [f32]),
-    /// Quantised, n x dim: value = integer * scale.
+    /// Quantised to int8, n x dim: value = integer * scale.
     I8 {
         /// The integers.
         values: &'a [i8],
-        /// The step.
+        /// Quantisation scale.
         scale: f32,
     },
 }
 
 /// Why descriptors cannot be compared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum MatchingError {
-    /// One side is quantised, the other is not.
-    #[error(
-        "descriptors of the photo and of the tile are stored differently: quantise both or neither"
-    )]
+    /// One side is quantised and the other is not.
+    #[error("one set of descriptors is f32 and the other int8; both must have the same type")]
     Kinds,
-    /// A row would be cut short.
-    #[error("{length} numbers are no whole number of descriptors of {dim}")]
+    /// The length is not a multiple of the dimension.
+    #[error("descriptor array of length {length}; expected a multiple of the dimension {dim}")]
     Length {
-        /// Numbers given.
+        /// Length of the array.
         length: usize,
-        /// Numbers a descriptor has.
+        /// Dimension of a descriptor.
         dim: usize,
     },
 }
 
-/// Finds matches; keeps its buffers from one pair of pictures to the next.
+/// Compares descriptors; keeps its buffers from one pair of pictures to the next.
 #[derive(Debug)]
 pub struct Matcher {
     isa: Isa,
@@ -53,7 +52,7 @@ pub struct Matcher {
     i32: Buffers<i32>,
 }
 
-/// What matching writes on the way, by kind of similarity.
+/// Intermediate results of matching.
 #[derive(Debug, Default)]
 struct Buffers<S> {
     scores: Vec<S>,
@@ -62,9 +61,9 @@ struct Buffers<S> {
     taken: Vec<bool>,
 }
 
-/// Two pictures whose descriptors have all been compared.
+/// The similarities of all pairs of descriptors of two pictures.
 #[derive(Debug)]
-pub struct Compared<'a>(Tables<'a>);
+pub struct Similarities<'a>(Tables<'a>);
 
 #[derive(Debug)]
 enum Tables<'a> {
@@ -73,7 +72,7 @@ enum Tables<'a> {
 }
 
 impl Matcher {
-    /// A matcher on this instruction set.
+    /// A matcher that uses this instruction set.
     pub fn new(isa: Isa) -> Self {
         Self {
             isa,
@@ -82,7 +81,7 @@ impl Matcher {
         }
     }
 
-    /// Mutual nearest neighbours, see [`Compared::mutual`].
+    /// Mutual nearest neighbours, see [`Similarities::mutual`].
     ///
     /// # Errors
     /// As [`Matcher::compare`].
@@ -98,16 +97,16 @@ impl Matcher {
         Ok(())
     }
 
-    /// Compares all unit descriptors of `dim` numbers of one picture with all of the other.
+    /// Compares all unit descriptors of dimension `dim` of one picture with all of the other.
     ///
     /// # Errors
-    /// Where the two sides are not of the same kind or length.
+    /// Returns an error if the two sides differ in type, or a length is not a multiple of `dim`.
     pub fn compare(
         &mut self,
         query: Descriptors<'_>,
         tile: Descriptors<'_>,
         dim: usize,
-    ) -> Result<Compared<'_>, MatchingError> {
+    ) -> Result<Similarities<'_>, MatchingError> {
         let rows = |length: usize| match length.checked_rem(dim) {
             Some(0) => Ok(length / dim),
             _ => Err(MatchingError::Length { length, dim }),
@@ -119,7 +118,7 @@ impl Matcher {
                 if m > 0 && n > 0 {
                     matmul_nt(self.isa, m, n, dim, query, tile, &mut self.f32.scores);
                 }
-                Ok(Compared(Tables::F32(Table {
+                Ok(Similarities(Tables::F32(Table {
                     buffers: &mut self.f32,
                     columns: n,
                     to_cosine: 1.0,
@@ -141,7 +140,7 @@ impl Matcher {
                 if m > 0 && n > 0 {
                     matmul_nt_i8(self.isa, m, n, dim, query, tile, &mut self.i32.scores);
                 }
-                Ok(Compared(Tables::I32(Table {
+                Ok(Similarities(Tables::I32(Table {
                     buffers: &mut self.i32,
                     columns: n,
                     to_cosine: from * to,
@@ -153,11 +152,11 @@ impl Matcher {
     }
 }
 
-impl Compared<'_> {
-    /// Mutual nearest neighbours, by row of the query, into `matches`.
+impl Similarities<'_> {
+    /// Writes mutual nearest neighbours to `matches`, ordered by row of the query.
     ///
-    /// With `max_ratio`, a match stays if its distance is below that many times the distance to the second nearest keypoint of
-    /// the tile; a tile with one keypoint has no second, and the match stays. Of equal similarities the first row wins.
+    /// With `max_ratio`, a match is kept if its distance is below that many times the distance to the second nearest keypoint of
+    /// the tile (Lowe 2004); it is also kept if the tile has one keypoint only. Of equal similarities the first row wins.
     pub fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {
         match &mut self.0 {
             Tables::F32(table) => table.mutual(max_ratio, matches),
@@ -165,9 +164,9 @@ impl Compared<'_> {
         }
     }
 
-    /// Mutual nearest neighbours among the pairs that `near` allows, by row of the query, into `matches`: guided matching (Hartley &
-    /// Zisserman 2004, section 4.7.1). `near` writes the rows of the tile that a row of the query may be matched with. A match
-    /// stays if at most `max_closer` keypoints of the whole tile are more similar.
+    /// Writes mutual nearest neighbours among the pairs that `near` allows to `matches`, ordered by row of the query: guided
+    /// matching (Hartley & Zisserman 2004, section 4.7.1). `near` appends the rows of the tile that a row of the query may be
+    /// matched with. A match is kept if at most `max_closer` keypoints of the whole tile are more similar.
     pub fn guided(
         &mut self,
         near: impl FnMut(usize, &mut Vec<usize>),
@@ -181,7 +180,7 @@ impl Compared<'_> {
     }
 }
 
-/// Similarities of all pairs, one row a query keypoint.
+/// Similarities of all pairs: one row per keypoint of the query.
 #[derive(Debug)]
 struct Table<'a, S> {
     buffers: &'a mut Buffers<S>,
@@ -208,9 +207,9 @@ impl Similarity for i32 {
 }
 
 impl<S: Similarity> Table<'_, S> {
-    /// Without branches in the inner loops, so that the compiler makes vector code of them.
+    /// The inner loops have no branches so that the compiler vectorises them.
     fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {
-        self.forget();
+        self.reset();
         let (least, to_cosine) = (self.least, self.to_cosine);
         let Buffers {
             scores,
@@ -237,7 +236,7 @@ impl<S: Similarity> Table<'_, S> {
         max_closer: usize,
         matches: &mut Vec<Match>,
     ) {
-        self.forget();
+        self.reset();
         let Buffers {
             scores,
             row_best,
@@ -265,8 +264,8 @@ impl<S: Similarity> Table<'_, S> {
         });
     }
 
-    /// Empties what the passes over a table write.
-    fn forget(&mut self) {
+    /// Clears the intermediate results.
+    fn reset(&mut self) {
         let buffers = &mut *self.buffers;
         buffers.row_best.clear();
         buffers.column_best.clear();
@@ -275,7 +274,7 @@ impl<S: Similarity> Table<'_, S> {
         buffers.taken.resize(self.columns, false);
     }
 
-    /// The best of each row that is the best of its column, too, and that `keep` lets stay, given its row, column and similarity.
+    /// Keeps the best of each row if it is also the best of its column and `keep`, called with row, column and similarity, is true.
     fn keep_mutual(
         &mut self,
         matches: &mut Vec<Match>,

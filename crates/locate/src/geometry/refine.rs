@@ -3,7 +3,7 @@
 
 use nalgebra::{SMatrix, SVector};
 
-use crate::{
+use crate::geometry::{
     correspondence::{Correspondence, Normalisation},
     transform::Transform,
 };

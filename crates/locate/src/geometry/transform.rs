@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point2, SMatrix, SVector};
 
-use crate::correspondence::Normalisation;
+use crate::geometry::correspondence::Normalisation;
 
 /// A plane-to-plane transform with `N` free parameters, from one picture's pixels to another's.
 pub trait Transform<const N: usize>: Copy + Send + Sync + std::fmt::Debug {

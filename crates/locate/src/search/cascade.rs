@@ -1,49 +1,52 @@
-//! The cascade of one round: candidates enter by descriptor, a stage at a time; those that have entered are ranked by the
-//! translation vote and leave, best first, to be matched in full. A clear answer in an early stage spares the later ones.
+//! The cascade of one round. Candidates enter in stages, best by descriptor first; those that have entered are ranked by the
+//! translation vote and are matched in full in that order. A clear answer in an early stage makes the later stages unnecessary.
 
 use std::time::Instant;
 
 use grimnet_pack::Level;
 
 use crate::{
-    candidates::{Candidate, Desks, hold_vote, rank_by_votes},
     error::Result,
     options::Options,
     outcome::elapsed_ms,
     query_features::QueryFeatures,
+    search::{
+        candidates::{Candidate, rank_by_votes, vote},
+        scratch::ScratchPool,
+    },
 };
 
-/// The candidates of one round that have not been matched yet.
+/// The candidates of one round that were not matched yet.
 pub(crate) struct Cascade<'a> {
     level: &'a Level,
     queries: &'a [QueryFeatures],
-    desks: &'a Desks,
+    scratch: &'a ScratchPool,
     options: &'a Options,
-    /// Best by descriptor first.
-    outside: std::vec::IntoIter<Candidate>,
-    /// Best by votes first.
+    /// Candidates that have not entered, best by descriptor first.
+    waiting: std::vec::IntoIter<Candidate>,
+    /// Candidates that have entered and were not matched yet, best by votes first.
     entered: Vec<Candidate>,
     stages_begun: usize,
     left_in_stage: usize,
-    /// Time spent on votes, milliseconds.
+    /// Time spent on the vote, milliseconds.
     pub vote_ms: f64,
 }
 
 impl<'a> Cascade<'a> {
-    /// Of `candidates`, best by descriptor first.
+    /// Starts with `candidates`, best by descriptor first.
     pub fn new(
         level: &'a Level,
         queries: &'a [QueryFeatures],
         candidates: Vec<Candidate>,
-        desks: &'a Desks,
+        scratch: &'a ScratchPool,
         options: &'a Options,
     ) -> Self {
         Self {
             level,
             queries,
-            desks,
+            scratch,
             options,
-            outside: candidates.into_iter(),
+            waiting: candidates.into_iter(),
             entered: Vec::new(),
             stages_begun: 0,
             left_in_stage: 0,
@@ -51,10 +54,10 @@ impl<'a> Cascade<'a> {
         }
     }
 
-    /// The next candidates to be matched in full, at most `most`; none once all stages are over.
+    /// The next candidates to match in full, at most `most`; empty after the last stage.
     ///
     /// # Errors
-    /// Where descriptors of query and pack do not fit.
+    /// Returns an error if the descriptors of query and pack do not have the same length.
     pub fn next_batch(&mut self, most: usize) -> Result<Vec<Candidate>> {
         if self.left_in_stage == 0 || self.entered.is_empty() {
             self.begin_stage()?;
@@ -64,9 +67,9 @@ impl<'a> Cascade<'a> {
         Ok(self.entered.drain(..count).collect())
     }
 
-    /// What is left, in the order in which it would be matched.
+    /// The candidates that were not matched, in the order in which they would have been.
     pub fn into_rest(self) -> impl Iterator<Item = Candidate> {
-        self.entered.into_iter().chain(self.outside)
+        self.entered.into_iter().chain(self.waiting)
     }
 
     fn begin_stage(&mut self) -> Result<()> {
@@ -75,15 +78,15 @@ impl<'a> Cascade<'a> {
             self.entered.clear();
             return Ok(());
         };
-        let mut fresh: Vec<Candidate> = self.outside.by_ref().take(size).collect();
-        hold_vote(
+        let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
+        vote(
             self.level,
             self.queries,
-            &mut fresh,
-            self.desks,
+            &mut entering,
+            self.scratch,
             self.options,
         )?;
-        self.entered.extend(fresh);
+        self.entered.extend(entering);
         rank_by_votes(&mut self.entered);
         self.stages_begun += 1;
         self.left_in_stage = self.options.max_matched;
@@ -91,10 +94,10 @@ impl<'a> Cascade<'a> {
         Ok(())
     }
 
-    /// How many enter in the stage that begins now: as the options say, then all that are left; none when all have entered.
+    /// Number of candidates that enter in the next stage; `None` if all have entered.
     fn stage_size(&self) -> Option<usize> {
         let listed = self.options.stages.get(self.stages_begun).copied();
-        let all_entered = self.outside.as_slice().is_empty();
+        let all_entered = self.waiting.as_slice().is_empty();
         (!all_entered).then(|| listed.unwrap_or(usize::MAX))
     }
 }

@@ -1,45 +1,27 @@
-//! The translation vote: with heading and scale assumed, every mutual match of the strongest keypoints votes for a shift of
-//! the query over the tile. The peak of that histogram ranks hundreds of candidates at the price of a small matrix product each.
+//! The translation vote. With heading and scale assumed, every mutual match of the strongest keypoints votes for a translation of
+//! the query over the tile. The peak of that histogram ranks hundreds of candidates at the cost of a small matrix product each.
 
 use nalgebra::Point2;
 
-use crate::matching::Match;
+use crate::{options::VoteOptions, search::matching::Match};
 
-/// The histogram.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize, serde::Deserialize)]
-pub struct VoteOptions {
-    /// Strongest keypoints of the query and of the tile that take part.
-    pub keypoints: usize,
-    /// Side of a bin, pixels. The peak is sought over 2 x 2 bins.
-    pub bin_px: f64,
-}
-
-impl Default for VoteOptions {
-    fn default() -> Self {
-        Self {
-            keypoints: 256,
-            bin_px: 24.0,
-        }
-    }
-}
-
-/// Where the votes meet.
+/// The peak of a vote.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub struct Peak {
     /// Matches in the fullest 2 x 2 bins.
     pub votes: u32,
-    /// Middle of these bins: tile position minus query position, pixels.
+    /// Centre of these bins: tile position minus query position, pixels.
     pub shift_px: [f64; 2],
 }
 
-/// Bins kept between votes, so that voting does not allocate.
+/// A histogram that keeps its memory from one vote to the next.
 #[derive(Debug, Default)]
 pub struct Histogram {
     bins: Vec<u32>,
 }
 
 impl Histogram {
-    /// Lets `matches` vote for the shift from `query` to `tile` keypoints, pixels. Shifts that are not finite do not count.
+    /// Lets `matches` vote for the translation from `query` to `tile` keypoints, pixels. Translations that are not finite are ignored.
     pub fn vote(
         &mut self,
         options: &VoteOptions,
@@ -71,7 +53,7 @@ impl Histogram {
         if low[0] > high[0] {
             return Peak::default();
         }
-        // One empty row and column at the far sides, so that the 2 x 2 sum needs no edge case. Bins are anchored at zero shift.
+        // An empty row and column at the far sides avoid an edge case in the 2 x 2 sum. Bins are aligned with zero translation.
         let first = low.map(|along| (along / options.bin_px).floor());
         let count =
             [0, 1].map(|axis| ((high[axis] / options.bin_px).floor() - first[axis]) as usize + 2);
@@ -103,7 +85,7 @@ impl Histogram {
     }
 }
 
-/// Shifts beyond this are not believed; it bounds the histogram.
+/// Longer translations are ignored; this limits the size of the histogram.
 const MAX_SHIFT_PX: f64 = 8192.0;
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Point2, SMatrix};
 
-use crate::{
+use crate::geometry::{
     correspondence::{Correspondence, Normalisation},
     transform::Transform,
 };

@@ -1,0 +1,251 @@
+//! The paper's procedure: the whole photo at the network's resolution, K tiles by descriptor, the largest inliers / (matches + 1),
+//! and linear coordinates (equations 22 and 23). It always answers.
+
+use std::time::Instant;
+
+use grimnet_geo::LonLat;
+use grimnet_pack::{Level, Mode};
+use grimnet_photo::{Photo, View};
+use image::imageops::{FilterType, resize};
+use nalgebra::Matrix3;
+
+use crate::{
+    context::Context,
+    error::{LocateError, Result},
+    geometry::{covariance::radius95, transform::Transform},
+    options::Coordinates,
+    outcome::{EvidenceUsed, Fix, Outcome, Reason, TimeMs, elapsed_ms},
+    paper::equations::{MapCorners, TileIndex},
+    pipeline::{
+        answer::{confidence, no_fix, support, tile_ref},
+        ground_position::{
+            GroundPosition, en_m_from_level_px_jacobian, ground_position, matched_points,
+        },
+        ranking::{best_candidate, runner_up_inliers},
+        run::Located,
+        verification::{VerifiedCandidate, verify_with},
+    },
+    prior::Prior,
+    query_features::QueryFeatures,
+    search::candidates::{Candidate, by_descriptor, distinct_tiles},
+    trace::{RoundTrace, Trace},
+};
+
+/// Localises one photo.
+///
+/// # Errors
+/// [`LocateError::NotAPaperPack`] if the pack was not built in paper mode.
+pub(crate) fn locate(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    prior: &Prior,
+) -> Result<Located> {
+    if context.pack.mode() != Mode::Paper {
+        return Err(LocateError::NotAPaperPack {
+            path: context.pack.path().to_path_buf(),
+        });
+    }
+    let level_index = view.footprint.map_or(0, |footprint| {
+        let gsd_m = footprint.width_m / context.options.query_width_px;
+        context.pack.nearest_level(gsd_m)
+    });
+    let level = context.level(level_index);
+    let (query, mut time_ms) = extract_query(context, photo, level.manifest().network_px)?;
+    let queries = [query];
+    let since = Instant::now();
+    let candidates = by_descriptor(level, &queries, prior.near.as_ref(), context.options)?;
+    time_ms.search = elapsed_ms(since);
+    let since = Instant::now();
+    let [query] = &queries;
+    let verified: Vec<VerifiedCandidate> = candidates
+        .iter()
+        .map(|&candidate| {
+            context.scratch.with(|scratch| {
+                let options = context.options;
+                verify_with(level, query, candidate, f64::INFINITY, scratch, options)
+            })
+        })
+        .collect::<Result<_>>()?;
+    time_ms.matching = elapsed_ms(since);
+    let evidence = EvidenceUsed {
+        assumed: Some("paper mode: neither heading nor scale is used".into()),
+        ..EvidenceUsed::of(view)
+    };
+    let by_descriptor = distinct_tiles(&candidates);
+    let trace = Trace {
+        rounds: vec![RoundTrace {
+            level: level_index,
+            by_vote: by_descriptor.clone(),
+            matched: by_descriptor.clone(),
+            by_descriptor,
+        }],
+    };
+    Ok(Located {
+        outcome: outcome(context, photo, level_index, query, &verified, evidence)?,
+        trace,
+        time_ms,
+    })
+}
+
+/// The features of the whole photo, resized to a square of `side_px`.
+fn extract_query(
+    context: Context<'_>,
+    photo: &Photo,
+    side_px: u32,
+) -> Result<(QueryFeatures, TimeMs)> {
+    let mut time_ms = TimeMs::default();
+    let since = Instant::now();
+    let image = resize(&photo.image, side_px, side_px, FilterType::Triangle);
+    let (width, height) = photo.image.dimensions();
+    let [x, y] = [width, height].map(|along| f64::from(along) / f64::from(side_px));
+    let photo_px_from_query_px = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
+    time_ms.query = elapsed_ms(since);
+    let since = Instant::now();
+    let query = QueryFeatures::extract(
+        context.extractor,
+        &image,
+        None,
+        photo_px_from_query_px,
+        context.options,
+    )?;
+    time_ms.features = elapsed_ms(since);
+    Ok((query, time_ms))
+}
+
+fn outcome(
+    context: Context<'_>,
+    photo: &Photo,
+    level_index: usize,
+    query: &QueryFeatures,
+    verified: &[VerifiedCandidate],
+    evidence: EvidenceUsed,
+) -> Result<Outcome> {
+    let options = context.options;
+    let level = context.level(level_index);
+    let Some((best, runner_up)) = best_candidate(verified, options) else {
+        return Ok(no_fix(Reason::NoTiles, None, evidence));
+    };
+    if let (Some(_), Some(rejection)) = (&options.gates, best.rejection) {
+        return Ok(no_fix(Reason::Rejected(rejection), Some(best), evidence));
+    }
+    let calibration = context.model.calibration();
+    let candidate = best.candidate;
+    let (centre, position) = match position(context, photo, level, query, best)? {
+        Some((centre, position)) => (centre, Some(position)),
+        None => (
+            level.lonlat_from_level_px(level.tile(candidate.tile).center_px)?,
+            None,
+        ),
+    };
+    let (covariance_en_m2, radius95_m) = match &position {
+        Some(position) => (position.covariance_en_m2, position.radius95_m),
+        None => uniform_over_tile(level, candidate)?,
+    };
+    let inlier_covariance_en_m2 = position.as_ref().map_or(covariance_en_m2, |position| {
+        position.inlier_covariance_en_m2
+    });
+    let support = support(
+        best,
+        query,
+        inlier_covariance_en_m2,
+        runner_up_inliers(runner_up),
+    );
+    let full_width_px = f64::from(photo.full_size_px.0.max(1));
+    Ok(Outcome::Fix(Box::new(Fix {
+        lat_deg: centre.lat_deg,
+        lon_deg: centre.lon_deg,
+        heading_deg: position.as_ref().map(|position| position.heading_deg),
+        gsd_m: position
+            .as_ref()
+            .map_or(level.tile_m() / full_width_px, |position| position.gsd_m),
+        covariance_en_m2,
+        radius95_m,
+        confidence: confidence(&support, calibration),
+        support,
+        inliers: support.inliers,
+        matches: support.matches,
+        tile: tile_ref(level_index, level, &candidate),
+        runner_up: None,
+        outline_lonlat_deg: position.map_or(Vec::new(), |position| position.outline_lonlat_deg),
+        evidence,
+        time_ms: TimeMs::default(),
+        drawn: options
+            .keep_matches
+            .then(|| Box::new(matched_points(best, level, query, photo))),
+    })))
+}
+
+/// The photo's centre and what follows from the transform; `None` if the transform maps the centre to no position on Earth.
+fn position(
+    context: Context<'_>,
+    photo: &Photo,
+    level: &Level,
+    query: &QueryFeatures,
+    best: &VerifiedCandidate,
+) -> Result<Option<(LonLat, GroundPosition)>> {
+    let error = &context.model.calibration().position;
+    let found = ground_position(best, level, query, photo, error, context.options)
+        .ok()
+        .flatten();
+    let centre = match context.options.coordinates {
+        Coordinates::Georeference => best
+            .centre_level_px
+            .and_then(|centre_px| level.lonlat_from_level_px(centre_px).ok()),
+        Coordinates::PaperCorners => centre_by_equations(level, query, best)?,
+    };
+    Ok(centre.filter(LonLat::is_valid).zip(found))
+}
+
+/// The photo's centre by equations 22 and 23; `None` without a transform.
+fn centre_by_equations(
+    level: &Level,
+    query: &QueryFeatures,
+    best: &VerifiedCandidate,
+) -> Result<Option<LonLat>> {
+    let transform = best.transform.as_ref();
+    let Some(centre_px) = transform.and_then(|transform| transform.map(query.centre)) else {
+        return Ok(None);
+    };
+    let [width, height] = level.size_px().map(|side| side as f64);
+    let corner = |x: f64, y: f64| {
+        level
+            .georeference()
+            .lonlat_from_map_px(level.map_px_from_level_px([x, y]))
+    };
+    let corners = MapCorners {
+        lower_left: corner(0.0, height)?,
+        upper_right: corner(width, 0.0)?,
+        map_width_px: width,
+        map_height_px: height,
+    };
+    let tile = level.tile(best.candidate.tile);
+    let tile_px = f64::from(level.tile_px());
+    let stride_px = f64::from(level.manifest().stride_px);
+    let side_px = f64::from(level.manifest().network_px);
+    let index = TileIndex {
+        row: u64::from(tile.grid[1]),
+        column: u64::from(tile.grid[0]),
+    };
+    let in_tile_px = MapCorners::tile_px_from_processing_px(
+        (centre_px.x, centre_px.y),
+        side_px,
+        side_px,
+        tile_px,
+    );
+    Ok(Some(corners.lonlat_from_tile_px(
+        corners.tile_centre(index, tile_px, stride_px),
+        in_tile_px,
+        tile_px,
+    )))
+}
+
+/// Covariance and 95 % radius of a position that is uniformly distributed over a tile.
+fn uniform_over_tile(level: &Level, candidate: Candidate) -> Result<([f64; 3], f64)> {
+    let jacobian = en_m_from_level_px_jacobian(level, level.tile(candidate.tile).center_px)?;
+    let covariance = jacobian * jacobian.transpose() * (f64::from(level.tile_px()).powi(2) / 12.0);
+    Ok((
+        [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]],
+        radius95(&covariance),
+    ))
+}

@@ -1,0 +1,210 @@
+//! From the best answer of a search to a fix, or to the reason why there is none.
+
+use grimnet_geo::distance_m;
+use grimnet_net::Calibration;
+use grimnet_pack::Level;
+use grimnet_photo::Photo;
+
+use crate::{
+    confidence::Support,
+    context::Context,
+    error::Result,
+    options::Options,
+    outcome::{
+        EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp, TileRef,
+        TimeMs,
+    },
+    pipeline::{
+        gates::{occupied_cells, spread},
+        ground_position::{GroundPosition, ground_position, matched_points},
+        ranking::{RankedAnswer, runner_up_inliers},
+        verification::VerifiedCandidate,
+    },
+    prior::Prior,
+    query_features::QueryFeatures,
+    search::candidates::Candidate,
+};
+
+/// The outcome for the best answer. `evidence` says which metadata were used.
+pub(crate) fn outcome(
+    context: Context<'_>,
+    photo: &Photo,
+    prior: &Prior,
+    best: &RankedAnswer<'_>,
+    evidence: EvidenceUsed,
+) -> Result<Outcome> {
+    let evidence = EvidenceUsed {
+        assumed: Some(best.round.about.clone()),
+        ..evidence
+    };
+    let level = context.level(best.round.level);
+    let query = &best.round.queries[best.verified.candidate.query];
+    let drawn = context
+        .options
+        .keep_matches
+        .then(|| Box::new(matched_points(best.verified, level, query, photo)));
+    Ok(match accept(context, photo, prior, best, level, query)? {
+        Ok(accepted) => Outcome::Fix(Box::new(accepted.into_fix(best, level, evidence, drawn))),
+        Err(rejection) => Outcome::NoFix(Box::new(NoFix {
+            drawn,
+            ..no_fix_for(Reason::Rejected(rejection), Some(best.verified), evidence)
+        })),
+    })
+}
+
+/// An answer that passed every gate.
+struct AcceptedAnswer {
+    position: GroundPosition,
+    support: Support,
+    confidence: Option<f64>,
+}
+
+/// Passes the answer through the gates that need its ground position; returns the first that it does not pass.
+fn accept(
+    context: Context<'_>,
+    photo: &Photo,
+    prior: &Prior,
+    best: &RankedAnswer<'_>,
+    level: &Level,
+    query: &QueryFeatures,
+) -> Result<std::result::Result<AcceptedAnswer, Rejection>> {
+    if let Some(rejection) = best.rejection {
+        return Ok(Err(rejection));
+    }
+    let calibration = context.model.calibration();
+    let error = &calibration.position;
+    let Some(position) =
+        ground_position(best.verified, level, query, photo, error, context.options)?
+    else {
+        return Ok(Err(Rejection::NotFinite));
+    };
+    if prior
+        .near
+        .is_some_and(|near| distance_m(near.centre, position.centre) > near.radius_m)
+    {
+        return Ok(Err(Rejection::OutsideArea));
+    }
+    let support = support(
+        best.verified,
+        query,
+        position.inlier_covariance_en_m2,
+        runner_up_inliers(best.runner_up),
+    );
+    let confidence = confidence(&support, calibration);
+    Ok(
+        match confidence_rejection(confidence, calibration, context.options) {
+            Some(rejection) => Err(rejection),
+            None => Ok(AcceptedAnswer {
+                position,
+                support,
+                confidence,
+            }),
+        },
+    )
+}
+
+impl AcceptedAnswer {
+    fn into_fix(
+        self,
+        best: &RankedAnswer<'_>,
+        level: &Level,
+        evidence: EvidenceUsed,
+        drawn: Option<Box<MatchedPoints>>,
+    ) -> Fix {
+        let Self {
+            position,
+            support,
+            confidence,
+        } = self;
+        let runner_up = best.runner_up.and_then(|other| {
+            let lonlat = level.lonlat_from_level_px(other.centre_level_px?).ok()?;
+            Some(RunnerUp {
+                lat_deg: lonlat.lat_deg,
+                lon_deg: lonlat.lon_deg,
+                inliers: other.inliers.len(),
+            })
+        });
+        Fix {
+            lat_deg: position.centre.lat_deg,
+            lon_deg: position.centre.lon_deg,
+            heading_deg: Some(position.heading_deg),
+            gsd_m: position.gsd_m,
+            covariance_en_m2: position.covariance_en_m2,
+            radius95_m: position.radius95_m,
+            confidence,
+            support,
+            inliers: support.inliers,
+            matches: support.matches,
+            tile: tile_ref(best.round.level, level, &best.verified.candidate),
+            runner_up,
+            outline_lonlat_deg: position.outline_lonlat_deg,
+            evidence,
+            time_ms: TimeMs::default(),
+            drawn,
+        }
+    }
+}
+
+/// The probability that a fix with this support is right; `None` if the model is not calibrated.
+pub(crate) fn confidence(support: &Support, calibration: &Calibration) -> Option<f64> {
+    Some(support.confidence(calibration.confidence.as_ref()?))
+}
+
+fn confidence_rejection(
+    confidence: Option<f64>,
+    calibration: &Calibration,
+    options: &Options,
+) -> Option<Rejection> {
+    let needed = calibration.confidence.as_ref()?.needed;
+    options.gates?.check_confidence(confidence?, needed).err()
+}
+
+/// What a fix rests on.
+pub(crate) fn support(
+    verified: &VerifiedCandidate,
+    query: &QueryFeatures,
+    inlier_covariance_en_m2: [f64; 3],
+    runner_up_inliers: usize,
+) -> Support {
+    let agreeing = verified.inliers.iter();
+    let points = agreeing.map(|&index| verified.pairs[index].from);
+    Support {
+        inliers: verified.inliers.len(),
+        places: occupied_cells(points.clone(), query.half_side_px),
+        matches: verified.pairs.len(),
+        runner_up_inliers,
+        spread: spread(points, query.half_side_px),
+        inlier_covariance_en_m2,
+    }
+}
+
+/// The candidate's tile as the answer states it.
+pub(crate) fn tile_ref(level_index: usize, level: &Level, candidate: &Candidate) -> TileRef {
+    TileRef {
+        level: level_index,
+        gsd_m: level.gsd_m(),
+        index: candidate.tile,
+        similarity: candidate.similarity,
+        votes: candidate.peak.votes,
+    }
+}
+
+/// The outcome without a fix, for this reason.
+pub(crate) fn no_fix(
+    reason: Reason,
+    best: Option<&VerifiedCandidate>,
+    evidence: EvidenceUsed,
+) -> Outcome {
+    Outcome::NoFix(Box::new(no_fix_for(reason, best, evidence)))
+}
+
+fn no_fix_for(reason: Reason, best: Option<&VerifiedCandidate>, evidence: EvidenceUsed) -> NoFix {
+    NoFix {
+        reason,
+        inliers: best.map_or(0, |best| best.inliers.len()),
+        matches: best.map_or(0, |best| best.pairs.len()),
+        evidence,
+        time_ms: TimeMs::default(),
+        drawn: None,
+    }
+}

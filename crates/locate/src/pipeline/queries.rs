@@ -1,0 +1,83 @@
+//! Queries: the photo resampled and rotated for each hypothesis, with its features.
+
+use std::time::Instant;
+
+use grimnet_photo::{Photo, QueryMaker, QueryOptions, View};
+use rayon::prelude::*;
+
+use crate::{
+    context::Context,
+    error::Result,
+    outcome::{TimeMs, elapsed_ms},
+    pipeline::tile_frame::level_px_per_query_px,
+    query_features::QueryFeatures,
+    search::hypotheses::Hypothesis,
+};
+
+/// The largest query side for these hypotheses, pixels: smaller if several headings are tried.
+pub(crate) fn side_px(context: Context<'_>, hypotheses: &[Hypothesis]) -> u32 {
+    if hypotheses.len() > 1 {
+        context.options.hypothesis_side_px
+    } else {
+        context.options.query_side_px
+    }
+}
+
+/// The features of the photo under each hypothesis, and the time for it. The hypotheses differ in heading only.
+pub(crate) fn extract_queries(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    hypotheses: &[Hypothesis],
+    max_side_px: u32,
+) -> Result<(Vec<QueryFeatures>, TimeMs)> {
+    let mut time_ms = TimeMs::default();
+    let Some(first) = hypotheses.first() else {
+        return Ok((Vec::new(), time_ms));
+    };
+    let since = Instant::now();
+    let maker = query_maker(context, photo, view, first, max_side_px)?;
+    let georeference = context.level(first.level).georeference();
+    let up_bearing_deg = georeference.up_bearing_deg(georeference.center_px())?;
+    let made: Vec<_> = hypotheses
+        .par_iter()
+        .map(|hypothesis| maker.make(hypothesis.heading_deg - up_bearing_deg))
+        .collect();
+    time_ms.query = elapsed_ms(since);
+    let since = Instant::now();
+    let features = made
+        .par_iter()
+        .map(|query| {
+            QueryFeatures::extract(
+                context.extractor,
+                &query.image,
+                Some(&query.mask),
+                query.photo_px_from_query_px,
+                context.options,
+            )
+        })
+        .collect::<Result<_>>()?;
+    time_ms.features = elapsed_ms(since);
+    Ok((features, time_ms))
+}
+
+/// Prepares queries at the resolution of the hypothesis' level.
+pub(crate) fn query_maker(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    hypothesis: &Hypothesis,
+    max_side_px: u32,
+) -> Result<QueryMaker> {
+    let level = context.level(hypothesis.level);
+    let gsd_m = level.gsd_m() * level_px_per_query_px(level);
+    let options = QueryOptions {
+        tilt: view.tilt,
+        ..QueryOptions::new(gsd_m, hypothesis.width_m)
+    };
+    let options = QueryOptions {
+        max_side_px: options.max_side_px.min(max_side_px),
+        ..options
+    };
+    Ok(photo.query_maker(&options)?)
+}

@@ -1,0 +1,25 @@
+//! The result of one round of hypotheses.
+
+use crate::{
+    outcome::TimeMs, pipeline::verification::VerifiedCandidate, query_features::QueryFeatures,
+    search::hypotheses::Hypothesis, trace::RoundTrace,
+};
+
+/// The hypotheses of a round with their queries, and the candidates that were matched in full.
+#[derive(Debug)]
+pub(crate) struct RoundResult {
+    /// Level of the pack.
+    pub level: usize,
+    /// The hypotheses.
+    pub hypotheses: Vec<Hypothesis>,
+    /// The features of each hypothesis.
+    pub queries: Vec<QueryFeatures>,
+    /// The candidates that were matched in full, in that order.
+    pub verified: Vec<VerifiedCandidate>,
+    /// What was assumed, for the answer's evidence.
+    pub about: String,
+    /// The steps of the search.
+    pub trace: RoundTrace,
+    /// Wall time by stage.
+    pub time_ms: TimeMs,
+}

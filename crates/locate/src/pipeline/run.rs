@@ -1,0 +1,92 @@
+//! The whole search in default mode: round after round until an answer is clear, then a second matching of the best one.
+
+use grimnet_photo::{Photo, View};
+
+use crate::{
+    context::{Context, TimeBudget},
+    error::Result,
+    outcome::{EvidenceUsed, Outcome, Reason, TimeMs},
+    pipeline::{
+        answer::{no_fix, outcome},
+        ranking::RankedAnswer,
+        realign::realign,
+        round_result::RoundResult,
+        rounds::run_round,
+    },
+    prior::Prior,
+    query_features::MIN_KEYPOINTS,
+    search::hypotheses::rounds,
+    trace::Trace,
+};
+
+/// An outcome with the steps of its search and the wall time of its stages.
+#[derive(Debug)]
+pub(crate) struct Located {
+    pub outcome: Outcome,
+    pub trace: Trace,
+    pub time_ms: TimeMs,
+}
+
+/// Localises one photo.
+pub(crate) fn locate(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    prior: &Prior,
+    budget: TimeBudget,
+) -> Result<Located> {
+    let options = context.options;
+    let mut results: Vec<RoundResult> = Vec::new();
+    for round in rounds(view, context.pack, options) {
+        let result = run_round(context, photo, view, prior, round, budget)?;
+        let is_clear =
+            RankedAnswer::of(&result, options).is_some_and(|best| best.is_clear(options));
+        results.push(result);
+        if is_clear || budget.is_spent() {
+            break;
+        }
+    }
+    let trace = Trace {
+        rounds: results.iter().map(|result| result.trace.clone()).collect(),
+    };
+    let mut time_ms = TimeMs::default();
+    for result in &results {
+        time_ms += result.time_ms;
+    }
+    let evidence = EvidenceUsed::of(view);
+    let best = results
+        .iter()
+        .filter_map(|result| RankedAnswer::of(result, options))
+        .reduce(|a, b| if b.rank() > a.rank() { b } else { a });
+    let Some(best) = best else {
+        return Ok(Located {
+            outcome: no_fix(reason_without_candidates(&results), None, evidence),
+            trace,
+            time_ms,
+        });
+    };
+    let realigned = realign(context, photo, view, &best)?;
+    if let Some(realigned) = &realigned {
+        time_ms += realigned.time_ms;
+    }
+    let realigned = realigned
+        .as_ref()
+        .and_then(|result| RankedAnswer::of(result, options));
+    let best = best.or_realigned(realigned, options);
+    Ok(Located {
+        outcome: outcome(context, photo, prior, &best, evidence)?,
+        trace,
+        time_ms,
+    })
+}
+
+/// Why no candidate was matched: too few keypoints under every hypothesis, or no tile.
+fn reason_without_candidates(results: &[RoundResult]) -> Reason {
+    let queries = results.iter().flat_map(|result| &result.queries);
+    let found = queries.map(|query| query.points.len()).max().unwrap_or(0);
+    if found < MIN_KEYPOINTS {
+        Reason::TooFewKeypoints { found }
+    } else {
+        Reason::NoTiles
+    }
+}

@@ -1,0 +1,217 @@
+//! Full matching of one candidate: matches, transform, gates, and the covariance of the mapped centre.
+
+use grimnet_pack::Level;
+use nalgebra::{Matrix2, Point2};
+
+use crate::{
+    context::Context,
+    error::Result,
+    geometry::{
+        correspondence::Correspondence,
+        covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
+        estimation::{EstimatedTransform, estimate},
+        homography::Homography,
+        transform::Transform,
+    },
+    options::Options,
+    outcome::Rejection,
+    pipeline::{
+        guided_matching::{KeypointPair, match_guided},
+        tile_frame::TileFrame,
+    },
+    query_features::QueryFeatures,
+    search::matching::Descriptors,
+    search::{candidates::Candidate, hypotheses::Hypothesis, scratch::Scratch},
+};
+
+/// A candidate with the result of its full matching.
+#[derive(Debug, Clone)]
+pub(crate) struct VerifiedCandidate {
+    /// The candidate.
+    pub candidate: Candidate,
+    /// Matched points: query pixels, and pixels of the tile at the query's resolution.
+    pub pairs: Vec<Correspondence>,
+    /// Indices of the pairs that agree with the transform, ascending.
+    pub inliers: Vec<usize>,
+    /// Query pixels to pixels of the tile at the query's resolution; `None` if no transform was found.
+    pub transform: Option<Homography>,
+    /// Covariance of the mapped centre, in the same pixels.
+    pub covariance_px2: Option<Matrix2<f64>>,
+    /// The photo's centre, continuous level pixels.
+    pub centre_level_px: Option<[f64; 2]>,
+    /// The first gate that the candidate does not pass.
+    pub rejection: Option<Rejection>,
+}
+
+/// Matches the candidate's query with its tile, with the rotation limited by its hypothesis.
+pub(crate) fn verify(
+    context: Context<'_>,
+    level: &Level,
+    hypotheses: &[Hypothesis],
+    queries: &[QueryFeatures],
+    candidate: Candidate,
+) -> Result<VerifiedCandidate> {
+    let max_rotation_rad = hypotheses[candidate.query].heading_reach_deg.to_radians();
+    let query = &queries[candidate.query];
+    context.scratch.with(|scratch| {
+        verify_with(
+            level,
+            query,
+            candidate,
+            max_rotation_rad,
+            scratch,
+            context.options,
+        )
+    })
+}
+
+/// Matches `query` with the candidate's tile.
+pub(crate) fn verify_with(
+    level: &Level,
+    query: &QueryFeatures,
+    candidate: Candidate,
+    max_rotation_rad: f64,
+    scratch: &mut Scratch,
+    options: &Options,
+) -> Result<VerifiedCandidate> {
+    let frame = TileFrame::new(level, candidate.tile);
+    let (estimated, pairs) = match_tile(
+        level,
+        query,
+        &frame,
+        candidate.tile,
+        max_rotation_rad,
+        scratch,
+        options,
+    )?;
+    let mut verified = VerifiedCandidate {
+        candidate,
+        pairs,
+        inliers: Vec::new(),
+        transform: None,
+        covariance_px2: None,
+        centre_level_px: None,
+        rejection: None,
+    };
+    if let Some(estimated) = estimated {
+        verified.covariance_px2 = centre_covariance(&estimated, &verified.pairs, query.centre);
+        verified.centre_level_px = estimated
+            .homography
+            .map(query.centre)
+            .map(|centre| frame.level_px_from_tile_px(centre));
+        verified.inliers = estimated.inliers;
+        verified.transform = Some(estimated.homography);
+    }
+    verified.rejection = check_gates(&verified, level, query, options).err();
+    Ok(verified)
+}
+
+/// Matches and estimates the transform, by mutual nearest neighbours first and then guided by the transform that they give.
+fn match_tile(
+    level: &Level,
+    query: &QueryFeatures,
+    frame: &TileFrame,
+    tile: usize,
+    max_rotation_rad: f64,
+    scratch: &mut Scratch,
+    options: &Options,
+) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>)> {
+    let estimation = options.estimation(max_rotation_rad);
+    let tile = level.features(tile);
+    let tile_descriptors = Descriptors::I8 {
+        values: &tile.descriptors,
+        scale: tile.scale,
+    };
+    let tile_points: Vec<Point2<f64>> = tile
+        .xy_px
+        .iter()
+        .map(|&[x, y]| frame.tile_px_from_keypoint(Point2::new(x, y)))
+        .collect();
+    let whole = query.strongest(usize::MAX);
+    let mut similarities = scratch
+        .matcher
+        .compare(whole, tile_descriptors, query.dim)?;
+    similarities.mutual(options.max_ratio, &mut scratch.matches);
+    // The progressive sampler expects the best match first.
+    scratch.matches.sort_by(|a, b| {
+        b.similarity
+            .total_cmp(&a.similarity)
+            .then(a.query.cmp(&b.query))
+    });
+    let keypoints = KeypointPair {
+        query,
+        tile_points: &tile_points,
+    };
+    let pairs = keypoints.pairs(&scratch.matches);
+    let estimated = estimate(&pairs, &estimation);
+    let guided = estimated
+        .as_ref()
+        .filter(|_| options.guided)
+        .and_then(|start| {
+            match_guided(
+                &mut similarities,
+                &keypoints,
+                &scratch.matches,
+                start,
+                &estimation,
+                &mut scratch.guided,
+            )
+        });
+    Ok(match guided {
+        Some((guided, guided_pairs)) => (Some(guided), guided_pairs),
+        None => (estimated, pairs),
+    })
+}
+
+fn centre_covariance(
+    estimated: &EstimatedTransform,
+    pairs: &[Correspondence],
+    centre: Point2<f64>,
+) -> Option<Matrix2<f64>> {
+    let agreeing: Vec<Correspondence> = estimated
+        .inliers
+        .iter()
+        .map(|&index| pairs[index])
+        .collect();
+    match &estimated.similarity {
+        Some(similarity) => {
+            mapped_point_covariance(similarity, &agreeing, centre, MIN_RESIDUAL_SIGMA_PX)
+        }
+        None => mapped_point_covariance(
+            &estimated.homography,
+            &agreeing,
+            centre,
+            MIN_RESIDUAL_SIGMA_PX,
+        ),
+    }
+}
+
+fn check_gates(
+    verified: &VerifiedCandidate,
+    level: &Level,
+    query: &QueryFeatures,
+    options: &Options,
+) -> std::result::Result<(), Rejection> {
+    let needed = options.gates.map_or(0, |gates| gates.min_inliers);
+    let Some(transform) = &verified.transform else {
+        return Err(Rejection::Inliers { found: 0, needed });
+    };
+    let Some(gates) = &options.gates else {
+        return Ok(());
+    };
+    let inliers = verified
+        .inliers
+        .iter()
+        .map(|&index| verified.pairs[index].from);
+    gates.check_support(inliers, verified.pairs.len(), query.half_side_px)?;
+    gates.check_shape(transform, query.centre, 1.0)?;
+    let [x, y] = verified.centre_level_px.ok_or(Rejection::NotFinite)?;
+    let [width, height] = level.size_px();
+    if !((0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y)) {
+        return Err(Rejection::OutsideMap);
+    }
+    if verified.covariance_px2.is_none() {
+        return Err(Rejection::NotFinite);
+    }
+    Ok(())
+}

@@ -1,0 +1,8 @@
+//! Where a photo may lie: hypotheses of heading and scale, tiles found by descriptor, and the vote that ranks them.
+
+pub mod candidates;
+pub mod cascade;
+pub mod hypotheses;
+pub mod matching;
+pub mod scratch;
+pub mod vote;

@@ -1,0 +1,157 @@
+//! Hypotheses of heading and scale: how a photo may lie on the map.
+
+use grimnet_pack::Pack;
+use grimnet_photo::View;
+
+use crate::options::Options;
+
+/// A heading and a ground width.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Hypothesis {
+    /// Level of the pack.
+    pub level: usize,
+    /// Ground width across the photo's centre, metres.
+    pub width_m: f64,
+    /// Bearing of the photo's top, degrees clockwise from true north.
+    pub heading_deg: f64,
+    /// Largest difference to the true heading, degrees.
+    pub heading_reach_deg: f64,
+}
+
+/// Hypotheses that are tried together. A later round is tried if the rounds before it give no clear fix.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Round {
+    /// They differ in heading only.
+    pub hypotheses: Vec<Hypothesis>,
+    /// What this round assumes, for the answer's evidence.
+    pub about: String,
+}
+
+/// A heading may be wrong by twice its sigma plus this, degrees: descriptors tolerate about that much.
+const HEADING_MARGIN_DEG: f64 = 15.0;
+/// If the sigma of a heading is above this, other headings are tried after it, degrees.
+const DOUBTFUL_HEADING_DEG: f64 = 8.0;
+/// Ground widths near this one are tried first if none is known, metres: 120 m above ground (the legal ceiling in most countries)
+/// with a field of view of 70 degrees.
+const TYPICAL_WIDTH_M: f64 = 165.0;
+
+/// A level of the pack with the ground width that is assumed.
+struct AssumedWidth {
+    level: usize,
+    width_m: f64,
+    about: String,
+}
+
+/// The rounds for a photo with this view, the most probable first.
+pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> {
+    let widths = assumed_widths(view, pack, options);
+    let round = |assumed: &AssumedWidth| {
+        let &AssumedWidth { level, width_m, .. } = assumed;
+        let hypotheses = match view.heading {
+            Some(heading) => vec![Hypothesis {
+                level,
+                width_m,
+                heading_deg: heading.heading_deg,
+                heading_reach_deg: (2.0 * heading.sigma_deg + HEADING_MARGIN_DEG).min(180.0),
+            }],
+            None => around_circle(level, width_m, options.headings, 0.0),
+        };
+        Round {
+            hypotheses,
+            about: assumed.about.clone(),
+        }
+    };
+    let mut rounds: Vec<Round> = widths.iter().map(round).collect();
+    let doubtful = view
+        .heading
+        .filter(|heading| heading.sigma_deg > DOUBTFUL_HEADING_DEG);
+    if let (Some(heading), Some(first)) = (doubtful, widths.first()) {
+        let mut hypotheses = around_circle(
+            first.level,
+            first.width_m,
+            options.headings,
+            heading.heading_deg,
+        );
+        let others = hypotheses.split_off(1);
+        if !others.is_empty() {
+            rounds.push(Round {
+                hypotheses: others,
+                about: "other headings than the doubtful one".into(),
+            });
+        }
+    }
+    rounds
+}
+
+/// `count` evenly spaced headings, the first at `first_deg`.
+fn around_circle(level: usize, width_m: f64, count: usize, first_deg: f64) -> Vec<Hypothesis> {
+    let count = count.max(1);
+    let step_deg = 360.0 / count as f64;
+    (0..count)
+        .map(|i| Hypothesis {
+            level,
+            width_m,
+            heading_deg: (first_deg + i as f64 * step_deg).rem_euclid(360.0),
+            heading_reach_deg: (step_deg / 2.0 + HEADING_MARGIN_DEG).min(180.0),
+        })
+        .collect()
+}
+
+/// Level and ground width of each round, the most probable first.
+fn assumed_widths(view: &View, pack: &Pack, options: &Options) -> Vec<AssumedWidth> {
+    let at_nearest_level = |width_m: f64, about: String| AssumedWidth {
+        level: pack.nearest_level(width_m / options.query_width_px),
+        width_m,
+        about,
+    };
+    if let Some(footprint) = view.footprint {
+        let width_m = footprint.width_m;
+        let known = at_nearest_level(width_m, "ground width from prior or metadata".into());
+        let mut all = vec![known];
+        if footprint.is_doubtful() {
+            all.extend(options.doubtful_scales.iter().map(|&factor| {
+                let about = format!("{factor} times the uncertain ground width");
+                at_nearest_level(width_m * factor, about)
+            }));
+        }
+        return all;
+    }
+    let levels = pack
+        .levels()
+        .iter()
+        .enumerate()
+        .filter(|(_, level)| level.tile_count() > 0);
+    let mut all: Vec<AssumedWidth> = levels
+        .flat_map(|(index, level)| {
+            options.unknown_scales.iter().map(move |&factor| {
+                let width_m = factor * level.tile_m();
+                AssumedWidth {
+                    level: index,
+                    width_m,
+                    about: format!("assumed ground width {width_m:.0} m (none given)"),
+                }
+            })
+        })
+        .collect();
+    let distance = |assumed: &AssumedWidth| (assumed.width_m / TYPICAL_WIDTH_M).ln().abs();
+    all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_are_evenly_spaced() {
+        let all = around_circle(0, 100.0, 12, 350.0);
+        assert_eq!(all.len(), 12);
+        assert_eq!(all[0].heading_deg, 350.0);
+        assert_eq!(all[1].heading_deg, 20.0);
+        assert!(
+            all.iter()
+                .all(|hypothesis| hypothesis.heading_reach_deg >= 15.0)
+        );
+        assert_eq!(around_circle(0, 100.0, 0, 7.0).len(), 1);
+    }
+}

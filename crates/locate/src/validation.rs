@@ -1,0 +1,223 @@
+//! Checks of settings and prior knowledge. Every error names the field, its value and what is expected.
+
+use std::fmt::Display;
+
+use grimnet_pack::Index;
+use grimnet_photo::HeadingPrior;
+
+use crate::{
+    error::{LocateError, Result},
+    geometry::ransac::Ransac,
+    options::{Gates, Options, VoteOptions},
+    prior::Prior,
+};
+
+/// Smallest side of a query and width of a photo that the network can use, pixels.
+const MIN_SIDE_PX: u32 = 32;
+/// Largest number of headings that may be tried.
+const MAX_HEADINGS: usize = 360;
+
+const POSITIVE: &str = "a finite number above 0";
+const NOT_NEGATIVE: &str = "a finite number, 0 or above";
+const SHARE: &str = "a number from 0 to 1";
+const COUNT: &str = "at least 1";
+
+impl Options {
+    /// Checks that every setting is valid.
+    ///
+    /// # Errors
+    /// Returns [`LocateError::InvalidValue`] for the first setting that is not.
+    pub fn check(&self) -> Result<()> {
+        let threshold = f64::from(self.keypoint_threshold);
+        require("top_k", self.top_k, self.top_k >= 1, COUNT)?;
+        if let Some(Index::IvfPq { nprobe, .. }) = self.index {
+            require("index.nprobe", nprobe, nprobe >= 1, COUNT)?;
+        }
+        require_share("keypoint_threshold", threshold)?;
+        require(
+            "max_keypoints",
+            self.max_keypoints,
+            self.max_keypoints >= 1,
+            COUNT,
+        )?;
+        for &stage in &self.stages {
+            require("stages", stage, stage >= 1, "every stage at least 1")?;
+        }
+        require(
+            "max_matched",
+            self.max_matched,
+            self.max_matched >= 1,
+            COUNT,
+        )?;
+        if let Some(ratio) = self.max_ratio {
+            let holds = ratio > 0.0 && ratio <= 1.0;
+            require("max_ratio", ratio, holds, "a number above 0, at most 1")?;
+        }
+        require(
+            "headings",
+            self.headings,
+            (1..=MAX_HEADINGS).contains(&self.headings),
+            "1 to 360",
+        )?;
+        for &factor in &self.doubtful_scales {
+            require("doubtful_scales", factor, is_positive(factor), POSITIVE)?;
+        }
+        require(
+            "unknown_scales",
+            "empty",
+            !self.unknown_scales.is_empty(),
+            "at least one factor",
+        )?;
+        for &factor in &self.unknown_scales {
+            require("unknown_scales", factor, is_positive(factor), POSITIVE)?;
+        }
+        for (name, side_px) in [
+            ("query_side_px", self.query_side_px),
+            ("hypothesis_side_px", self.hypothesis_side_px),
+        ] {
+            require(name, side_px, side_px >= MIN_SIDE_PX, "at least 32 pixels")?;
+        }
+        require(
+            "query_width_px",
+            self.query_width_px,
+            self.query_width_px.is_finite() && self.query_width_px >= f64::from(MIN_SIDE_PX),
+            "a finite number, at least 32",
+        )?;
+        if let Some(budget_ms) = self.budget_ms {
+            require("budget_ms", budget_ms, is_positive(budget_ms), POSITIVE)?;
+        }
+        require_not_negative("map_error_m", self.map_error_m)?;
+        self.vote.as_ref().map_or(Ok(()), check_vote)?;
+        check_ransac(&self.ransac)?;
+        self.gates.as_ref().map_or(Ok(()), check_gates)
+    }
+}
+
+fn check_vote(vote: &VoteOptions) -> Result<()> {
+    require("vote.keypoints", vote.keypoints, vote.keypoints >= 1, COUNT)?;
+    let bin_px = vote.bin_px;
+    let holds = bin_px.is_finite() && bin_px >= 1.0;
+    require("vote.bin_px", bin_px, holds, "a finite number, at least 1")
+}
+
+fn check_ransac(ransac: &Ransac) -> Result<()> {
+    let threshold_px = ransac.threshold_px;
+    require(
+        "ransac.threshold_px",
+        threshold_px,
+        is_positive(threshold_px),
+        POSITIVE,
+    )?;
+    let max_iterations = ransac.max_iterations;
+    require(
+        "ransac.max_iterations",
+        max_iterations,
+        max_iterations >= 1,
+        COUNT,
+    )?;
+    let confidence = ransac.confidence;
+    let holds = confidence > 0.0 && confidence < 1.0;
+    require(
+        "ransac.confidence",
+        confidence,
+        holds,
+        "a number above 0 and below 1",
+    )
+}
+
+fn check_gates(gates: &Gates) -> Result<()> {
+    for (name, value) in [
+        ("gates.max_scale_change", gates.max_scale_change),
+        ("gates.max_shear", gates.max_shear),
+        ("gates.max_perspective_per_px", gates.max_perspective_per_px),
+        ("gates.min_spread", gates.min_spread),
+        ("gates.min_margin", gates.min_margin),
+    ] {
+        require_not_negative(name, value)?;
+    }
+    require_share("gates.min_inlier_share", gates.min_inlier_share)?;
+    match gates.min_confidence {
+        Some(confidence) => require_share("gates.min_confidence", confidence),
+        None => Ok(()),
+    }
+}
+
+impl Prior {
+    /// Checks that every given value is valid.
+    ///
+    /// # Errors
+    /// Returns [`LocateError::InvalidValue`] for the first value that is not.
+    pub fn check(&self) -> Result<()> {
+        if let HeadingPrior::Known {
+            heading_deg,
+            sigma_deg,
+        } = self.view.heading
+        {
+            let expected = "a finite number of degrees";
+            require(
+                "heading_deg",
+                heading_deg,
+                heading_deg.is_finite(),
+                expected,
+            )?;
+            require_not_negative("heading sigma_deg", sigma_deg)?;
+        }
+        for (name, value) in [
+            ("height_agl_m", self.view.height_agl_m),
+            ("gsd_m", self.view.gsd_m),
+        ] {
+            if let Some(value) = value {
+                require(name, value, is_positive(value), POSITIVE)?;
+            }
+        }
+        if let Some(hfov_deg) = self.view.hfov_deg {
+            let holds = hfov_deg > 0.0 && hfov_deg < 180.0;
+            require(
+                "hfov_deg",
+                hfov_deg,
+                holds,
+                "a number above 0 and below 180",
+            )?;
+        }
+        if let Some(near) = &self.near {
+            let (lat_deg, lon_deg) = (near.centre.lat_deg, near.centre.lon_deg);
+            require(
+                "near.centre",
+                format!("latitude {lat_deg}, longitude {lon_deg}"),
+                near.centre.is_valid(),
+                "latitude -90 to 90 and longitude -180 to 180, degrees",
+            )?;
+            let radius_m = near.radius_m;
+            require("near.radius_m", radius_m, is_positive(radius_m), POSITIVE)?;
+        }
+        Ok(())
+    }
+}
+
+fn is_positive(value: f64) -> bool {
+    value > 0.0 && value.is_finite()
+}
+
+fn require_not_negative(name: &'static str, value: f64) -> Result<()> {
+    require(name, value, value >= 0.0 && value.is_finite(), NOT_NEGATIVE)
+}
+
+fn require_share(name: &'static str, value: f64) -> Result<()> {
+    require(name, value, (0.0..=1.0).contains(&value), SHARE)
+}
+
+fn require(
+    field: &'static str,
+    value: impl Display,
+    holds: bool,
+    expected: &'static str,
+) -> Result<()> {
+    if holds {
+        return Ok(());
+    }
+    Err(LocateError::InvalidValue {
+        field,
+        value: value.to_string(),
+        expected,
+    })
+}

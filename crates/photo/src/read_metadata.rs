@@ -1,0 +1,41 @@
+//! Reads EXIF and XMP of a photo file.
+
+use std::path::Path;
+
+use crate::container::Embedded;
+use crate::error::PhotoError;
+use crate::metadata::Metadata;
+use crate::{exif_fields, xmp_fields};
+
+impl Metadata {
+    /// Reads the metadata of a photo without decoding its pixels.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read. Damaged metadata are no error: they are left out, with an entry in
+    /// [`Metadata::notes`].
+    pub fn read(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
+        let path = path.as_ref();
+        let bytes = fs_err::read(path).map_err(|source| PhotoError::Read {
+            path: path.to_owned(),
+            source,
+        })?;
+        Ok(Self::from_bytes(&bytes))
+    }
+
+    /// Reads the metadata from the bytes of a photo file. Metadata that cannot be read are left out, with an entry in
+    /// [`Metadata::notes`].
+    pub fn from_bytes(bytes: &[u8]) -> Self {
+        let embedded = Embedded::find(bytes);
+        let mut metadata = Self {
+            orientation: 1,
+            ..Self::default()
+        };
+        if let Some(exif) = embedded.exif {
+            exif_fields::read_into(exif, &mut metadata);
+        }
+        for packet in &embedded.xmp {
+            xmp_fields::read_into(packet, &mut metadata);
+        }
+        metadata
+    }
+}

@@ -2,12 +2,10 @@
 //!
 //! ```no_run
 //! use grimnet_locate::{Localizer, Outcome, Prior};
-//! use grimnet_net::Model;
-//! use grimnet_pack::Pack;
 //! use grimnet_photo::Photo;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! let localizer = Localizer::new(Model::bundled()?, Pack::open("area.grim")?)?;
+//! let localizer = Localizer::open("area.grim")?;
 //! let photo = Photo::open("DJI_0042.jpg")?;
 //! match localizer.locate(&photo, &Prior::none())? {
 //!     Outcome::Fix(fix) => println!("{:.7} {:.7} ±{:.1} m", fix.lat_deg, fix.lon_deg, fix.radius95_m),
@@ -52,7 +50,7 @@ pub use geometry::{
 };
 pub use grimnet_pack::{Index, Mode};
 pub use grimnet_photo::{HeadingPrior, ViewPrior};
-pub use localizer::Localizer;
+pub use localizer::{Localizer, LocalizerBuilder};
 pub use options::{Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, VoteOptions};
 pub use outcome::{
     EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp, TileRef, TimeMs,

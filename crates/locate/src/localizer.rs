@@ -1,5 +1,7 @@
 //! The localiser: a photo and prior knowledge in, a fix or a reason out.
 
+use std::path::Path;
+
 use grimnet_net::{Domain, Extractor, Model, Statistics};
 use grimnet_pack::{Mode, Pack};
 use grimnet_photo::Photo;
@@ -33,7 +35,65 @@ pub struct Localizer {
     scratch: ScratchPool,
 }
 
+/// Builds a [`Localizer`] with a model or settings other than the default ones. Made by [`Localizer::builder`].
+#[derive(Debug, Clone, Default)]
+#[must_use]
+pub struct LocalizerBuilder {
+    model: Option<Model>,
+    options: Options,
+}
+
+impl LocalizerBuilder {
+    /// The model that the pack was built with; the bundled model if this is not called.
+    pub fn model(self, model: Model) -> Self {
+        Self {
+            model: Some(model),
+            ..self
+        }
+    }
+
+    /// The settings; [`Options::default`] if this is not called.
+    pub fn options(self, options: Options) -> Self {
+        Self { options, ..self }
+    }
+
+    /// Opens the pack at `path` and builds the localiser.
+    ///
+    /// # Errors
+    /// Returns an error if the pack cannot be opened or was built with another model, the model cannot run, or a setting is
+    /// invalid.
+    pub fn open(self, path: impl AsRef<Path>) -> Result<Localizer> {
+        self.build(Pack::open(path)?)
+    }
+
+    /// Builds the localiser for an open pack.
+    ///
+    /// # Errors
+    /// As [`LocalizerBuilder::open`].
+    pub fn build(self, pack: Pack) -> Result<Localizer> {
+        self.options.check()?;
+        let model = match self.model {
+            Some(model) => model,
+            None => Model::bundled()?,
+        };
+        Ok(Localizer::new(model, pack)?.with_options(self.options))
+    }
+}
+
 impl Localizer {
+    /// Opens the pack at `path` and makes a localiser with the bundled model and default settings.
+    ///
+    /// # Errors
+    /// Returns an error if the pack cannot be opened or was built with another model, or the model cannot run.
+    pub fn open(path: impl AsRef<Path>) -> Result<Self> {
+        Self::builder().open(path)
+    }
+
+    /// A builder, to choose the model or the settings.
+    pub fn builder() -> LocalizerBuilder {
+        LocalizerBuilder::default()
+    }
+
     /// A localiser with default settings. `model` must be the model that the pack was built with.
     ///
     /// # Errors

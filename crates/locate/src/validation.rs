@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use grimnet_pack::Index;
-use grimnet_photo::HeadingPrior;
+use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior};
 
 use crate::{
     error::{LocateError, Result},
@@ -162,22 +162,16 @@ impl Prior {
             )?;
             require_not_negative("heading sigma_deg", sigma_deg)?;
         }
-        for (name, value) in [
-            ("height_agl_m", self.view.height_agl_m),
-            ("gsd_m", self.view.gsd_m),
-        ] {
-            if let Some(value) = value {
-                require(name, value, is_positive(value), POSITIVE)?;
-            }
+        if let Some(height_agl_m) = self.view.height_agl_m {
+            let holds = HEIGHT_AGL_RANGE_M.contains(&height_agl_m);
+            require("height_agl_m", height_agl_m, holds, "2 to 20000 metres")?;
+        }
+        if let Some(gsd_m) = self.view.gsd_m {
+            require("gsd_m", gsd_m, is_positive(gsd_m), POSITIVE)?;
         }
         if let Some(hfov_deg) = self.view.hfov_deg {
-            let holds = hfov_deg > 0.0 && hfov_deg < 180.0;
-            require(
-                "hfov_deg",
-                hfov_deg,
-                holds,
-                "a number above 0 and below 180",
-            )?;
+            let holds = HFOV_RANGE_DEG.contains(&hfov_deg);
+            require("hfov_deg", hfov_deg, holds, "1 to 150 degrees")?;
         }
         if let Some(near) = &self.near {
             let (lat_deg, lon_deg) = (near.centre.lat_deg, near.centre.lon_deg);
@@ -185,7 +179,7 @@ impl Prior {
                 "near.centre",
                 format!("latitude {lat_deg}, longitude {lon_deg}"),
                 near.centre.is_valid(),
-                "latitude -90 to 90 and longitude -180 to 180, degrees",
+                "a latitude from -90 to 90 degrees and a finite longitude",
             )?;
             let radius_m = near.radius_m;
             require("near.radius_m", radius_m, is_positive(radius_m), POSITIVE)?;
@@ -220,4 +214,198 @@ fn require(
         value: value.to_string(),
         expected,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_geo::LonLat;
+
+    use super::*;
+
+    const NAN: f64 = f64::NAN;
+    const INFINITY: f64 = f64::INFINITY;
+
+    /// The field that the error names; `None` without an error.
+    fn refused(result: Result<()>) -> Option<&'static str> {
+        match result {
+            Ok(()) => None,
+            Err(LocateError::InvalidValue {
+                field, expected, ..
+            }) => {
+                assert!(!expected.is_empty());
+                Some(field)
+            }
+            Err(other) => panic!("{other}"),
+        }
+    }
+
+    #[test]
+    fn both_named_sets_are_valid() {
+        assert_eq!(refused(Options::default().check()), None);
+        assert_eq!(refused(Options::paper().check()), None);
+    }
+
+    #[test]
+    fn every_invalid_setting_is_named() {
+        let base = Options::default;
+        let set = |change: &dyn Fn(&mut Options)| {
+            let mut options = base();
+            change(&mut options);
+            options
+        };
+        let gates = |change: &dyn Fn(&mut Gates)| {
+            let mut gates = Gates::default();
+            change(&mut gates);
+            Options {
+                gates: Some(gates),
+                ..base()
+            }
+        };
+        let mut cases: Vec<(&str, Options)> = vec![
+            ("top_k", set(&|o| o.top_k = 0)),
+            (
+                "index.nprobe",
+                set(&|o| {
+                    o.index = Some(Index::IvfPq {
+                        nprobe: 0,
+                        rerank_factor: 0,
+                    });
+                }),
+            ),
+            (
+                "keypoint_threshold",
+                set(&|o| o.keypoint_threshold = f32::NAN),
+            ),
+            ("keypoint_threshold", set(&|o| o.keypoint_threshold = -0.1)),
+            ("keypoint_threshold", set(&|o| o.keypoint_threshold = 1.1)),
+            ("max_keypoints", set(&|o| o.max_keypoints = 0)),
+            ("stages", set(&|o| o.stages = vec![64, 0])),
+            ("max_matched", set(&|o| o.max_matched = 0)),
+            ("max_ratio", set(&|o| o.max_ratio = Some(f32::NAN))),
+            ("max_ratio", set(&|o| o.max_ratio = Some(0.0))),
+            ("headings", set(&|o| o.headings = 0)),
+            ("headings", set(&|o| o.headings = 361)),
+            ("unknown_scales", set(&|o| o.unknown_scales.clear())),
+            ("query_side_px", set(&|o| o.query_side_px = 31)),
+            ("hypothesis_side_px", set(&|o| o.hypothesis_side_px = 5)),
+            ("query_width_px", set(&|o| o.query_width_px = 31.9)),
+            (
+                "vote.keypoints",
+                set(&|o| o.vote.as_mut().unwrap().keypoints = 0),
+            ),
+            (
+                "vote.bin_px",
+                set(&|o| o.vote.as_mut().unwrap().bin_px = 0.5),
+            ),
+            (
+                "ransac.max_iterations",
+                set(&|o| o.ransac.max_iterations = 0),
+            ),
+            ("ransac.confidence", set(&|o| o.ransac.confidence = 0.0)),
+            ("ransac.confidence", set(&|o| o.ransac.confidence = 1.0)),
+            (
+                "gates.min_inlier_share",
+                gates(&|g| g.min_inlier_share = 1.5),
+            ),
+            (
+                "gates.min_confidence",
+                gates(&|g| g.min_confidence = Some(-0.1)),
+            ),
+        ];
+        for bad in [NAN, INFINITY, -1.0] {
+            cases.extend([
+                ("query_width_px", set(&|o| o.query_width_px = bad)),
+                ("budget_ms", set(&|o| o.budget_ms = Some(bad))),
+                ("map_error_m", set(&|o| o.map_error_m = bad)),
+                ("doubtful_scales", set(&|o| o.doubtful_scales.push(bad))),
+                ("unknown_scales", set(&|o| o.unknown_scales.push(bad))),
+                (
+                    "vote.bin_px",
+                    set(&|o| o.vote.as_mut().unwrap().bin_px = bad),
+                ),
+                ("ransac.threshold_px", set(&|o| o.ransac.threshold_px = bad)),
+                ("ransac.confidence", set(&|o| o.ransac.confidence = bad)),
+                (
+                    "gates.max_scale_change",
+                    gates(&|g| g.max_scale_change = bad),
+                ),
+                ("gates.max_shear", gates(&|g| g.max_shear = bad)),
+                (
+                    "gates.max_perspective_per_px",
+                    gates(&|g| g.max_perspective_per_px = bad),
+                ),
+                ("gates.min_spread", gates(&|g| g.min_spread = bad)),
+                ("gates.min_margin", gates(&|g| g.min_margin = bad)),
+                (
+                    "gates.min_inlier_share",
+                    gates(&|g| g.min_inlier_share = bad),
+                ),
+                (
+                    "gates.min_confidence",
+                    gates(&|g| g.min_confidence = Some(bad)),
+                ),
+            ]);
+        }
+        for zero in ["budget_ms", "ransac.threshold_px", "unknown_scales"] {
+            let options = set(&|o| match zero {
+                "budget_ms" => o.budget_ms = Some(0.0),
+                "ransac.threshold_px" => o.ransac.threshold_px = 0.0,
+                _ => o.unknown_scales[0] = 0.0,
+            });
+            cases.push((zero, options));
+        }
+        for (field, options) in cases {
+            assert_eq!(refused(options.check()), Some(field), "{options:?}");
+        }
+    }
+
+    #[test]
+    fn every_invalid_prior_value_is_named() {
+        let none = Prior::none;
+        let somewhere = LonLat::new(120.7, 24.2);
+        let valid = none()
+            .with_heading(-90.0, 0.0)
+            .with_height_agl_m(120.0)
+            .with_hfov_deg(70.0)
+            .with_gsd_m(0.05)
+            .near(somewhere, 500.0);
+        assert_eq!(refused(valid.check()), None);
+        assert_eq!(refused(none().check()), None);
+        let mut cases = vec![
+            ("heading sigma_deg", none().with_heading(10.0, -1.0)),
+            ("height_agl_m", none().with_height_agl_m(0.0)),
+            ("hfov_deg", none().with_hfov_deg(0.0)),
+            ("hfov_deg", none().with_hfov_deg(180.0)),
+            ("gsd_m", none().with_gsd_m(0.0)),
+            ("near.radius_m", none().near(somewhere, 0.0)),
+            ("near.centre", none().near(LonLat::new(0.0, 91.0), 100.0)),
+        ];
+        for bad in [NAN, INFINITY, -INFINITY] {
+            cases.extend([
+                ("heading_deg", none().with_heading(bad, 5.0)),
+                ("heading sigma_deg", none().with_heading(5.0, bad)),
+                ("height_agl_m", none().with_height_agl_m(bad)),
+                ("hfov_deg", none().with_hfov_deg(bad)),
+                ("gsd_m", none().with_gsd_m(bad)),
+                ("near.centre", none().near(LonLat::new(bad, 0.0), 100.0)),
+                ("near.centre", none().near(LonLat::new(0.0, bad), 100.0)),
+                ("near.radius_m", none().near(somewhere, bad)),
+            ]);
+        }
+        for (field, prior) in cases {
+            assert_eq!(refused(prior.check()), Some(field), "{prior:?}");
+        }
+    }
+
+    #[test]
+    fn the_error_says_field_value_and_what_is_expected() {
+        let options = Options {
+            map_error_m: -2.5,
+            ..Options::default()
+        };
+        assert_eq!(
+            options.check().unwrap_err().to_string(),
+            "map_error_m is -2.5; expected a finite number, 0 or above"
+        );
+    }
 }

@@ -6,7 +6,7 @@ use std::{path::PathBuf, sync::OnceLock};
 
 use grimnet_geo::{LonLat, MapOptions, MapPx, Raster, distance_m, open_map};
 use grimnet_locate::{
-    Localizer, LocateError, Options, Outcome, Prior, Reason, TimeMs,
+    Adapt, Localizer, LocateError, Options, Outcome, Prior, Reason, TimeMs,
     draw::{DrawOptions, draw},
 };
 use grimnet_net::Model;
@@ -48,13 +48,23 @@ fn town(seed: u64) -> RgbImage {
 
 /// A photo of `map` around a map pixel, straight down, its top at `heading_deg` (the map is north-up), a little darker.
 fn photo(map: &RgbImage, centre: MapPx, heading_deg: f64) -> Photo {
+    photo_of(map, centre, heading_deg, PHOTO_PX, PHOTO_GSD_M / GSD_M)
+}
+
+/// The same with `size_px` and `scale` map pixels per photo pixel.
+fn photo_of(
+    map: &RgbImage,
+    centre: MapPx,
+    heading_deg: f64,
+    size_px: (u32, u32),
+    scale: f64,
+) -> Photo {
     let (sin, cos) = heading_deg.to_radians().sin_cos();
-    let scale = PHOTO_GSD_M / GSD_M;
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    let image = RgbImage::from_fn(PHOTO_PX.0, PHOTO_PX.1, |x, y| {
+    let image = RgbImage::from_fn(size_px.0, size_px.1, |x, y| {
         let (dx, dy) = (
-            (f64::from(x) + 0.5 - f64::from(PHOTO_PX.0) / 2.0) * scale,
-            (f64::from(y) + 0.5 - f64::from(PHOTO_PX.1) / 2.0) * scale,
+            (f64::from(x) + 0.5 - f64::from(size_px.0) / 2.0) * scale,
+            (f64::from(y) + 0.5 - f64::from(size_px.1) / 2.0) * scale,
         );
         let (u, v) = (
             centre.x + dx * cos - dy * sin - 0.5,
@@ -358,22 +368,34 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
     let localizer = Localizer::new(Model::bundled().unwrap(), pack)
         .unwrap()
         .with_options(Options::paper());
-    // The paper's tiles are 512 map pixels squeezed to 320: a photo that covers one, its top up, is what it can find.
+    // The paper's tiles are 512 map pixels resized to 320. A photo of about that extent near a tile's centre, rotated a little and
+    // at another scale, is what the procedure is made for.
     let level = &localizer.pack().levels()[0];
     let tile = level.tile(level.tile_at([2, 1]).unwrap());
-    let [x, y] = tile.origin_px.map(|along| u32::try_from(along).unwrap());
-    let crop = image::imageops::crop_imm(&scene().picture, x, y, 512, 512).to_image();
-    let outcome = localizer
-        .locate(
-            &Photo::from_image(crop, Metadata::default()),
-            &Prior::none(),
-        )
-        .unwrap();
-    assert!(
-        error_m(&outcome, tile.centre_map_px) < 2.0,
-        "{}",
-        error_m(&outcome, tile.centre_map_px)
-    );
+    for (right_px, down_px, heading_deg, scale) in [
+        (37.0, -52.5, 6.0, 1.06),
+        (-61.25, 18.0, -8.0, 0.93),
+        (24.0, 70.0, 3.0, 1.12),
+    ] {
+        let centre = MapPx::new(
+            tile.centre_map_px.x + right_px,
+            tile.centre_map_px.y + down_px,
+        );
+        let query = photo_of(&scene().picture, centre, heading_deg, (512, 512), scale);
+        let outcome = localizer.locate(&query, &Prior::none()).unwrap();
+        let error_m = error_m(&outcome, centre);
+        let fix = outcome.fix().unwrap();
+        assert!(error_m < 2.0, "{error_m} m");
+        let north_deg = scene().map.georeference().up_bearing_deg(centre).unwrap();
+        let turn_deg =
+            (fix.heading_deg.unwrap() - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
+        assert!(turn_deg.abs() < 1.5, "{turn_deg} degrees");
+        assert!(
+            (fix.gsd_m / (GSD_M * scale) - 1.0).abs() < 0.02,
+            "{}",
+            fix.gsd_m
+        );
+    }
     let wrong = localizer
         .locate(&photo(&town(2), place, 0.0), &Prior::none())
         .unwrap();
@@ -386,7 +408,7 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
 }
 
 #[test]
-fn options_and_priors_that_mean_nothing_are_refused() {
+fn invalid_settings_priors_and_packs_are_errors() {
     let photo = photo(&scene().picture, PLACES[0].0, 0.0);
     let base = Options::default();
     for options in [
@@ -414,7 +436,7 @@ fn options_and_priors_that_mean_nothing_are_refused() {
     }
     let bad_place = Prior::none().near(LonLat::new(f64::NAN, 0.0), 10.0);
     assert!(localizer(base.clone()).locate(&photo, &bad_place).is_err());
-    // Settings survive being written down.
+    // Settings survive serialisation.
     let written = serde_json::to_string(&Options::paper()).unwrap();
     assert_eq!(
         serde_json::from_str::<Options>(&written).unwrap(),
@@ -430,20 +452,85 @@ fn options_and_priors_that_mean_nothing_are_refused() {
 }
 
 #[test]
-fn flight_statistics_can_be_taken() {
+fn answers_depend_on_the_photos_that_normalisation_statistics_come_from() {
+    let (place, heading_deg) = PLACES[0];
+    let query = photo(&scene().picture, place, heading_deg);
+    let other = photo(&town(2), PLACES[1].0, 80.0);
+    let prior = Prior::none()
+        .with_gsd_m(PHOTO_GSD_M)
+        .with_heading(heading_deg, 3.0);
+    let adapted_to = |photos: &[&Photo]| {
+        let flight = localizer(Options::default())
+            .adapted_to_flight(photos.iter().map(|photo| (*photo, &prior)))
+            .unwrap();
+        assert_eq!(flight.options().adapt, Adapt::Flight);
+        flight
+    };
+    let answers: Vec<Outcome> = [
+        localizer(Options::default()),
+        localizer(Options {
+            adapt: Adapt::Photo,
+            ..Options::default()
+        }),
+        adapted_to(&[&query]),
+        adapted_to(&[&other]),
+        adapted_to(&[&query, &other]),
+    ]
+    .iter()
+    .map(|localizer| localizer.locate(&query, &prior).unwrap())
+    .collect();
+    for (i, answer) in answers.iter().enumerate() {
+        assert!(error_m(answer, place) < 2.0, "{i}");
+        // Other statistics give other descriptors.
+        let similarity = |outcome: &Outcome| outcome.fix().unwrap().tile.similarity;
+        for before in &answers[..i] {
+            assert_ne!(similarity(answer), similarity(before), "{i}");
+        }
+    }
+    assert!(localizer(Options::default()).adapted_to_flight([]).is_err());
+}
+
+#[test]
+fn the_builder_opens_packs_and_checks_settings() {
+    let path = &scene().default_pack;
     let (place, heading_deg) = PLACES[0];
     let photo = photo(&scene().picture, place, heading_deg);
     let prior = Prior::none()
         .with_gsd_m(PHOTO_GSD_M)
         .with_heading(heading_deg, 3.0);
-    let adapted = localizer(Options::default())
-        .adapted_to_flight([(&photo, &prior)])
+    let plain = timeless(
+        Localizer::open(path)
+            .unwrap()
+            .locate(&photo, &prior)
+            .unwrap(),
+    );
+    assert!(error_m(&plain, place) < 2.0);
+    let built = Localizer::builder()
+        .model(Model::bundled().unwrap())
+        .options(Options {
+            map_error_m: 3.0,
+            ..Options::default()
+        })
+        .open(path)
         .unwrap();
-    assert!(error_m(&adapted.locate(&photo, &prior).unwrap(), place) < 2.0);
-    let alone = localizer(Options {
-        adapt: grimnet_locate::Adapt::Photo,
-        ..Options::default()
-    });
-    assert!(error_m(&alone.locate(&photo, &prior).unwrap(), place) < 2.0);
-    assert!(localizer(Options::default()).adapted_to_flight([]).is_err());
+    let built = built.locate(&photo, &prior).unwrap();
+    let radii = [&plain, &built].map(|outcome| outcome.fix().unwrap().radius95_m);
+    assert!(radii[1] > 6.0 && radii[1] > radii[0], "{radii:?}");
+    let invalid = Localizer::builder()
+        .options(Options {
+            unknown_scales: Vec::new(),
+            ..Options::default()
+        })
+        .open(path);
+    assert!(matches!(
+        invalid,
+        Err(LocateError::InvalidValue {
+            field: "unknown_scales",
+            ..
+        })
+    ));
+    assert!(matches!(
+        Localizer::open(path.with_file_name("absent.grim")),
+        Err(LocateError::Pack(_))
+    ));
 }

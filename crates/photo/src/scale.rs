@@ -19,9 +19,9 @@ const RELATIVE_ALTITUDE_SIGMA: f64 = 0.15;
 /// Two focal lengths of one photo that differ by more than this share contradict each other.
 const FOCAL_AGREEMENT: f64 = 0.1;
 /// Plausible heights above ground, m.
-const HEIGHT_RANGE_M: std::ops::RangeInclusive<f64> = 2.0..=20_000.0;
+pub const HEIGHT_AGL_RANGE_M: std::ops::RangeInclusive<f64> = 2.0..=20_000.0;
 /// Plausible fields of view of cameras without a fisheye lens, degrees.
-const FOV_RANGE_DEG: std::ops::RangeInclusive<f64> = 1.0..=150.0;
+pub const HFOV_RANGE_DEG: std::ops::RangeInclusive<f64> = 1.0..=150.0;
 
 /// A number with its relative 1-sigma.
 #[derive(Debug, Clone, Copy)]
@@ -112,11 +112,11 @@ fn height(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Unc
     ];
     for (field, value, relative_sigma, reason) in candidates {
         let Some(value) = value else { continue };
-        if !HEIGHT_RANGE_M.contains(&value) {
+        if !HEIGHT_AGL_RANGE_M.contains(&value) {
             let reason = format!(
                 "out of range: a height above ground must be between {} and {} m",
-                HEIGHT_RANGE_M.start(),
-                HEIGHT_RANGE_M.end()
+                HEIGHT_AGL_RANGE_M.start(),
+                HEIGHT_AGL_RANGE_M.end()
             );
             view.set_aside(field, metres(value), reason);
         } else if found.is_some() {
@@ -140,7 +140,7 @@ fn focal(
     view: &mut View,
 ) -> Option<Uncertain> {
     if let Some(hfov_deg) = prior.hfov_deg {
-        if FOV_RANGE_DEG.contains(&hfov_deg) {
+        if HFOV_RANGE_DEG.contains(&hfov_deg) {
             view.use_evidence("hfov", format!("{hfov_deg} deg"), "given by the caller");
             return Some(Uncertain {
                 value: focal_px(f64::from(size_px.0), hfov_deg),
@@ -216,7 +216,7 @@ fn focal_of_original(
             .as_ref()
             .is_none_or(|e| (calibrated / e.focal_px - 1.0).abs() <= FOCAL_AGREEMENT);
         let fov = fov_deg(f64::from(original_px.0.max(original_px.1)), calibrated);
-        if agrees && FOV_RANGE_DEG.contains(&fov) {
+        if agrees && HFOV_RANGE_DEG.contains(&fov) {
             view.use_evidence(
                 "CalibratedFocalLength",
                 format!("{calibrated} px"),
@@ -249,7 +249,7 @@ fn focal_of_original(
             relative_sigma,
             reading,
         } = equivalent;
-        if FOV_RANGE_DEG.contains(&fov_deg(f64::from(original_px.0), focal_px)) {
+        if HFOV_RANGE_DEG.contains(&fov_deg(f64::from(original_px.0), focal_px)) {
             view.use_evidence("FocalLengthIn35mmFilm", format!("{focal_35mm} mm"), reading);
             return Some(Uncertain {
                 value: focal_px,

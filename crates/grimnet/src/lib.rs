@@ -1,0 +1,41 @@
+//! Finds where on a map a drone photo was taken, without GNSS.
+//!
+//! A map is built once into a pack ([`map::build`], or the program `grim map build`). Each photo is then localised on it: the answer
+//! is a position with a 95 % radius, or a reason why there is none.
+//!
+//! # Example
+//! ```no_run
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! use grimnet::Outcome;
+//!
+//! let localizer = grimnet::Localizer::open("area.grim")?;         // the bundled model; a builder for anything else
+//! let photo = grimnet::Photo::open("DJI_0042.jpg")?;              // read at the size that a query needs
+//! match localizer.locate(&photo, &grimnet::Prior::none())? {
+//!     Outcome::Fix(fix) => println!("{:.7} {:.7} ±{:.1} m", fix.lat_deg, fix.lon_deg, fix.radius95_m),
+//!     Outcome::NoFix(reason) => eprintln!("{reason}"),
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! [`Localizer::builder`] takes another model or other settings. A [`Prior`] says what is known besides the photo: its heading, height
+//! or ground resolution, or the area where it was taken.
+//!
+//! # Errors
+//! [`Localizer`] returns [`LocateError`], [`Photo`] returns [`PhotoError`], [`map::build`] returns [`map::BuildError`]. A photo whose
+//! position is not found is no error but [`Outcome::NoFix`] with a [`Reason`].
+//!
+//! # Frames and units
+//! Positions are WGS 84 degrees of the ground at the photo's centre; headings are degrees clockwise from true north; covariances are
+//! metres east and north.
+
+pub mod map;
+
+pub use grimnet_geo::LonLat;
+pub use grimnet_locate::{
+    Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, Near, NoFix, Options,
+    Outcome, Prior, Reason, Rejection, ViewPrior,
+};
+pub use grimnet_net::{Model, NetError};
+pub use grimnet_pack::{Pack, PackError};
+pub use grimnet_photo::{Photo, PhotoError};

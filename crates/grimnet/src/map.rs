@@ -1,0 +1,78 @@
+//! Building a pack from a map.
+
+use std::path::Path;
+
+pub use grimnet_geo::{GeoError, MapOptions};
+pub use grimnet_pack::{BuildOptions, BuildReport, Levels, Phase, Progress};
+
+use grimnet_geo::open_map;
+use grimnet_net::{Model, NetError};
+use grimnet_pack::PackError;
+
+/// Where the map is and how its pack is built.
+#[derive(Debug, Clone, Default)]
+pub struct MapBuild {
+    /// The georeference of the map if its file has none or a wrong one.
+    pub map: MapOptions,
+    /// Contents of the pack.
+    pub pack: BuildOptions,
+    /// The network; `None` for the bundled model. Photos must be localised with the same model.
+    pub model: Option<Model>,
+}
+
+/// Why a pack could not be built.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum BuildError {
+    /// The map cannot be read, or has no usable georeference.
+    #[error(transparent)]
+    Map(#[from] GeoError),
+    /// The pack cannot be built or written.
+    #[error(transparent)]
+    Pack(#[from] PackError),
+    /// The model cannot be used.
+    #[error(transparent)]
+    Model(#[from] NetError),
+}
+
+/// Builds the pack `pack` from the map `map`: a GeoTIFF or COG, a picture with a world file or with corners, or a CSV of pictures.
+///
+/// `on_progress` is called after each piece of work. A build that was interrupted continues when it is called again with the same
+/// arguments; a complete pack of the same map, model and options is kept as it is.
+///
+/// # Errors
+/// Returns an error if the map cannot be read or has no usable georeference, an option is invalid, or the pack cannot be written.
+///
+/// # Example
+/// ```no_run
+/// use grimnet::map::{self, MapBuild};
+///
+/// let report = map::build("map.tif", "area.grim", &MapBuild::default(), |progress| {
+///     eprintln!("{} of {} tiles", progress.tiles_done, progress.tiles_total);
+/// })?;
+/// println!("{} tiles", report.tiles);
+/// # Ok::<(), map::BuildError>(())
+/// ```
+pub fn build(
+    map: impl AsRef<Path>,
+    pack: impl AsRef<Path>,
+    options: &MapBuild,
+    mut on_progress: impl FnMut(&Progress),
+) -> Result<BuildReport, BuildError> {
+    let raster = open_map(map.as_ref(), &options.map)?;
+    let bundled;
+    let model = match &options.model {
+        Some(model) => model,
+        None => {
+            bundled = Model::bundled()?;
+            &bundled
+        }
+    };
+    Ok(grimnet_pack::build(
+        raster.as_ref(),
+        model,
+        &options.pack,
+        pack.as_ref(),
+        &mut on_progress,
+    )?)
+}

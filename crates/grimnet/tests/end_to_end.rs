@@ -1,0 +1,237 @@
+//! The library as a user has it: a procedural map and photos as files, a pack, fixes and errors.
+
+#![allow(clippy::unwrap_used)]
+
+use std::{path::Path, sync::OnceLock};
+
+use grimnet::{
+    Localizer, LocateError, LonLat, Model, Options, Outcome, Pack, Photo, PhotoError, Prior,
+    Reason,
+    map::{self, BuildError, BuildOptions, Levels, MapBuild},
+};
+use grimnet_world::{
+    Camera, Look, PhotoTags, Placement, Pose, RegionM, Season, World, WorldConfig, write_geotiff,
+    write_jpeg_with_exif,
+};
+use image::{Rgb, RgbImage};
+
+const SIZE_M: f64 = 420.0;
+const MAP_GSD_M: f64 = 0.3;
+/// 126 m wide on the ground from 90 m: more than a tile of the finest level.
+const CAMERA: Camera = Camera {
+    hfov_deg: 70.0,
+    width_px: 800,
+    height_px: 600,
+};
+const POSES: [Pose; 2] = [
+    Pose {
+        x_m: 180.0,
+        y_m: 230.0,
+        height_agl_m: 90.0,
+        heading_deg: 40.0,
+        pitch_off_nadir_deg: 0.0,
+        roll_deg: 0.0,
+    },
+    Pose {
+        x_m: 255.0,
+        y_m: 170.0,
+        height_agl_m: 95.0,
+        heading_deg: 215.0,
+        pitch_off_nadir_deg: 0.0,
+        roll_deg: 0.0,
+    },
+];
+
+struct Area {
+    folder: tempfile::TempDir,
+    placement: Placement,
+}
+
+impl Area {
+    fn file(&self, name: &str) -> std::path::PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn photo(&self, index: usize) -> Photo {
+        Photo::open(self.file(&format!("photo_{index}.jpg"))).unwrap()
+    }
+
+    /// Distance between a fix and the true position of a photo's centre, metres.
+    fn error_m(&self, outcome: &Outcome, index: usize) -> f64 {
+        let Outcome::Fix(fix) = outcome else {
+            panic!("no fix: {outcome:?}")
+        };
+        let [lon_deg, lat_deg] = self
+            .placement
+            .lonlat_from_world([POSES[index].x_m, POSES[index].y_m])
+            .unwrap();
+        let (north_deg, east_deg) = (fix.lat_deg - lat_deg, fix.lon_deg - lon_deg);
+        // Metres per degree near the equator, to a few parts in a thousand.
+        (north_deg * 110_600.0).hypot(east_deg * 111_320.0 * lat_deg.to_radians().cos())
+    }
+}
+
+fn small_pack() -> MapBuild {
+    MapBuild {
+        pack: BuildOptions {
+            levels: Levels::Gsd(vec![MAP_GSD_M]),
+            ..BuildOptions::default()
+        },
+        ..MapBuild::default()
+    }
+}
+
+/// Map, photos and pack, made once.
+fn area() -> &'static Area {
+    static AREA: OnceLock<Area> = OnceLock::new();
+    AREA.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let placement = Placement::at(1.5, 1.0).unwrap();
+        let world = World::new(WorldConfig {
+            seed: 11,
+            size_m: SIZE_M,
+            ..WorldConfig::default()
+        });
+        let whole = RegionM {
+            x_min_m: 0.0,
+            y_min_m: 0.0,
+            width_m: SIZE_M,
+            height_m: SIZE_M,
+        };
+        let map = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
+        write_geotiff(
+            &folder.path().join("map.tif"),
+            &map,
+            MAP_GSD_M,
+            placement.utm_from_world([0.0, SIZE_M]),
+            placement.epsg(),
+        )
+        .unwrap();
+        for (index, pose) in POSES.iter().enumerate() {
+            let photo = world.render_photo(pose, &CAMERA, &Look::drone(Season::Summer));
+            let tags = PhotoTags::for_pose(pose, &CAMERA, &placement, 40.0).unwrap();
+            let path = folder.path().join(format!("photo_{index}.jpg"));
+            write_jpeg_with_exif(&path, &photo, 92, &tags).unwrap();
+        }
+        let area = Area { folder, placement };
+        let mut calls = 0;
+        let report = map::build(
+            area.file("map.tif"),
+            area.file("area.grim"),
+            &small_pack(),
+            |_| calls += 1,
+        )
+        .unwrap();
+        assert!(report.tiles > 0 && calls > 0);
+        area
+    })
+}
+
+#[test]
+fn photos_are_localised_from_their_metadata_and_without_a_heading() {
+    let area = area();
+    let localizer = Localizer::open(area.file("area.grim")).unwrap();
+    for index in 0..POSES.len() {
+        let photo = area.photo(index);
+        for prior in [Prior::none(), Prior::none().with_unknown_heading()] {
+            let outcome = localizer.locate(&photo, &prior).unwrap();
+            let error_m = area.error_m(&outcome, index);
+            assert!(error_m < 5.0, "photo {index}: {error_m} m");
+            let fix = outcome.fix().unwrap();
+            let turn_deg = (fix.heading_deg.unwrap() - POSES[index].heading_deg + 540.0)
+                .rem_euclid(360.0)
+                - 180.0;
+            assert!(turn_deg.abs() < 4.0, "photo {index}: {turn_deg} degrees");
+            assert!(fix.radius95_m > 0.0 && fix.radius95_m < 20.0);
+        }
+    }
+}
+
+#[test]
+fn a_finished_pack_is_kept_and_a_builder_changes_settings() {
+    let area = area();
+    let pack = area.file("area.grim");
+    let again = map::build(area.file("map.tif"), &pack, &small_pack(), |_| ()).unwrap();
+    assert!(again.was_complete);
+    let with_map_error = |map_error_m| {
+        Localizer::builder()
+            .model(Model::bundled().unwrap())
+            .options(Options {
+                map_error_m,
+                ..Options::default()
+            })
+            .build(Pack::open(&pack).unwrap())
+            .unwrap()
+            .locate(&area.photo(0), &Prior::none())
+            .unwrap()
+            .fix()
+            .unwrap()
+            .radius95_m
+    };
+    // Of a circular normal distribution 95 % lie within 2.45 sigma.
+    assert!(with_map_error(5.0) > 2.44 * 5.0 && with_map_error(0.0) < 5.0);
+}
+
+#[test]
+fn no_fix_has_a_reason() {
+    let area = area();
+    let localizer = Localizer::open(area.file("area.grim")).unwrap();
+    let far = Prior::none().near(LonLat::new(20.0, 50.0), 1000.0);
+    let outcome = localizer.locate(&area.photo(0), &far).unwrap();
+    let Outcome::NoFix(no_fix) = &outcome else {
+        panic!("{outcome:?}")
+    };
+    assert_eq!(no_fix.reason, Reason::NoTiles);
+    assert_eq!(no_fix.to_string(), "the pack has no tile in the given area");
+
+    let water = area.file("water.png");
+    RgbImage::from_pixel(640, 480, Rgb([30, 60, 80]))
+        .save(&water)
+        .unwrap();
+    let prior = Prior::none().with_gsd_m(0.2);
+    let outcome = localizer
+        .locate(&Photo::open(&water).unwrap(), &prior)
+        .unwrap();
+    assert!(outcome.fix().is_none());
+}
+
+#[test]
+fn errors_name_what_is_wrong() {
+    let area = area();
+    let pack = area.file("area.grim");
+    let absent = area.file("absent.jpg");
+    let error = Photo::open(&absent).unwrap_err();
+    assert!(matches!(error, PhotoError::Read { .. }));
+    assert!(error.to_string().contains("absent.jpg"), "{error}");
+
+    let not_a_pack = area.file("map.tif");
+    let error = Localizer::open(&not_a_pack).unwrap_err();
+    assert!(matches!(error, LocateError::Pack(_)));
+    assert!(error.to_string().contains("map.tif"), "{error}");
+
+    let error = map::build(&absent, area.file("x.grim"), &MapBuild::default(), |_| ());
+    assert!(matches!(error, Err(BuildError::Map(_))), "{error:?}");
+    assert!(!Path::new(&area.file("x.grim")).exists());
+
+    let spec = Model::bundled().unwrap();
+    let other = Model::random(spec.spec(), 3).unwrap();
+    let error = Localizer::builder().model(other).open(&pack).unwrap_err();
+    assert!(matches!(error, LocateError::Pack(_)), "{error}");
+
+    let options = Options {
+        map_error_m: f64::NAN,
+        ..Options::default()
+    };
+    let error = Localizer::builder()
+        .options(options)
+        .open(&pack)
+        .unwrap_err();
+    let text = "map_error_m is NaN; expected a finite number, 0 or above";
+    assert_eq!(error.to_string(), text);
+
+    let localizer = Localizer::open(&pack).unwrap();
+    let prior = Prior::none().with_height_agl_m(-3.0);
+    let error = localizer.locate(&area.photo(0), &prior).unwrap_err();
+    let text = "height_agl_m is -3; expected 2 to 20000 metres";
+    assert_eq!(error.to_string(), text);
+}

@@ -2,7 +2,8 @@
 
 use approx::assert_relative_eq;
 use grimnet_geo::{
-    Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, bearing_deg, destination, destination_en_m, distance_m, offset_en_m,
+    Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, bearing_deg, destination,
+    destination_en_m, distance_m, offset_en_m,
 };
 use proptest::prelude::*;
 

@@ -1,4 +1,4 @@
-//! One picture per photo: the photo and the map side by side, matches between them, the photo's outline on the map.
+//! A picture of an answer: photo and map side by side, the matches between them, the outline of the photo on the map.
 
 use grimnet_geo::{Raster, WindowPx};
 use grimnet_photo::Photo;
@@ -12,14 +12,14 @@ use crate::{
     outcome::{MatchedPoints, Outcome},
 };
 
-/// How the picture looks.
+/// Size and content of the picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DrawOptions {
     /// Height of both panels, pixels.
     pub height_px: u32,
-    /// Width of neither panel is above this, pixels.
+    /// Maximum width of each panel, pixels.
     pub max_panel_width_px: u32,
-    /// Matches that do not agree are drawn up to this number, the agreeing ones always.
+    /// Maximum number of outliers that are drawn. Inliers are all drawn.
     pub max_outliers: usize,
 }
 
@@ -36,10 +36,10 @@ impl Default for DrawOptions {
 const INLIER: Rgb<u8> = Rgb([40, 220, 90]);
 const OUTLIER: Rgb<u8> = Rgb([215, 60, 50]);
 const OUTLINE: Rgb<u8> = Rgb([255, 215, 0]);
-const GROUND: Rgb<u8> = Rgb([40, 40, 44]);
-/// Pixels between the panels.
+const BACKGROUND: Rgb<u8> = Rgb([40, 40, 44]);
+/// Gap between the panels, pixels.
 const GAP_PX: u32 = 8;
-/// The map is shown this much beyond tile and outline, as a share of their size.
+/// Margin of the map around tile and outline, as a share of their size.
 const MARGIN: f64 = 0.05;
 
 /// A rectangle of a picture shown in a panel.
@@ -61,10 +61,10 @@ impl Panel {
     }
 }
 
-/// Draws an answer made with [`crate::Options::keep_matches`]. Without a `map` its panel shows points on a plain ground.
+/// Draws an answer that was made with [`crate::Options::keep_matches`]. Without a `map` its panel has a plain background.
 ///
 /// # Errors
-/// [`LocateError::NoMatchesKept`] for an answer without points; what the map says where it cannot be read.
+/// Returns [`LocateError::NoMatchesKept`] if the answer has no matched points, or an error if the map cannot be read.
 pub fn draw(
     photo: &Photo,
     outcome: &Outcome,
@@ -86,7 +86,7 @@ pub fn draw(
 /// Draws matched points. See [`draw`].
 ///
 /// # Errors
-/// Where the map cannot be read.
+/// Returns an error if the map cannot be read.
 pub fn draw_matches(
     photo: &Photo,
     drawn: &MatchedPoints,
@@ -104,7 +104,7 @@ pub fn draw_matches(
     let right_width = panel_width(window.w / window.h, options);
     let right = match map {
         Some(map) => map.read(window, right_width, height)?.rgb,
-        None => RgbImage::from_pixel(right_width, height, GROUND),
+        None => RgbImage::from_pixel(right_width, height, BACKGROUND),
     };
     let mut canvas =
         RgbImage::from_pixel(left_width + GAP_PX + right_width, height, Rgb([0, 0, 0]));
@@ -129,11 +129,13 @@ pub fn draw_matches(
     let outliers = drawn
         .pairs
         .iter()
-        .filter(|(.., agrees)| !agrees)
+        .filter(|pair| !pair.is_inlier)
         .take(options.max_outliers);
-    for &(from, to, agrees) in outliers.chain(drawn.pairs.iter().filter(|(.., agrees)| *agrees)) {
-        let (from, to) = (on_photo.at(from), on_map.at(to));
-        let (colour, opacity) = if agrees {
+    let inliers = drawn.pairs.iter().filter(|pair| pair.is_inlier);
+    for pair in outliers.chain(inliers) {
+        let from = on_photo.at([pair.photo_px.x, pair.photo_px.y]);
+        let to = on_map.at([pair.map_px.x, pair.map_px.y]);
+        let (colour, opacity) = if pair.is_inlier {
             (INLIER, 0.75)
         } else {
             (OUTLIER, 0.25)
@@ -144,9 +146,9 @@ pub fn draw_matches(
     }
     for (index, &corner) in drawn.outline_map_px.iter().enumerate() {
         let next = drawn.outline_map_px[(index + 1) % drawn.outline_map_px.len()];
-        let (a, b) = (on_map.at(corner), on_map.at(next));
+        let (a, b) = (on_map.at([corner.x, corner.y]), on_map.at([next.x, next.y]));
         for shift in [-1.0, 0.0, 1.0] {
-            // Three lines side by side, kept on the map's panel.
+            // Three adjacent lines, clipped to the panel of the map.
             line_within(
                 &mut canvas,
                 [a[0], a[1] + shift],
@@ -169,11 +171,15 @@ fn panel_width(aspect: f64, options: &DrawOptions) -> u32 {
     }
 }
 
-/// The tile and the outline, where the outline is not much larger than the tile.
+/// The window of the map that shows tile and outline; an outline much larger than the tile is cut off.
 fn map_window(drawn: &MatchedPoints) -> WindowPx {
-    let [x, y, w, h] = drawn.tile_map_px;
+    let WindowPx { x, y, w, h } = drawn.tile_map_px;
     let (mut low, mut high) = ([x, y], [x + w, y + h]);
-    for corner in &drawn.outline_map_px {
+    for corner in drawn
+        .outline_map_px
+        .iter()
+        .map(|corner| [corner.x, corner.y])
+    {
         for axis in 0..2 {
             let limit = 2.0 * [w, h][axis];
             let along = corner[axis].clamp([x, y][axis] - limit, [x, y][axis] + limit);
@@ -196,17 +202,17 @@ fn line(canvas: &mut RgbImage, from: [f64; 2], to: [f64; 2], colour: Rgb<u8>, op
     line_within(canvas, from, to, colour, opacity, 0.0);
 }
 
-/// A line one pixel wide, smoothed across; nothing left of `least_x`.
+/// An antialiased line one pixel wide, clipped to the right of `min_x`.
 fn line_within(
     canvas: &mut RgbImage,
     from: [f64; 2],
     to: [f64; 2],
     colour: Rgb<u8>,
     opacity: f64,
-    least_x: f64,
+    min_x: f64,
 ) {
     let (width, height) = canvas.dimensions();
-    // Ends far off the canvas are brought near it: what lies between them is all that can be seen.
+    // Lines with an end far outside the canvas are not drawn.
     let far = f64::from(width.max(height)) * 4.0;
     if !from.iter().chain(&to).all(|along| along.abs() <= far) {
         return;
@@ -233,7 +239,7 @@ fn line_within(
         for (at, share) in [(low, 1.0 - (centre - low)), (low + 1.0, centre - low)] {
             let mut point = [0; 2];
             (point[along], point[across]) = (step, at as i64);
-            if point[0] as f64 >= least_x {
+            if point[0] as f64 >= min_x {
                 blend(canvas, point, colour, opacity * share);
             }
         }
@@ -268,19 +274,26 @@ fn blend(canvas: &mut RgbImage, [x, y]: [i64; 2], colour: Rgb<u8>, opacity: f64)
 
 #[cfg(test)]
 mod tests {
-    use grimnet_photo::Metadata;
+    use grimnet_geo::MapPx;
+    use grimnet_photo::{Metadata, PhotoPx};
 
     use super::*;
+    use crate::outcome::MatchedPair;
 
     fn points(outline: Vec<[f64; 2]>) -> MatchedPoints {
+        let pair = |from: [f64; 2], to: [f64; 2], is_inlier| MatchedPair {
+            photo_px: PhotoPx::new(from[0], from[1]),
+            map_px: MapPx::new(to[0], to[1]),
+            is_inlier,
+        };
         MatchedPoints {
             pairs: vec![
-                ([10.0, 10.0], [1050.0, 2050.0], true),
-                ([90.0, 50.0], [1300.0, 2300.0], false),
-                ([f64::NAN, 0.0], [1e300, 0.0], false),
+                pair([10.0, 10.0], [1050.0, 2050.0], true),
+                pair([90.0, 50.0], [1300.0, 2300.0], false),
+                pair([f64::NAN, 0.0], [1e300, 0.0], false),
             ],
-            tile_map_px: [1000.0, 2000.0, 512.0, 512.0],
-            outline_map_px: outline,
+            tile_map_px: WindowPx::new(1000.0, 2000.0, 512.0, 512.0),
+            outline_map_px: outline.iter().map(|&[x, y]| MapPx::new(x, y)).collect(),
         }
     }
 
@@ -308,12 +321,12 @@ mod tests {
         assert!(count(OUTLIER) >= 20);
         let near = |pixel: &Rgb<u8>| pixel[0] > 200 && pixel[1] > 160 && pixel[2] < 60;
         assert!(picture.pixels().filter(|pixel| near(pixel)).count() > 100);
-        // The photo's own pixels are there.
+        // The photo is visible.
         assert_eq!(picture.get_pixel(5, 100), &Rgb([10, 20, 200]));
     }
 
     #[test]
-    fn impossible_outlines_are_survived() {
+    fn outlines_that_are_not_finite_do_no_harm() {
         let photo = Photo::from_image(RgbImage::new(3, 900), Metadata::default());
         for corner in [f64::NAN, f64::INFINITY, -1e300, 1e9] {
             let outline = vec![[corner, 2100.0], [1400.0, corner], [1400.0, 2300.0]];

@@ -53,7 +53,8 @@ pub use grimnet_photo::{HeadingPrior, ViewPrior};
 pub use localizer::{Localizer, LocalizerBuilder};
 pub use options::{Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, VoteOptions};
 pub use outcome::{
-    EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp, TileRef, TimeMs,
+    EvidenceUsed, Fix, MatchedPair, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp,
+    TileRef, TimeMs,
 };
 pub use prior::{Near, Prior};
 #[doc(hidden)]

@@ -2,7 +2,8 @@
 
 use std::{ops::AddAssign, time::Instant};
 
-use grimnet_photo::{Evidence, View};
+use grimnet_geo::{MapPx, WindowPx};
+use grimnet_photo::{Evidence, PhotoPx, View};
 use serde::{Deserialize, Serialize};
 
 use crate::confidence::Support;
@@ -101,15 +102,26 @@ pub struct RunnerUp {
     pub inliers: usize,
 }
 
-/// Points matched between the photo and the map.
+/// A point of the photo and the point of the map that it was matched with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MatchedPair {
+    /// In the photo.
+    pub photo_px: PhotoPx,
+    /// On the map.
+    pub map_px: MapPx,
+    /// Whether the pair agrees with the transform.
+    pub is_inlier: bool,
+}
+
+/// The matches between the photo and the map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MatchedPoints {
-    /// Continuous pixels of `Photo::image`, continuous pixels of the map, and whether the pair agrees with the transform.
-    pub pairs: Vec<([f64; 2], [f64; 2], bool)>,
-    /// The tile on the map: left, top, width, height in map pixels.
-    pub tile_map_px: [f64; 4],
-    /// The photo's corners (top left, top right, bottom right, bottom left) in map pixels; none without a transform.
-    pub outline_map_px: Vec<[f64; 2]>,
+    /// The matched points.
+    pub pairs: Vec<MatchedPair>,
+    /// The tile that was matched.
+    pub tile_map_px: WindowPx,
+    /// The photo's corners (top left, top right, bottom right, bottom left) on the map; empty without a transform.
+    pub outline_map_px: Vec<MapPx>,
 }
 
 /// Which metadata and prior values were used.

@@ -2,6 +2,7 @@
 
 use grimnet_net::{ExtractOptions, Extractor, Features};
 use grimnet_pack::quantise::{descriptor_scale, quantise_descriptors};
+use grimnet_photo::QueryPx;
 use image::{GrayImage, RgbImage};
 use nalgebra::{Matrix3, Point2};
 
@@ -25,8 +26,8 @@ pub(crate) struct QueryFeatures {
     pub dim: usize,
     /// The global descriptor.
     pub global: Vec<f32>,
-    /// The photo's centre, query pixels.
-    pub centre: Point2<f64>,
+    /// The photo's centre.
+    pub centre_px: QueryPx,
     /// Half the square root of the photo's visible area, query pixels.
     pub half_side_px: f64,
     /// Pixels of `Photo::image` from query pixels, both continuous.
@@ -86,7 +87,7 @@ impl QueryFeatures {
             descriptor_scale: descriptor_scale(dim),
             dim,
             global: features.global.clone(),
-            centre: Point2::new(f64::from(size_px.0) / 2.0, f64::from(size_px.1) / 2.0),
+            centre_px: QueryPx::new(f64::from(size_px.0) / 2.0, f64::from(size_px.1) / 2.0),
             half_side_px: (seen_px as f64).sqrt() / 2.0,
             photo_px_from_query_px,
         }

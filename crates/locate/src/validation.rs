@@ -267,6 +267,8 @@ mod tests {
                 "index.nprobe",
                 set(&|o| {
                     o.index = Some(Index::IvfPq {
+                        nlist: 256,
+                        subquantisers: 64,
                         nprobe: 0,
                         rerank_factor: 0,
                     });

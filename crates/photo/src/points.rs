@@ -3,6 +3,7 @@
 //! Coordinates are continuous: (0, 0) is the outer corner of the top left pixel, the centre of pixel (i, j) is
 //! (i + 0.5, j + 0.5).
 
+use nalgebra::Point2;
 use serde::{Deserialize, Serialize};
 
 /// A point of [`crate::Photo::image`], continuous pixels.
@@ -34,5 +35,29 @@ impl QueryPx {
     /// The point `x` columns from the left edge and `y` rows from the top edge.
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y }
+    }
+}
+
+impl From<Point2<f64>> for PhotoPx {
+    fn from(point: Point2<f64>) -> Self {
+        Self::new(point.x, point.y)
+    }
+}
+
+impl From<PhotoPx> for Point2<f64> {
+    fn from(point: PhotoPx) -> Self {
+        Self::new(point.x, point.y)
+    }
+}
+
+impl From<Point2<f64>> for QueryPx {
+    fn from(point: Point2<f64>) -> Self {
+        Self::new(point.x, point.y)
+    }
+}
+
+impl From<QueryPx> for Point2<f64> {
+    fn from(point: QueryPx) -> Self {
+        Self::new(point.x, point.y)
     }
 }

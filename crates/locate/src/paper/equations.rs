@@ -110,7 +110,7 @@ mod tests {
         let (ll, ur) = (LonLat::new(120.70, 24.20), LonLat::new(120.73, 24.22));
         let size = (6000, 4400);
         let corners = Corners::new(ll, ur, size, "test", "").unwrap();
-        let map = Georeference::new(corners.affine(size), Crs::wgs84().unwrap(), size).unwrap();
+        let map = Georeference::new(corners.affine(size).unwrap(), Crs::wgs84().unwrap(), size);
         let paper = MapCorners {
             lower_left: ll,
             upper_right: ur,

@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use grimnet_geo::LonLat;
+use grimnet_geo::{LevelPx, LonLat};
 use grimnet_pack::{Level, Mode};
 use grimnet_photo::{Photo, View};
 use image::imageops::{FilterType, resize};
@@ -134,7 +134,7 @@ fn outcome(
     let (centre, position) = match position(context, photo, level, query, best)? {
         Some((centre, position)) => (centre, Some(position)),
         None => (
-            level.lonlat_from_level_px(level.tile(candidate.tile).center_px)?,
+            level.lonlat_from_level_px(level.tile(candidate.tile).centre_px)?,
             None,
         ),
     };
@@ -204,14 +204,15 @@ fn centre_by_equations(
     best: &VerifiedCandidate,
 ) -> Result<Option<LonLat>> {
     let transform = best.transform.as_ref();
-    let Some(centre_px) = transform.and_then(|transform| transform.map(query.centre)) else {
+    let Some(centre_px) = transform.and_then(|transform| transform.map(query.centre_px.into()))
+    else {
         return Ok(None);
     };
     let [width, height] = level.size_px().map(|side| side as f64);
     let corner = |x: f64, y: f64| {
         level
             .georeference()
-            .lonlat_from_map_px(level.map_px_from_level_px([x, y]))
+            .lonlat_from_map_px(level.map_px_from_level_px(LevelPx::new(x, y)))
     };
     let corners = MapCorners {
         lower_left: corner(0.0, height)?,
@@ -242,7 +243,7 @@ fn centre_by_equations(
 
 /// Covariance and 95 % radius of a position that is uniformly distributed over a tile.
 fn uniform_over_tile(level: &Level, candidate: Candidate) -> Result<([f64; 3], f64)> {
-    let jacobian = en_m_from_level_px_jacobian(level, level.tile(candidate.tile).center_px)?;
+    let jacobian = en_m_from_level_px_jacobian(level, level.tile(candidate.tile).centre_px)?;
     let covariance = jacobian * jacobian.transpose() * (f64::from(level.tile_px()).powi(2) / 12.0);
     Ok((
         [covariance[(0, 0)], covariance[(0, 1)], covariance[(1, 1)]],

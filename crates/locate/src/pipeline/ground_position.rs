@@ -1,9 +1,9 @@
 //! From the transform between query and tile to position, heading, ground resolution and covariance.
 
-use grimnet_geo::{LonLat, MapPx};
+use grimnet_geo::{LevelPx, LonLat, WindowPx};
 use grimnet_net::PositionError;
 use grimnet_pack::Level;
-use grimnet_photo::Photo;
+use grimnet_photo::{Photo, PhotoPx};
 use nalgebra::{Matrix2, Matrix3, Point2, Vector2};
 
 use crate::{
@@ -14,7 +14,7 @@ use crate::{
         transform::Transform,
     },
     options::Options,
-    outcome::MatchedPoints,
+    outcome::{MatchedPair, MatchedPoints},
     pipeline::{tile_frame::TileFrame, verification::VerifiedCandidate},
     query_features::QueryFeatures,
 };
@@ -41,10 +41,10 @@ pub(crate) fn level_from_photo(
     let level_from_tile = Matrix3::new(
         s,
         0.0,
-        frame.origin_px.x,
+        frame.origin.x,
         0.0,
         s,
-        frame.origin_px.y,
+        frame.origin.y,
         0.0,
         0.0,
         1.0,
@@ -56,7 +56,7 @@ pub(crate) fn level_from_photo(
 /// Derivative of metres east and north by level pixels, at a point of the level.
 pub(crate) fn en_m_from_level_px_jacobian(
     level: &Level,
-    level_px: [f64; 2],
+    level_px: LevelPx,
 ) -> Result<Matrix2<f64>> {
     let frame = level.frame();
     let by_map_px = level
@@ -111,11 +111,13 @@ pub(crate) fn ground_position(
     let map_m2 = Matrix2::identity() * options.map_error_m.powi(2);
     let covariance = of_inliers * error.inlier_factor + shared + map_m2;
 
-    let corners = [(0, 0), (width, 0), (width, height), (0, height)];
-    let outline_lonlat_deg = corners
-        .iter()
-        .filter_map(|&(x, y)| level_from_photo.map(Point2::new(f64::from(x), f64::from(y))))
-        .filter_map(|corner| level.lonlat_from_level_px(corner.into()).ok())
+    let outline_lonlat_deg = corners_px(photo)
+        .into_iter()
+        .filter_map(|corner| level_from_photo.map(corner))
+        .filter_map(|corner| {
+            let corner = LevelPx::new(corner.x, corner.y);
+            level.lonlat_from_level_px(corner).ok()
+        })
         .map(|corner| [corner.lon_deg, corner.lat_deg])
         .collect();
     Ok(Some(GroundPosition {
@@ -141,43 +143,50 @@ pub(crate) fn matched_points(
     photo: &Photo,
 ) -> MatchedPoints {
     let frame = TileFrame::new(level, verified.candidate.tile);
-    let map_px = |level_px: [f64; 2]| -> [f64; 2] {
-        let MapPx { x, y } = level.map_px_from_level_px(level_px);
-        [x, y]
-    };
-    let photo_px = |at: Point2<f64>| {
-        Point2::from_homogeneous(query.photo_px_from_query_px * at.to_homogeneous())
+    let photo_px = |point: Point2<f64>| {
+        Point2::from_homogeneous(query.photo_px_from_query_px * point.to_homogeneous())
     };
     let pairs = verified
         .pairs
         .iter()
         .enumerate()
         .filter_map(|(index, pair)| {
-            let agrees = verified.inliers.binary_search(&index).is_ok();
-            Some((
-                photo_px(pair.from)?.into(),
-                map_px(frame.level_px_from_tile_px(pair.to)),
-                agrees,
-            ))
+            let level_px = frame.level_px_from_tile_px(pair.to.into());
+            Some(MatchedPair {
+                photo_px: PhotoPx::from(photo_px(pair.from)?),
+                map_px: level.map_px_from_level_px(level_px),
+                is_inlier: verified.inliers.binary_search(&index).is_ok(),
+            })
         });
-    let side = f64::from(level.tile_px());
-    let [left, top] = map_px([frame.origin_px.x, frame.origin_px.y]);
-    let [right, bottom] = map_px([frame.origin_px.x + side, frame.origin_px.y + side]);
-    let (width, height) = photo.image.dimensions();
-    let corners = [(0, 0), (width, 0), (width, height), (0, height)];
+    let side_px = f64::from(level.tile_px());
+    let top_left = level.map_px_from_level_px(frame.origin);
+    let bottom_right = level.map_px_from_level_px(frame.origin.offset(side_px, side_px));
     let to_level = verified
         .transform
         .as_ref()
         .and_then(|transform| level_from_photo(transform, &frame, query));
     let outline_map_px = to_level.map_or(Vec::new(), |to_level| {
-        let mapped = corners
-            .iter()
-            .filter_map(|&(x, y)| to_level.map(Point2::new(f64::from(x), f64::from(y))));
-        mapped.map(|corner| map_px(corner.into())).collect()
+        corners_px(photo)
+            .into_iter()
+            .filter_map(|corner| to_level.map(corner))
+            .map(|corner| level.map_px_from_level_px(LevelPx::new(corner.x, corner.y)))
+            .collect()
     });
     MatchedPoints {
         pairs: pairs.collect(),
-        tile_map_px: [left, top, right - left, bottom - top],
+        tile_map_px: WindowPx::new(
+            top_left.x,
+            top_left.y,
+            bottom_right.x - top_left.x,
+            bottom_right.y - top_left.y,
+        ),
         outline_map_px,
     }
+}
+
+/// Corners of `Photo::image`: top left, top right, bottom right, bottom left.
+fn corners_px(photo: &Photo) -> [Point2<f64>; 4] {
+    let (width, height) = photo.image.dimensions();
+    [(0, 0), (width, 0), (width, height), (0, height)]
+        .map(|(x, y)| Point2::new(f64::from(x), f64::from(y)))
 }

@@ -38,7 +38,7 @@ pub(crate) fn extract_queries(
     let since = Instant::now();
     let maker = query_maker(context, photo, view, first, max_side_px)?;
     let georeference = context.level(first.level).georeference();
-    let up_bearing_deg = georeference.up_bearing_deg(georeference.center_px())?;
+    let up_bearing_deg = georeference.up_bearing_deg(georeference.centre_px())?;
     let made: Vec<_> = hypotheses
         .par_iter()
         .map(|hypothesis| maker.make(hypothesis.heading_deg - up_bearing_deg))

@@ -129,7 +129,7 @@ pub(crate) fn best_candidate<'a>(
 
 fn same_position(a: &VerifiedCandidate, b: &VerifiedCandidate) -> bool {
     match (a.centre_level_px, b.centre_level_px) {
-        (Some(a), Some(b)) => (Vector2::from(a) - Vector2::from(b)).norm() <= SAME_POSITION_PX,
+        (Some(a), Some(b)) => Vector2::new(a.x - b.x, a.y - b.y).norm() <= SAME_POSITION_PX,
         _ => std::ptr::eq(a, b),
     }
 }

@@ -73,7 +73,7 @@ fn realigned_hypothesis(context: Context<'_>, best: &RankedAnswer<'_>) -> Option
         .verified
         .transform
         .as_ref()?
-        .point_jacobian(query.centre)?;
+        .point_jacobian(query.centre_px.into())?;
     let right: Vector2<f64> = jacobian * Vector2::new(1.0, 0.0);
     let turn_deg = right.y.atan2(right.x).to_degrees();
     let scale = jacobian.determinant().abs().sqrt();
@@ -93,14 +93,17 @@ fn tiles_around(level: &Level, verified: &VerifiedCandidate) -> Vec<usize> {
     let tile = level.tile(verified.candidate.tile);
     let mut tiles = vec![verified.candidate.tile];
     if let Some(centre) = verified.centre_level_px {
-        let stride = f64::from(level.manifest().stride_px);
-        let step = |axis: usize| {
-            (f64::from(tile.grid[axis]) + ((centre[axis] - tile.center_px[axis]) / stride).round())
-                .max(0.0) as u32
+        let stride_px = f64::from(level.manifest().stride_px);
+        let nearest = |index: u32, difference_px: f64| {
+            (f64::from(index) + (difference_px / stride_px).round()).max(0.0) as u32
         };
+        let grid = [
+            nearest(tile.grid[0], centre.x - tile.centre_px.x),
+            nearest(tile.grid[1], centre.y - tile.centre_px.y),
+        ];
         tiles.extend(
             level
-                .tile_at([step(0), step(1)])
+                .tile_at(grid)
                 .filter(|&nearest| nearest != verified.candidate.tile),
         );
     }

@@ -1,6 +1,8 @@
 //! Full matching of one candidate: matches, transform, gates, and the covariance of the mapped centre.
 
+use grimnet_geo::LevelPx;
 use grimnet_pack::Level;
+use grimnet_photo::QueryPx;
 use nalgebra::{Matrix2, Point2};
 
 use crate::{
@@ -37,8 +39,8 @@ pub(crate) struct VerifiedCandidate {
     pub transform: Option<Homography>,
     /// Covariance of the mapped centre, in the same pixels.
     pub covariance_px2: Option<Matrix2<f64>>,
-    /// The photo's centre, continuous level pixels.
-    pub centre_level_px: Option<[f64; 2]>,
+    /// The photo's centre.
+    pub centre_level_px: Option<LevelPx>,
     /// The first gate that the candidate does not pass.
     pub rejection: Option<Rejection>,
 }
@@ -94,11 +96,11 @@ pub(crate) fn verify_with(
         rejection: None,
     };
     if let Some(estimated) = estimated {
-        verified.covariance_px2 = centre_covariance(&estimated, &verified.pairs, query.centre);
+        verified.covariance_px2 = centre_covariance(&estimated, &verified.pairs, query.centre_px);
         verified.centre_level_px = estimated
             .homography
-            .map(query.centre)
-            .map(|centre| frame.level_px_from_tile_px(centre));
+            .map(query.centre_px.into())
+            .map(|centre| frame.level_px_from_tile_px(centre.into()));
         verified.inliers = estimated.inliers;
         verified.transform = Some(estimated.homography);
     }
@@ -125,7 +127,7 @@ fn match_tile(
     let tile_points: Vec<Point2<f64>> = tile
         .xy_px
         .iter()
-        .map(|&[x, y]| frame.tile_px_from_keypoint(Point2::new(x, y)))
+        .map(|&[x, y]| frame.tile_px_from_keypoint(Point2::new(x, y)).into())
         .collect();
     let whole = query.strongest(usize::MAX);
     let mut similarities = scratch
@@ -166,8 +168,9 @@ fn match_tile(
 fn centre_covariance(
     estimated: &EstimatedTransform,
     pairs: &[Correspondence],
-    centre: Point2<f64>,
+    centre_px: QueryPx,
 ) -> Option<Matrix2<f64>> {
+    let centre = Point2::from(centre_px);
     let agreeing: Vec<Correspondence> = estimated
         .inliers
         .iter()
@@ -204,8 +207,8 @@ fn check_gates(
         .iter()
         .map(|&index| verified.pairs[index].from);
     gates.check_support(inliers, verified.pairs.len(), query.half_side_px)?;
-    gates.check_shape(transform, query.centre, 1.0)?;
-    let [x, y] = verified.centre_level_px.ok_or(Rejection::NotFinite)?;
+    gates.check_shape(transform, query.centre_px.into(), 1.0)?;
+    let LevelPx { x, y } = verified.centre_level_px.ok_or(Rejection::NotFinite)?;
     let [width, height] = level.size_px();
     if !((0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y)) {
         return Err(Rejection::OutsideMap);

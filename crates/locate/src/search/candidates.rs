@@ -1,7 +1,7 @@
 //! Candidates: tiles found by descriptor, and the translation vote over them.
 
 use grimnet_geo::{LonLat, distance_m};
-use grimnet_pack::{Index, Level};
+use grimnet_pack::Level;
 use nalgebra::Point2;
 use rayon::prelude::*;
 
@@ -41,10 +41,10 @@ pub(crate) fn by_descriptor(
     if globals.is_empty() || level.tile_count() == 0 {
         return Ok(Vec::new());
     }
-    let index = options.index.unwrap_or_else(|| Index::of(level));
+    let index = options.index.unwrap_or_else(|| level.index());
     let allowed = near.map(|near| allowed_tiles(level, near)).transpose()?;
     let keep = |tile: usize| allowed.as_ref().is_none_or(|allowed| allowed[tile]);
-    let found = index.search(level, &globals, options.top_k, Some(&keep))?;
+    let found = level.search_with(index, &globals, options.top_k, Some(&keep))?;
     let mut candidates: Vec<Candidate> = found
         .into_iter()
         .enumerate()
@@ -70,7 +70,7 @@ fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
     let reach_m = near.radius_m + level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
     (0..level.tile_count())
         .map(|tile| {
-            let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).center_px)?;
+            let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
             Ok(distance_m(centre, near.centre) <= reach_m)
         })
         .collect()

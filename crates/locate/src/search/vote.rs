@@ -1,7 +1,7 @@
 //! The translation vote. With heading and scale assumed, every mutual match of the strongest keypoints votes for a translation of
 //! the query over the tile. The peak of that histogram ranks hundreds of candidates at the cost of a small matrix product each.
 
-use nalgebra::Point2;
+use nalgebra::{Point2, Vector2};
 
 use crate::{options::VoteOptions, search::matching::Match};
 
@@ -11,7 +11,7 @@ pub struct Peak {
     /// Matches in the fullest 2 x 2 bins.
     pub votes: u32,
     /// Centre of these bins: tile position minus query position, pixels.
-    pub shift_px: [f64; 2],
+    pub shift_px: Vector2<f64>,
 }
 
 /// A histogram that keeps its memory from one vote to the next.
@@ -73,10 +73,10 @@ impl Histogram {
                     + self.bins[at + count[0]]
                     + self.bins[at + count[0] + 1];
                 if votes > best.votes {
-                    let shift_px = [
+                    let shift_px = Vector2::new(
                         (first[0] + x as f64 + 1.0) * options.bin_px,
                         (first[1] + y as f64 + 1.0) * options.bin_px,
-                    ];
+                    );
                     best = Peak { votes, shift_px };
                 }
             }

@@ -1,4 +1,4 @@
-//! Heap memory of `f32` aligned to cache lines, so that vector loads never straddle two of them.
+//! Heap memory of `f32` aligned to cache lines, so that aligned vector loads do not cross two of them.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -8,7 +8,7 @@ const FLOATS_PER_LINE: usize = 16;
 #[repr(C, align(64))]
 struct CacheLine([f32; FLOATS_PER_LINE]);
 
-/// A growable, zero-initialised run of `f32` that starts on a cache line.
+/// A growable buffer of `f32`, initialised with zeros, that starts on a cache line.
 #[derive(Clone, Default)]
 pub(crate) struct AlignedBuffer {
     lines: Vec<CacheLine>,
@@ -21,13 +21,13 @@ impl AlignedBuffer {
         }
     }
 
-    /// `count` floats that hold anything, in memory that only grows.
+    /// `count` floats of arbitrary contents. The memory grows if necessary and never shrinks.
     pub(crate) fn floats(&mut self, count: usize) -> &mut [f32] {
         self.grow(count);
         &mut self.as_mut_slice()[..count]
     }
 
-    /// Makes room for at least `floats`, keeping what is there; never shrinks.
+    /// Makes room for at least `floats` floats and keeps the contents; never shrinks.
     pub(crate) fn grow(&mut self, floats: usize) {
         let lines = floats.div_ceil(FLOATS_PER_LINE);
         if lines > self.lines.len() {

@@ -1,4 +1,4 @@
-//! Convolution layers: what they are, and which algorithm runs them.
+//! Convolution layers, and the choice of their algorithm.
 
 use crate::buffer::AlignedBuffer;
 use crate::direct::DirectWeights;
@@ -6,18 +6,18 @@ use crate::tensor::{CHANNEL_BLOCK, channel_stride};
 use crate::winograd::{self, Direction, TensorSink, TensorSource, WinogradWeights};
 use crate::{Isa, KernelError, Tensor, Workspace};
 
-/// What is applied to every output of a layer.
+/// Function that is applied to every output of a layer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum Activation {
-    /// Nothing.
+    /// `x`
     #[default]
     Identity,
-    /// `max(x, 0)`; what is not a number stays so.
+    /// `max(x, 0)`; NaN stays NaN.
     Relu,
 }
 
 impl Activation {
-    /// The activation of one value.
+    /// Applies it to one value.
     #[must_use]
     pub fn apply(self, value: f32) -> f32 {
         match self {
@@ -89,11 +89,11 @@ enum Algorithm {
 impl Conv2d {
     /// Prepares a convolution: `y = activation(weight * x + bias)`.
     ///
-    /// `weight_oihw` is `[out, in, kernel, kernel]` as PyTorch has it (cross-correlation), `bias` is `[out]`. 3x3 with
-    /// stride 1 runs as Winograd F(4x4, 3x3), everything else (and pictures of up to four channels) directly.
+    /// `weight_oihw` is `[out, in, kernel, kernel]` as in PyTorch (cross-correlation), `bias` is `[out]`. 3x3 kernels with
+    /// stride 1 use Winograd F(4x4, 3x3); all others, and inputs or outputs of up to four channels, are computed directly.
     ///
     /// # Errors
-    /// [`KernelError`] where the specification is not supported or a slice has the wrong length.
+    /// [`KernelError`] if the specification is not supported or a slice has the wrong length.
     pub fn new(
         isa: Isa,
         spec: ConvSpec,
@@ -137,7 +137,7 @@ impl Conv2d {
         })
     }
 
-    /// The shape that it was made for.
+    /// Its shape.
     #[must_use]
     pub fn spec(&self) -> ConvSpec {
         self.spec
@@ -146,7 +146,7 @@ impl Conv2d {
     /// Runs the convolution. `output` is reshaped to `ceil(h / stride) x ceil(w / stride) x out_channels`.
     ///
     /// # Panics
-    /// If `input` has not `in_channels` channels.
+    /// If `input` does not have `in_channels` channels.
     pub fn forward(&self, input: &Tensor, output: &mut Tensor, workspace: &mut Workspace) {
         let spec = self.spec;
         assert_eq!(
@@ -171,7 +171,7 @@ impl Conv2d {
     }
 }
 
-/// The bias with zeros for the padding channels.
+/// The bias, with zeros for the padding channels.
 pub(crate) fn padded_bias(bias: &[f32], out_channels: usize) -> Result<AlignedBuffer, KernelError> {
     if bias.len() != out_channels {
         return Err(KernelError::BiasLength {

@@ -1,12 +1,13 @@
-//! Direct convolution of any kernel and stride: a product of pixels by output channels whose taps are the neighbours.
+//! Direct convolution of any kernel and stride: a matrix product of pixels by output channels whose taps are the
+//! neighbouring pixels.
 
 use crate::buffer::AlignedBuffer;
-use crate::panel::{Finish, PanelRun, Panels, Taps};
+use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, Panels, RightPanel, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::tensor::channel_stride;
 use crate::{Activation, ConvSpec, Isa, Tensor};
 
-/// Input rows that a piece of work reads again for each panel should stay in the second-level cache.
+/// Size of the input rows of a task, which are read again for each panel: they should stay in the L2 cache.
 const BAND_BYTES: usize = 256 << 10;
 
 /// Kernels packed in panels of output channels, depth `[kernel row][kernel column][in]`.
@@ -32,7 +33,7 @@ impl DirectWeights {
         Self { isa, spec, panels }
     }
 
-    /// `output` has its shape; `bias` has one value for each channel, padding included.
+    /// `output` must have its shape already; `bias` has one value for each channel, padding included.
     pub(crate) fn forward(
         &self,
         input: &Tensor,
@@ -45,7 +46,7 @@ impl DirectWeights {
         let (row, pixel) = (output.row_stride(), output.channel_stride());
         let out = SharedMut::new(output.as_mut_slice());
         let shape = self.panels.shape;
-        // Neighbours in a row are one run of depth where no padding lies between them.
+        // Neighbours in a row are contiguous, and so one tap, if pixels have no padding channels.
         let (columns, depth) = if input.channel_stride() == spec.in_channels {
             (1, spec.kernel * spec.in_channels)
         } else {
@@ -66,30 +67,37 @@ impl DirectWeights {
             &mut AlignedBuffer::default(),
             0,
             height.div_ceil(band) * shape.count(),
-            |_, unit| {
-                let (rows, panel) = (unit / shape.count(), unit % shape.count());
+            |_, task| {
+                let (rows, panel) = (task / shape.count(), task % shape.count());
                 let start = shape.start(panel);
                 for y in rows * band..((rows + 1) * band).min(height) {
-                    // SAFETY: the taps of all pixels of a row lie inside the haloed input, since the output is no larger
-                    // than input / stride, rounded up; each output pixel and panel belongs to one unit.
+                    // SAFETY: the taps of all pixels of a row lie inside the input with its halo, since the output is no
+                    // larger than input / stride, rounded up; the bias has a value for each column of the panel; each
+                    // output pixel and panel belongs to one task.
                     let run = unsafe {
-                        PanelRun {
-                            a: input
+                        let left = LeftRows {
+                            start: input
                                 .as_slice()
                                 .as_ptr()
                                 .add(input.offset(y * spec.stride + halo, halo)),
+                            rows: width,
                             row_stride: spec.stride * input.channel_stride(),
-                            depth_stride: 1,
                             taps,
                             depth,
-                            b: self.panels.panel(panel).as_ptr(),
-                            b_stride: shape.width(panel),
-                            width: shape.width(panel),
-                            out: out.at((y + 1) * row + pixel + start),
-                            out_stride: pixel,
-                            rows: width,
-                            finish: Finish::layer(&bias[start..], activation),
-                        }
+                            depth_stride: 1,
+                        };
+                        let to = OutputRows {
+                            start: out.at((y + 1) * row + pixel + start),
+                            row_stride: pixel,
+                        };
+                        let right =
+                            RightPanel::packed(self.panels.panel(panel), shape.width(panel));
+                        PanelProduct::new(
+                            left,
+                            right,
+                            to,
+                            Finish::layer(&bias[start..], activation),
+                        )
                     };
                     self.isa.run(run);
                 }

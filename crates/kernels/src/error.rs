@@ -1,34 +1,36 @@
-//! What can be wrong with the arguments of a kernel's constructor.
+//! Errors of the layers' constructors.
 
-/// A convolution that cannot be built from what was given.
+/// Why a convolution cannot be built.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum KernelError {
     /// The kernel side is neither 1 nor 3.
-    #[error("convolution kernel of side {0} is not supported: use 1 or 3")]
+    #[error("convolution kernel of side {0} is not supported; expected 1 or 3")]
     UnsupportedKernel(usize),
     /// The stride is neither 1 nor 2.
-    #[error("convolution stride {0} is not supported: use 1 or 2")]
+    #[error("convolution stride {0} is not supported; expected 1 or 2")]
     UnsupportedStride(usize),
     /// A channel count is zero.
     #[error("a convolution needs at least one input and one output channel")]
     NoChannels,
     /// The weight slice does not have `out x in x kernel x kernel` elements.
     #[error(
-        "convolution weight has {found} elements, {expected} are needed for its channels and kernel"
+        "the convolution weight has {found} elements, expected {expected} (out x in x kernel x kernel)"
     )]
     WeightLength {
-        /// Elements that the specification asks for.
+        /// Elements that the specification needs.
         expected: usize,
-        /// Elements that were given.
+        /// Elements of the slice.
         found: usize,
     },
     /// The bias slice does not have one element for each output channel.
-    #[error("convolution bias has {found} elements, {expected} output channels need as many")]
+    #[error(
+        "the convolution bias has {found} elements, expected one for each of {expected} output channels"
+    )]
     BiasLength {
         /// Output channels.
         expected: usize,
-        /// Elements that were given.
+        /// Elements of the slice.
         found: usize,
     },
 }

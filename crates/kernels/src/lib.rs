@@ -1,8 +1,11 @@
-//! Convolution, pooling and matrix kernels for the grimnet network, chosen for the processor at run time.
+//! Convolution, pooling and matrix kernels of the grimnet network, selected for the processor at run time.
 //!
-//! Activations are [`Tensor`]s: one image, channels innermost, with a zero halo of one pixel. Layers are made once from
-//! PyTorch-shaped weights ([`Conv2d`], [`ConvTranspose2d`]) and run many times. Work is spread over the current rayon
-//! pool; a result does not depend on the number of threads.
+//! Activations are [`Tensor`]s: one image, channels innermost, with a halo of one pixel of zeros. Layers are built once from
+//! weights in PyTorch's layout ([`Conv2d`], [`ConvTranspose2d`]) and run many times. The work is distributed over the current
+//! rayon pool; results do not depend on the number of threads.
+//!
+//! Constructors return errors. The functions that compute treat arguments whose shapes do not fit each other as programming
+//! errors and panic; each says so under `# Panics`.
 
 mod buffer;
 mod conv;
@@ -12,6 +15,7 @@ mod isa;
 mod layout;
 mod matmul;
 mod matmul_i8;
+mod matrix;
 mod norm;
 mod panel;
 mod parallel;
@@ -26,9 +30,10 @@ mod workspace;
 
 pub use conv::{Activation, Conv2d, ConvSpec};
 pub use error::KernelError;
-pub use isa::{ISA_VARIABLE, Isa, UnknownIsa};
+pub use isa::{ISA_VARIABLE, Isa, SelectIsaError, UnknownIsa};
 pub use matmul::{matmul_nn, matmul_nt};
 pub use matmul_i8::matmul_nt_i8;
+pub use matrix::{MatMut, MatRef};
 pub use norm::{channel_moments, scale_shift};
 pub use pool::max_pool_2x2;
 pub use resize::upsample_bilinear_add;

@@ -1,77 +1,103 @@
-//! Products of `f32` matrices, row-major.
+//! Products of `f32` matrices.
+//!
+//! Blocking as in BLIS (see [`crate::panel`]): nc columns of `b` are packed at a time ([`PACKED_BYTES`], last-level cache),
+//! and [`MC`] rows of `a` are multiplied with one packed panel by one task (L2 cache).
 
 use crate::Isa;
-use crate::layout::Interleave;
-use crate::panel::{Finish, PanelRun, PanelShape, Taps};
+use crate::layout::{Interleave, InterleaveShape};
+use crate::matrix::{MatMut, MatRef};
+use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, PanelShape, RightPanel, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
 use crate::workspace::with_pooled;
 
-/// Packed columns that are multiplied in one go should stay in the last-level cache.
+/// Size of the packed columns (nc) that are multiplied at a time: they should stay in the last-level cache.
 const PACKED_BYTES: usize = 4 << 20;
-/// Rows of `a` in a piece of work.
-const ROW_BLOCK: usize = 96;
-/// Below this many rows, packing `b` costs more than it saves.
+/// Rows of `a` that one task multiplies (mc): a multiple of every micro-tile's rows.
+const MC: usize = 96;
+/// With fewer rows in `a`, packing `b` takes longer than it saves.
 const FEW_ROWS: usize = 12;
-/// Rows of `b` in a piece of work where it is not packed.
+/// Rows of `b` that one task multiplies if `b` is not packed.
 const DOT_BLOCK: usize = 64;
-
-fn check(m: usize, n: usize, k: usize, a: usize, b: usize, c: usize) {
-    assert_eq!(
-        (a, b, c),
-        (m * k, n * k, m * n),
-        "elements of a, b and c for m={m}, n={n}, k={k}"
-    );
-}
 
 /// `c = a b^T`: `a` is `m x k`, `b` is `n x k`, `c` is `m x n` (overwritten).
 ///
 /// # Panics
-/// If a slice has another length.
-pub fn matmul_nt(isa: Isa, m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c: &mut [f32]) {
-    check(m, n, k, a.len(), b.len(), c.len());
-    if m < FEW_ROWS {
-        return dot_products(isa, m, n, k, a, b, c);
+/// If the shapes do not fit each other.
+#[track_caller]
+pub fn matmul_nt(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, c: MatMut<'_, f32>) {
+    check_shapes(
+        [a.rows(), a.cols()],
+        [b.cols(), b.rows()],
+        [c.rows(), c.cols()],
+    );
+    if a.rows() < FEW_ROWS {
+        return dot_products(isa, a, b, c);
     }
-    product(isa, (m, n, k), a, c, |column, columns, to, width| {
-        // SAFETY: rows `column .. column + columns` of `b`, and the panel that is being packed.
-        isa.run(Interleave {
-            from: b[column * k..].as_ptr(),
-            plane: k,
+    product(isa, a, b.rows(), c, |column, columns, to, width| {
+        let shape = InterleaveShape {
+            plane: b.row_stride(),
             channels: columns,
-            count: k,
-            to: to.as_mut_ptr(),
+            count: b.cols(),
             to_stride: width,
             block: width,
-        });
+        };
+        // SAFETY: rows `column .. column + columns` of `b`, each `k` floats, which are read; the panel of `k x width`
+        // floats that is packed.
+        isa.run(unsafe { Interleave::new(b.row_ptr(column), to.as_mut_ptr(), shape) });
     });
 }
 
 /// `c = a b`: `a` is `m x k`, `b` is `k x n`, `c` is `m x n` (overwritten).
 ///
 /// # Panics
-/// If a slice has another length.
-pub fn matmul_nn(isa: Isa, m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c: &mut [f32]) {
-    check(m, n, k, a.len(), b.len(), c.len());
-    if m < FEW_ROWS {
-        return in_place(isa, m, n, k, a, b, c);
+/// If the shapes do not fit each other.
+#[track_caller]
+pub fn matmul_nn(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, c: MatMut<'_, f32>) {
+    check_shapes(
+        [a.rows(), a.cols()],
+        [b.rows(), b.cols()],
+        [c.rows(), c.cols()],
+    );
+    if a.rows() < FEW_ROWS {
+        return in_place(isa, a, b, c);
     }
-    product(isa, (m, n, k), a, c, |column, columns, to, width| {
+    product(isa, a, b.cols(), c, |column, columns, to, width| {
         for (l, to) in to.chunks_exact_mut(width).enumerate() {
-            to[..columns].copy_from_slice(&b[l * n + column..][..columns]);
+            to[..columns].copy_from_slice(&b.row(l)[column..][..columns]);
             to[columns..].fill(0.0);
         }
     });
 }
 
-/// `pack(first column, columns, panel, width)` packs columns of the right matrix as `[k][width]`, zero from `columns` on.
+/// Checks that an `m x k` by `k x n` product has `m x n` elements; `b` is given as `[k, n]`.
+///
+/// # Panics
+/// If it has not.
+#[track_caller]
+pub(crate) fn check_shapes(a: [usize; 2], b: [usize; 2], c: [usize; 2]) {
+    assert!(
+        a[1] == b[0] && c == [a[0], b[1]],
+        "shapes of a matrix product: {}x{} by {}x{} into {}x{}",
+        a[0],
+        a[1],
+        b[0],
+        b[1],
+        c[0],
+        c[1]
+    );
+}
+
+/// The product with packed columns. `pack(first column, columns, panel, width)` packs columns of the right matrix as
+/// `[k][width]`, with zeros from `columns` on.
 fn product(
     isa: Isa,
-    (m, n, k): (usize, usize, usize),
-    a: &[f32],
-    c: &mut [f32],
+    a: MatRef<'_, f32>,
+    n: usize,
+    mut c: MatMut<'_, f32>,
     pack: impl Fn(usize, usize, &mut [f32], usize) + Sync,
 ) {
+    let (m, k) = (a.rows(), a.cols());
     if m * n == 0 {
         return;
     }
@@ -79,52 +105,61 @@ fn product(
         return c.fill(0.0);
     }
     let lanes = isa.lanes();
-    let chunk = (PACKED_BYTES / size_of::<f32>() / k / (2 * lanes)).max(1) * 2 * lanes;
-    let out = SharedMut::new(c);
+    let nc = (PACKED_BYTES / size_of::<f32>() / k / (2 * lanes)).max(1) * 2 * lanes;
+    let out_stride = c.row_stride();
+    let out = SharedMut::new(c.data_mut());
     with_pooled(|workspace| {
-        for first in (0..n).step_by(chunk) {
-            let columns = chunk.min(n - first);
+        for first in (0..n).step_by(nc) {
+            let columns = nc.min(n - first);
             let shape = PanelShape::new(isa, columns.next_multiple_of(lanes));
             let packed = workspace.shared.floats(k * shape.columns());
             let shared = SharedMut::new(packed);
             for_each(&mut workspace.workers, 0, shape.count(), |_, panel| {
                 let (start, width) = (shape.start(panel), shape.width(panel));
-                // SAFETY: each panel is packed by one unit.
+                // SAFETY: each panel is packed by one task.
                 let to = unsafe { std::slice::from_raw_parts_mut(shared.at(start * k), width * k) };
                 pack(first + start, width.min(columns - start), to, width);
             });
             let packed = &*packed;
-            let scratch_floats = ROW_BLOCK * shape.width(0);
+            let scratch_floats = MC * shape.width(0);
             for_each(
                 &mut workspace.workers,
                 scratch_floats,
-                m.div_ceil(ROW_BLOCK) * shape.count(),
-                |scratch, unit| {
-                    let (row, panel) = (unit / shape.count() * ROW_BLOCK, unit % shape.count());
+                m.div_ceil(MC) * shape.count(),
+                |scratch, task| {
+                    let (row, panel) = (task / shape.count() * MC, task % shape.count());
                     let (start, width) = (shape.start(panel), shape.width(panel));
-                    let (rows, inside) = (ROW_BLOCK.min(m - row), width.min(columns - start));
-                    // SAFETY: rows of `a`, a packed panel; rows and columns of `c` that belong to this unit, or its
-                    // scratch where the panel reaches over the last column.
+                    let (rows, inside) = (MC.min(m - row), width.min(columns - start));
+                    let left = LeftRows {
+                        start: a.row_ptr(row),
+                        rows,
+                        row_stride: a.row_stride(),
+                        taps: Taps::ONE,
+                        depth: k,
+                        depth_stride: 1,
+                    };
+                    let right = RightPanel::packed(&packed[start * k..][..width * k], width);
+                    // SAFETY: rows of `a`, a packed panel; rows and columns of `c` that belong to this task, or its
+                    // scratch if the panel reaches beyond the last column.
                     unsafe {
-                        let c = out.at(row * n + first + start);
+                        let c = out.at(row * out_stride + first + start);
                         let whole = inside == width;
-                        isa.run(PanelRun {
-                            a: a.as_ptr().add(row * k),
-                            row_stride: k,
-                            depth_stride: 1,
-                            taps: Taps::ONE,
-                            depth: k,
-                            b: packed.as_ptr().add(start * k),
-                            b_stride: width,
-                            width,
-                            out: if whole { c } else { scratch.as_mut_ptr() },
-                            out_stride: if whole { n } else { width },
-                            rows,
-                            finish: Finish::Store,
-                        });
+                        let to = if whole {
+                            OutputRows {
+                                start: c,
+                                row_stride: out_stride,
+                            }
+                        } else {
+                            OutputRows {
+                                start: scratch.as_mut_ptr(),
+                                row_stride: width,
+                            }
+                        };
+                        isa.run(PanelProduct::new(left, right, to, Finish::Store));
                         if !whole {
                             for (r, line) in scratch.chunks_exact(width).take(rows).enumerate() {
-                                std::ptr::copy_nonoverlapping(line.as_ptr(), c.add(r * n), inside);
+                                let to = c.add(r * out_stride);
+                                std::ptr::copy_nonoverlapping(line.as_ptr(), to, inside);
                             }
                         }
                     }
@@ -134,9 +169,11 @@ fn product(
     });
 }
 
-/// [`matmul_nt`] for few rows of `a`: each row of `b` is read once, where it lies.
-fn dot_products(isa: Isa, m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c: &mut [f32]) {
-    let out = SharedMut::new(c);
+/// [`matmul_nt`] for few rows of `a`: each row of `b` is read once and not packed.
+fn dot_products(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, mut c: MatMut<'_, f32>) {
+    let out_stride = c.row_stride();
+    let out = SharedMut::new(c.data_mut());
+    let n = b.rows();
     with_pooled(|workspace| {
         for_each(
             &mut workspace.workers,
@@ -144,95 +181,88 @@ fn dot_products(isa: Isa, m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c:
             n.div_ceil(DOT_BLOCK),
             |_, block| {
                 let first = block * DOT_BLOCK;
-                isa.run(DotBlock {
-                    m,
-                    n,
-                    k,
-                    a,
-                    b,
-                    columns: first..n.min(first + DOT_BLOCK),
-                    out,
-                });
+                let columns = first..n.min(first + DOT_BLOCK);
+                // SAFETY: `c` has `a.rows()` rows of `n` columns, and these columns belong to this task.
+                isa.run(unsafe { DotBlock::new(a, b, columns, out, out_stride) });
             },
         );
     });
 }
 
-/// [`matmul_nn`] for few rows of `a`: `b` is read once, where it lies.
-fn in_place(isa: Isa, m: usize, n: usize, k: usize, a: &[f32], b: &[f32], c: &mut [f32]) {
+/// [`matmul_nn`] for few rows of `a`: `b` is read once and not packed.
+fn in_place(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, mut c: MatMut<'_, f32>) {
     let width = 2 * isa.lanes();
+    let (n, k) = (b.cols(), a.cols());
     let whole = n / width;
-    let out = SharedMut::new(c);
+    let out_stride = c.row_stride();
+    let out = SharedMut::new(c.data_mut());
+    let left = |a: MatRef<'_, f32>| LeftRows {
+        start: a.row_ptr(0),
+        rows: a.rows(),
+        row_stride: a.row_stride(),
+        taps: Taps::ONE,
+        depth: k,
+        depth_stride: 1,
+    };
     with_pooled(|workspace| {
         for_each(&mut workspace.workers, 0, whole, |_, panel| {
-            // SAFETY: rows of `a`, whole vectors of the rows of `b`; columns of `c` that belong to this unit.
+            let right = RightPanel {
+                start: b.row_ptr(0).wrapping_add(panel * width),
+                row_stride: b.row_stride(),
+                width,
+            };
+            // SAFETY: rows of `a`, whole vectors of the rows of `b`; columns of `c` that belong to this task.
             unsafe {
-                isa.run(PanelRun {
-                    a: a.as_ptr(),
-                    row_stride: k,
-                    depth_stride: 1,
-                    taps: Taps::ONE,
-                    depth: k,
-                    b: b.as_ptr().wrapping_add(panel * width),
-                    b_stride: n,
-                    width,
-                    out: out.at(panel * width),
-                    out_stride: n,
-                    rows: m,
-                    finish: Finish::Store,
-                });
+                let to = OutputRows {
+                    start: out.at(panel * width),
+                    row_stride: out_stride,
+                };
+                isa.run(PanelProduct::new(left(a), right, to, Finish::Store));
             }
         });
     });
-    for i in 0..m {
+    for i in 0..a.rows() {
         for j in whole * width..n {
-            c[i * n + j] = (0..k).map(|l| a[i * k + l] * b[l * n + j]).sum();
+            c.row_mut(i)[j] = (0..k).map(|l| a.row(i)[l] * b.row(l)[j]).sum();
         }
     }
 }
 
 /// `c[i][j]` for all rows `i` of `a` and `columns` `j`.
 struct DotBlock<'a> {
-    m: usize,
-    n: usize,
-    k: usize,
-    a: &'a [f32],
-    b: &'a [f32],
+    a: MatRef<'a, f32>,
+    b: MatRef<'a, f32>,
     columns: std::ops::Range<usize>,
     out: SharedMut,
+    out_stride: usize,
 }
 
-impl Kernel for DotBlock<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        for j in self.columns.clone().step_by(4) {
-            let mut i = 0;
-            while i < self.m {
-                if self.m - i >= 2 && self.columns.end - j >= 4 {
-                    self.tile::<S, 2, 4>(simd, i, j);
-                    i += 2;
-                } else {
-                    let columns = j..self.columns.end.min(j + 4);
-                    if columns.len() == 4 {
-                        self.tile::<S, 1, 4>(simd, i, j);
-                    } else {
-                        columns.for_each(|j| self.tile::<S, 1, 1>(simd, i, j));
-                    }
-                    i += 1;
-                }
-            }
+impl<'a> DotBlock<'a> {
+    /// # Safety
+    /// `columns` must be rows of `b`. Until the kernel has run, `out` must hold `a.rows()` rows, `out_stride` apart, whose
+    /// `columns` are written by no other thread.
+    unsafe fn new(
+        a: MatRef<'a, f32>,
+        b: MatRef<'a, f32>,
+        columns: std::ops::Range<usize>,
+        out: SharedMut,
+        out_stride: usize,
+    ) -> Self {
+        Self {
+            a,
+            b,
+            columns,
+            out,
+            out_stride,
         }
     }
-}
 
-impl DotBlock<'_> {
     /// `R x C` products from row `i`, column `j` on.
     #[inline(always)]
     fn tile<S: Simd, const R: usize, const C: usize>(&self, simd: S, i: usize, j: usize) {
-        let k = self.k;
-        let a: [&[f32]; R] = std::array::from_fn(|r| &self.a[(i + r) * k..][..k]);
-        let b: [&[f32]; C] = std::array::from_fn(|c| &self.b[(j + c) * k..][..k]);
+        let k = self.a.cols();
+        let a: [&[f32]; R] = std::array::from_fn(|r| &self.a.row(i + r)[..k]);
+        let b: [&[f32]; C] = std::array::from_fn(|c| &self.b.row(j + c)[..k]);
         let mut sums = [[simd.zero(); C]; R];
         let whole = k / S::LANES * S::LANES;
         for l in (0..whole).step_by(S::LANES) {
@@ -253,8 +283,33 @@ impl DotBlock<'_> {
                     .zip(&b[c][whole..])
                     .map(|(a, b)| a * b)
                     .sum();
-                // SAFETY: an element of `c`, whose columns belong to this block.
-                unsafe { *self.out.at((i + r) * self.n + j + c) = simd.sum(sum) + rest };
+                // SAFETY: the contract of `new`: an element of `c`, whose columns belong to this block.
+                unsafe { *self.out.at((i + r) * self.out_stride + j + c) = simd.sum(sum) + rest };
+            }
+        }
+    }
+}
+
+impl Kernel for DotBlock<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let m = self.a.rows();
+        for j in self.columns.clone().step_by(4) {
+            let mut i = 0;
+            while i < m {
+                if m - i >= 2 && self.columns.end - j >= 4 {
+                    self.tile::<S, 2, 4>(simd, i, j);
+                    i += 2;
+                } else {
+                    let columns = j..self.columns.end.min(j + 4);
+                    if columns.len() == 4 {
+                        self.tile::<S, 1, 4>(simd, i, j);
+                    } else {
+                        columns.for_each(|j| self.tile::<S, 1, 1>(simd, i, j));
+                    }
+                    i += 1;
+                }
             }
         }
     }

@@ -1,38 +1,41 @@
 //! Products of 8-bit integer matrices: exact, in 32 bits.
 //!
-//! The right matrix is packed as for floats ([`crate::panel`]), but in *words*: the 32 bits that one lane of a
-//! multiply-add instruction sums up. They are four bytes with AVX-512 VNNI, two 16-bit integers elsewhere.
+//! The right matrix is packed as for floats ([`crate::panel`]), but in *words*: the 32 bits whose products one lane of a
+//! multiply-add instruction sums up. These are four bytes with AVX-512 VNNI, two 16-bit integers otherwise.
 
 use crate::Isa;
+use crate::matmul::check_shapes;
+use crate::matrix::{MatMut, MatRef};
 use crate::parallel::{SharedMut, for_each};
 use crate::workspace::with_pooled;
 
-/// Rows of `a` in a piece of work.
-const ROW_BLOCK: usize = 96;
-/// Columns in a piece of work.
-const COLUMN_BLOCK: usize = 128;
+/// Rows of `a` that one task packs and one tile multiplies (mc).
+const MC: usize = 96;
+/// Columns that one task packs and multiplies (nc).
+const NC: usize = 128;
 
-/// `c = a b^T`: `a` is `m x k`, `b` is `n x k`, `c` is `m x n` (overwritten). Exact while `k <= 131,000`.
+/// `c = a b^T`: `a` is `m x k`, `b` is `n x k`, `c` is `m x n` (overwritten). Exact if `k <= 131,000`.
 ///
 /// # Panics
-/// If a slice has another length.
-pub fn matmul_nt_i8(isa: Isa, m: usize, n: usize, k: usize, a: &[i8], b: &[i8], c: &mut [i32]) {
-    assert_eq!(
-        (a.len(), b.len(), c.len()),
-        (m * k, n * k, m * n),
-        "elements of a, b and c for m={m}, n={n}, k={k}"
+/// If the shapes do not fit each other.
+#[track_caller]
+pub fn matmul_nt_i8(isa: Isa, a: MatRef<'_, i8>, b: MatRef<'_, i8>, c: MatMut<'_, i32>) {
+    check_shapes(
+        [a.rows(), a.cols()],
+        [b.cols(), b.rows()],
+        [c.rows(), c.cols()],
     );
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(words) = x86::Vnni::new(isa) {
-            return product(words, (m, n, k), a, b, c);
+            return product(words, a, b, c);
         }
         if let Some(words) = x86::Madd::new(isa) {
-            return product(words, (m, n, k), a, b, c);
+            return product(words, a, b, c);
         }
     }
     let _ = isa;
-    product(Portable, (m, n, k), a, b, c);
+    product(Portable, a, b, c);
 }
 
 /// Lanes of 32-bit sums of products of words.
@@ -40,11 +43,11 @@ trait Words: Copy + Send + Sync {
     type V: Copy;
     /// Sums in a vector.
     const LANES: usize;
-    /// Rows of two vectors that fit in the registers.
-    const ROWS: usize;
+    /// Rows of the largest micro-tile (mr): `MR` rows of two vectors are kept in registers.
+    const MR: usize;
     /// Elements in a word.
     const DEPTH: usize;
-    /// What is added to the elements of `a`.
+    /// Added to the elements of `a`, and corrected for at the start of the sums.
     const A_OFFSET: i32;
 
     fn run(self, tile: Tile<'_>);
@@ -62,13 +65,8 @@ trait Words: Copy + Send + Sync {
     unsafe fn store(self, to: *mut i32, sums: Self::V);
 }
 
-fn product<W: Words>(
-    words: W,
-    (m, n, k): (usize, usize, usize),
-    a: &[i8],
-    b: &[i8],
-    c: &mut [i32],
-) {
+fn product<W: Words>(words: W, a: MatRef<'_, i8>, b: MatRef<'_, i8>, mut c: MatMut<'_, i32>) {
+    let (m, n, k) = (a.rows(), b.rows(), a.cols());
     if m * n == 0 {
         return;
     }
@@ -77,52 +75,42 @@ fn product<W: Words>(
     }
     let depth = k.div_ceil(W::DEPTH);
     let width = 2 * W::LANES;
-    let out = SharedMut::new(bytemuck::cast_slice_mut(c));
+    let out_stride = c.row_stride();
+    let out = SharedMut::new(bytemuck::cast_slice_mut(c.data_mut()));
     with_pooled(|workspace| {
         let a_words = workspace.shared.floats(m * depth);
         let shared = SharedMut::new(a_words);
-        for_each(
-            &mut workspace.workers,
-            0,
-            m.div_ceil(ROW_BLOCK),
-            |_, block| {
-                let first = block * ROW_BLOCK;
-                let rows = ROW_BLOCK.min(m - first);
-                // SAFETY: rows of `a` that belong to this unit.
-                let to = unsafe {
-                    std::slice::from_raw_parts_mut(
-                        shared.at(first * depth).cast::<i32>(),
-                        rows * depth,
-                    )
-                };
-                for (to, row) in to
-                    .chunks_exact_mut(depth)
-                    .zip(a[first * k..].chunks_exact(k))
-                {
-                    to.iter_mut()
-                        .zip(row.chunks(W::DEPTH))
-                        .for_each(|(to, elements)| *to = W::a_word(elements));
-                }
-            },
-        );
+        for_each(&mut workspace.workers, 0, m.div_ceil(MC), |_, block| {
+            let first = block * MC;
+            let rows = MC.min(m - first);
+            // SAFETY: rows of `a` that belong to this task.
+            let to = unsafe {
+                std::slice::from_raw_parts_mut(shared.at(first * depth).cast::<i32>(), rows * depth)
+            };
+            for (i, to) in to.chunks_exact_mut(depth).enumerate() {
+                to.iter_mut()
+                    .zip(a.row(first + i).chunks(W::DEPTH))
+                    .for_each(|(to, elements)| *to = W::a_word(elements));
+            }
+        });
         let a_words: &[i32] = bytemuck::cast_slice(a_words);
         // Packed columns, the correction for the offset of `a`, and sums that do not fit into `c`.
-        let scratch_words = COLUMN_BLOCK * depth + width + ROW_BLOCK * width;
+        let scratch_words = NC * depth + width + MC * width;
         for_each(
             &mut workspace.workers,
             scratch_words,
-            n.div_ceil(COLUMN_BLOCK),
+            n.div_ceil(NC),
             |scratch, block| {
-                let (packed, rest) =
-                    bytemuck::cast_slice_mut(scratch).split_at_mut(COLUMN_BLOCK * depth);
+                let (packed, rest) = bytemuck::cast_slice_mut(scratch).split_at_mut(NC * depth);
                 let (start, sums) = rest.split_at_mut(width);
-                let end = n.min((block + 1) * COLUMN_BLOCK);
-                for column in (block * COLUMN_BLOCK..end).step_by(width) {
+                let end = n.min((block + 1) * NC);
+                for column in (block * NC..end).step_by(width) {
                     let columns = width.min(end - column);
                     let panel = &mut packed[..width * depth];
                     panel.fill(0);
                     start.fill(0);
-                    for (j, row) in b[column * k..].chunks_exact(k).take(columns).enumerate() {
+                    for j in 0..columns {
+                        let row = b.row(column + j);
                         for (word, elements) in row.chunks(W::DEPTH).enumerate() {
                             panel[word * width + j] = W::b_word(elements);
                         }
@@ -131,7 +119,7 @@ fn product<W: Words>(
                                 -W::A_OFFSET * row.iter().map(|&v| i32::from(v)).sum::<i32>();
                         }
                     }
-                    for (block, a) in a_words.chunks(ROW_BLOCK * depth).enumerate() {
+                    for (block, a) in a_words.chunks(MC * depth).enumerate() {
                         words.run(Tile {
                             depth,
                             a,
@@ -141,9 +129,10 @@ fn product<W: Words>(
                         });
                         for (r, line) in sums.chunks_exact(width).take(a.len() / depth).enumerate()
                         {
-                            // SAFETY: columns of `c` that belong to this unit.
+                            // SAFETY: columns of `c` that belong to this task.
                             unsafe {
-                                let to = out.at((block * ROW_BLOCK + r) * n + column).cast::<i32>();
+                                let to =
+                                    out.at((block * MC + r) * out_stride + column).cast::<i32>();
                                 std::ptr::copy_nonoverlapping(line.as_ptr(), to, columns);
                             }
                         }
@@ -180,10 +169,10 @@ impl Tile<'_> {
         while row < rows {
             let a = self.a[row * self.depth..].as_ptr();
             let out = self.out[row * width..].as_mut_ptr();
-            // SAFETY: as many rows as are left; the lengths are asserted above.
+            // SAFETY: no more rows than are left; the lengths are asserted above.
             row += unsafe {
                 match rows - row {
-                    12.. if W::ROWS >= 12 => self.rows::<W, 12>(words, a, out),
+                    12.. if W::MR >= 12 => self.rows::<W, 12>(words, a, out),
                     6.. => self.rows::<W, 6>(words, a, out),
                     3.. => self.rows::<W, 3>(words, a, out),
                     _ => self.rows::<W, 1>(words, a, out),
@@ -201,7 +190,7 @@ impl Tile<'_> {
         a: *const i32,
         out: *mut i32,
     ) -> usize {
-        // SAFETY: the caller's promise, and the lengths asserted in `all`.
+        // SAFETY: the caller's contract, and the lengths asserted in `all`.
         unsafe {
             let mut sums = [[
                 words.load(self.start.as_ptr()),
@@ -240,7 +229,7 @@ struct Portable;
 impl Words for Portable {
     type V = [i32; 4];
     const LANES: usize = 4;
-    const ROWS: usize = 6;
+    const MR: usize = 6;
     const DEPTH: usize = 2;
     const A_OFFSET: i32 = 0;
 
@@ -264,12 +253,12 @@ impl Words for Portable {
     }
     #[inline(always)]
     unsafe fn load(self, from: *const i32) -> Self::V {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's contract.
         unsafe { from.cast::<[i32; 4]>().read() }
     }
     #[inline(always)]
     unsafe fn store(self, to: *mut i32, sums: Self::V) {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's contract.
         unsafe { to.cast::<[i32; 4]>().write(sums) }
     }
 }
@@ -294,7 +283,7 @@ mod x86 {
     impl Words for Madd {
         type V = __m256i;
         const LANES: usize = 8;
-        const ROWS: usize = 6;
+        const MR: usize = 6;
         const DEPTH: usize = 2;
         const A_OFFSET: i32 = 0;
 
@@ -324,12 +313,12 @@ mod x86 {
         }
         #[inline(always)]
         unsafe fn load(self, from: *const i32) -> Self::V {
-            // SAFETY: see `run`; the memory is the caller's promise.
+            // SAFETY: see `run`; the memory is the caller's contract.
             unsafe { _mm256_loadu_si256(from.cast()) }
         }
         #[inline(always)]
         unsafe fn store(self, to: *mut i32, sums: Self::V) {
-            // SAFETY: see `run`; the memory is the caller's promise.
+            // SAFETY: see `run`; the memory is the caller's contract.
             unsafe { _mm256_storeu_si256(to.cast(), sums) }
         }
     }
@@ -356,7 +345,7 @@ mod x86 {
     impl Words for Vnni {
         type V = __m512i;
         const LANES: usize = 16;
-        const ROWS: usize = 12;
+        const MR: usize = 12;
         const DEPTH: usize = 4;
         const A_OFFSET: i32 = 128;
 
@@ -387,12 +376,12 @@ mod x86 {
         }
         #[inline(always)]
         unsafe fn load(self, from: *const i32) -> Self::V {
-            // SAFETY: see `run`; the memory is the caller's promise.
+            // SAFETY: see `run`; the memory is the caller's contract.
             unsafe { _mm512_loadu_si512(from.cast()) }
         }
         #[inline(always)]
         unsafe fn store(self, to: *mut i32, sums: Self::V) {
-            // SAFETY: see `run`; the memory is the caller's promise.
+            // SAFETY: see `run`; the memory is the caller's contract.
             unsafe { _mm512_storeu_si512(to.cast(), sums) }
         }
     }

@@ -1,25 +1,25 @@
-//! Moments of channels, and the affine map that normalisation comes down to.
+//! Moments of channels, and the affine map of a normalisation.
 
 use crate::buffer::AlignedBuffer;
 use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
 use crate::{Activation, Isa, Tensor};
 
-/// Rows of pixels whose sums are made by one worker.
+/// Rows of pixels that one task sums.
 const BAND: usize = 8;
-/// Pixels that are summed in `f32` before the sum goes into an `f64`.
+/// Pixels that are summed in `f32` before the sum is added to an `f64`.
 const RUN: usize = 32;
 
 /// Mean and biased variance of every channel over the pixels whose `mask` (`height x width`) is not zero, or over all.
 ///
-/// The variance is taken around the mean in a second pass. Short runs of pixels are summed in `f32`, their sums in `f64`
-/// in a fixed order, so the result does not depend on the number of threads. Without a single pixel the mean is 0 and the
-/// variance 1, which normalises to the identity.
+/// The variance is computed around the mean in a second pass. Short runs of pixels are summed in `f32`, their sums in `f64`
+/// in a fixed order, so the result does not depend on the number of threads. If there is no pixel, the mean is 0 and the
+/// variance 1, so that normalisation is the identity.
 ///
 /// # Panics
-/// If the mask has not `height x width` elements.
+/// If the mask does not have `height x width` elements.
 #[must_use]
-pub fn channel_moments(tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f32>) {
+pub fn channel_moments(isa: Isa, tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f32>) {
     let (height, width, channels) = (tensor.height(), tensor.width(), tensor.channels());
     if let Some(mask) = mask {
         assert_eq!(
@@ -35,14 +35,14 @@ pub fn channel_moments(tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f
         return (vec![0.0; channels], vec![1.0; channels]);
     }
     let pixel = tensor.channel_stride();
-    let isa = Isa::detect().for_stride(pixel);
-    let average = |center: &[f32], square: bool| -> Vec<f32> {
+    let isa = isa.for_stride(pixel);
+    let average = |centre: &[f32], square: bool| -> Vec<f32> {
         let bands = height.div_ceil(BAND);
-        // `f64` sums in the memory of two floats each
+        // An `f64` takes the memory of two floats.
         let mut sums = vec![0.0f64; bands * pixel];
         let out = SharedMut::new(bytemuck::cast_slice_mut(&mut sums));
         for_each(&mut AlignedBuffer::default(), 0, bands, |_, band| {
-            // SAFETY: the sums of a band, which belong to this unit; the memory is that of `f64`s.
+            // SAFETY: the sums of a band, which belong to this task; the memory is that of `f64`s.
             let sums = unsafe {
                 std::slice::from_raw_parts_mut(out.at(2 * band * pixel).cast::<f64>(), pixel)
             };
@@ -51,7 +51,7 @@ pub fn channel_moments(tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f
                 isa.run(SumRow {
                     line,
                     mask: mask.map(|mask| &mask[y * width..][..width]),
-                    center,
+                    centre,
                     square,
                     sums,
                 });
@@ -68,11 +68,11 @@ pub fn channel_moments(tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f32>, Vec<f
     (mean, variance)
 }
 
-/// Adds `x - center`, or its square, of the seen pixels of a row to the sums.
+/// Adds `x - centre`, or its square, of the visible pixels of a row to the sums.
 struct SumRow<'a> {
     line: &'a [f32],
     mask: Option<&'a [u8]>,
-    center: &'a [f32],
+    centre: &'a [f32],
     square: bool,
     sums: &'a mut [f64],
 }
@@ -81,12 +81,12 @@ impl Kernel for SumRow<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
-        let pixel = self.center.len();
+        let pixel = self.centre.len();
         assert!(self.sums.len() == pixel && pixel.is_multiple_of(S::LANES));
         let width = self.line.len() / pixel;
         for c in (0..pixel).step_by(S::LANES) {
-            // SAFETY: `center` has whole vectors.
-            let center = unsafe { simd.load(self.center.as_ptr().add(c)) };
+            // SAFETY: `centre` has whole vectors.
+            let centre = unsafe { simd.load(self.centre.as_ptr().add(c)) };
             for first in (0..width).step_by(RUN) {
                 let mut sum = simd.zero();
                 for x in first..width.min(first + RUN) {
@@ -96,7 +96,7 @@ impl Kernel for SumRow<'_> {
                     // SAFETY: `x` is below the width; pixels are whole vectors.
                     let value = simd.sub(
                         unsafe { simd.load(self.line.as_ptr().add(x * pixel + c)) },
-                        center,
+                        centre,
                     );
                     sum = if self.square {
                         simd.mul_add(value, value, sum)
@@ -118,7 +118,7 @@ impl Kernel for SumRow<'_> {
 /// `x = activation(x * scale + shift)` for every channel, in place.
 ///
 /// # Panics
-/// If `scale` or `shift` has not one element for each channel.
+/// If `scale` or `shift` does not have one element for each channel.
 pub fn scale_shift(
     isa: Isa,
     tensor: &mut Tensor,
@@ -135,7 +135,7 @@ pub fn scale_shift(
     let (row, pixel) = (tensor.row_stride(), tensor.channel_stride());
     let out = SharedMut::new(tensor.as_mut_slice());
     for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
-        // SAFETY: the pixels of a row, which belongs to this unit.
+        // SAFETY: the pixels of a row, which belongs to this task.
         let line =
             unsafe { std::slice::from_raw_parts_mut(out.at((y + 1) * row + pixel), width * pixel) };
         isa.run(ScaleRow {
@@ -160,6 +160,7 @@ impl Kernel for ScaleRow<'_> {
     type Output = ();
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
+        assert!(self.pixel >= self.scale.len() && self.shift.len() == self.scale.len());
         let whole = self.scale.len() / S::LANES * S::LANES;
         for pixel in self.line.chunks_exact_mut(self.pixel) {
             for c in (0..whole).step_by(S::LANES) {

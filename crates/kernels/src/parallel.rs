@@ -1,4 +1,4 @@
-//! Spreading numbered pieces of work over the current rayon pool.
+//! Numbered tasks on the current rayon pool.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -6,8 +6,8 @@ use rayon::prelude::*;
 
 use crate::buffer::AlignedBuffer;
 
-/// Runs `work(scratch, i)` for every `i` below `count`, each worker with its own run of `floats` floats of scratch
-/// (holding anything). Which worker does which piece is left to chance: pieces must not depend on each other.
+/// Runs `work(scratch, i)` for every `i` below `count`, each worker with `floats` floats of scratch memory of arbitrary
+/// contents. Tasks run in any order on any worker, so they must not depend on each other.
 pub(crate) fn for_each(
     scratch: &mut AlignedBuffer,
     floats: usize,
@@ -15,7 +15,7 @@ pub(crate) fn for_each(
     work: impl Fn(&mut [f32], usize) + Sync,
 ) {
     let workers = rayon::current_num_threads().min(count);
-    // Whole cache lines, so that no two workers share one.
+    // Whole cache lines: no two workers share one.
     let each = floats.next_multiple_of(16);
     let memory = scratch.floats(workers * each);
     if workers <= 1 {
@@ -45,12 +45,12 @@ pub(crate) fn for_each(
     }
 }
 
-/// A pointer to memory that several workers write, each its own part.
+/// A pointer to memory of which several workers write different parts.
 #[derive(Clone, Copy)]
 pub(crate) struct SharedMut(*mut f32);
 
-// SAFETY: only a way to hand the address over; every use of it is `unsafe` and must show that no two workers touch the
-// same float.
+// SAFETY: it only passes the address on; every access is `unsafe` and must prove that no two workers access the same
+// float.
 unsafe impl Send for SharedMut {}
 // SAFETY: as above.
 unsafe impl Sync for SharedMut {}
@@ -60,22 +60,22 @@ impl SharedMut {
         Self(memory.as_mut_ptr())
     }
 
-    /// The same memory from `offset` on.
+    /// The memory from `offset` on.
     ///
     /// # Safety
-    /// `offset` must lie within the memory that it was made from.
+    /// `offset` must lie within the memory from which `self` was made.
     pub(crate) unsafe fn moved(self, offset: usize) -> Self {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's contract.
         Self(unsafe { self.0.add(offset) })
     }
 
     /// The address of the float at `offset`.
     ///
     /// # Safety
-    /// `offset` must lie within the memory that it was made from.
+    /// `offset` must lie within the memory from which `self` was made.
     #[inline(always)]
     pub(crate) unsafe fn at(self, offset: usize) -> *mut f32 {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's contract.
         unsafe { self.0.add(offset) }
     }
 }

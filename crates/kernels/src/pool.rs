@@ -5,7 +5,7 @@ use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Tensor};
 
-/// Maximum over 2 x 2 pixels, stride 2. `output` is reshaped to `h / 2 x w / 2` (an odd last row or column is dropped,
+/// Maximum over 2 x 2 pixels, stride 2. `output` is reshaped to `h / 2 x w / 2` (an odd last row or column is ignored,
 /// as in PyTorch's `max_pool2d(2)`).
 pub fn max_pool_2x2(isa: Isa, input: &Tensor, output: &mut Tensor) {
     let (height, width) = (input.height() / 2, input.width() / 2);
@@ -15,7 +15,7 @@ pub fn max_pool_2x2(isa: Isa, input: &Tensor, output: &mut Tensor) {
     let out = SharedMut::new(output.as_mut_slice());
     for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
         let line = |y: usize| &input.as_slice()[input.offset(y + 1, 1)..][..2 * width * pixel];
-        // SAFETY: the pixels of an output row, which belongs to this unit.
+        // SAFETY: the pixels of an output row, which belongs to this task.
         let out =
             unsafe { std::slice::from_raw_parts_mut(out.at((y + 1) * row + pixel), width * pixel) };
         isa.run(PoolRow {
@@ -39,10 +39,14 @@ impl Kernel for PoolRow<'_> {
     #[inline(always)]
     fn run<S: Simd>(self, simd: S) {
         let pixel = self.pixel;
-        assert!(self.upper.len() == 2 * self.out.len() && self.lower.len() == 2 * self.out.len());
+        assert!(
+            self.upper.len() == 2 * self.out.len()
+                && self.lower.len() == 2 * self.out.len()
+                && pixel.is_multiple_of(S::LANES)
+        );
         for x in 0..self.out.len() / pixel {
             for c in (0..pixel).step_by(S::LANES) {
-                // SAFETY: two pixels of each line for each of the output; pixels are whole vectors.
+                // SAFETY: each line has two pixels for each pixel of the output; pixels are whole vectors.
                 unsafe {
                     let largest = |line: &[f32]| {
                         let left = line.as_ptr().add(2 * x * pixel + c);

@@ -5,18 +5,18 @@ use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
 use crate::{Isa, Tensor};
 
-/// For an output coordinate: the two input coordinates and the weight of the second
-/// (pixel centres at half-integers, PyTorch's `align_corners=False`).
+/// The two input coordinates of an output coordinate, and the weight of the second (pixel centres at half-integers,
+/// PyTorch's `align_corners=False`).
 fn source(out: usize, out_size: usize, in_size: usize) -> (usize, usize, f32) {
     let at = ((out as f32 + 0.5) * (in_size as f32 / out_size as f32) - 0.5).max(0.0);
     let first = (at as usize).min(in_size - 1);
     (first, (first + 1).min(in_size - 1), at - first as f32)
 }
 
-/// `dst += bilinear(src)`, `src` resized to the height and width of `dst` (`align_corners=False`).
+/// `dst += bilinear(src)`, where `src` is resized to the height and width of `dst` (`align_corners=False`).
 ///
 /// # Panics
-/// If the channels differ, or `src` is empty where `dst` is not.
+/// If the numbers of channels differ, or `src` is empty and `dst` is not.
 pub fn upsample_bilinear_add(isa: Isa, src: &Tensor, dst: &mut Tensor) {
     assert_eq!(
         src.channels(),
@@ -34,7 +34,7 @@ pub fn upsample_bilinear_add(isa: Isa, src: &Tensor, dst: &mut Tensor) {
     for_each(&mut AlignedBuffer::default(), 0, height, |_, y| {
         let (upper, lower, down) = source(y, height, src.height());
         let line = |y: usize| &src.as_slice()[src.offset(y + 1, 1)..][..src.width() * pixel];
-        // SAFETY: the pixels of an output row, which belongs to this unit.
+        // SAFETY: the pixels of an output row, which belongs to this task.
         let out =
             unsafe { std::slice::from_raw_parts_mut(out.at((y + 1) * row + pixel), width * pixel) };
         isa.run(AddRow {

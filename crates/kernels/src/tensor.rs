@@ -6,7 +6,7 @@ use crate::buffer::AlignedBuffer;
 
 /// Channels are padded to this many floats (one AVX-512 vector, one cache line).
 pub(crate) const CHANNEL_BLOCK: usize = 16;
-/// Up to this many channels (pictures) are padded to this many only.
+/// Images of up to this many channels are padded to this many only.
 const NARROW_CHANNELS: usize = 4;
 
 /// Floats from one pixel to the next for `channels` channels.
@@ -41,7 +41,7 @@ impl std::fmt::Debug for Tensor {
 }
 
 impl Default for Tensor {
-    /// An empty tensor, to be reshaped by the kernel that writes it.
+    /// An empty tensor. The kernel that writes it will reshape it.
     fn default() -> Self {
         Self::new(0, 0, 0)
     }
@@ -60,8 +60,8 @@ impl Tensor {
         }
     }
 
-    /// Changes the shape and keeps the allocation where it is large enough. Halo and padding channels are zero
-    /// afterwards; the pixels hold anything.
+    /// Changes the shape; the allocation is kept if it is large enough. Halo and padding channels are zero afterwards; the
+    /// pixels are arbitrary.
     pub fn reshape(&mut self, height: usize, width: usize, channels: usize) {
         if (self.height, self.width, self.channels) == (height, width, channels) {
             return;
@@ -85,7 +85,7 @@ impl Tensor {
     /// From `channels x height x width` floats (one image of an NCHW batch).
     ///
     /// # Panics
-    /// If `data` has not that many elements.
+    /// If `data` does not have that many elements.
     #[must_use]
     pub fn from_chw(data: &[f32], channels: usize, height: usize, width: usize) -> Self {
         assert_eq!(
@@ -107,7 +107,7 @@ impl Tensor {
     /// From `height x width x channels` floats.
     ///
     /// # Panics
-    /// If `data` has not that many elements.
+    /// If `data` does not have that many elements.
     #[must_use]
     pub fn from_hwc(data: &[f32], height: usize, width: usize, channels: usize) -> Self {
         assert_eq!(
@@ -150,7 +150,7 @@ impl Tensor {
         pixels
     }
 
-    /// Sets every channel of every pixel.
+    /// Sets every channel of every pixel to `value`.
     pub fn fill(&mut self, value: f32) {
         for y in 0..self.height {
             for x in 0..self.width {
@@ -159,25 +159,28 @@ impl Tensor {
         }
     }
 
-    /// Rows of pixels.
+    /// Height in pixels.
     #[must_use]
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Pixels in a row.
+    /// Width in pixels.
     #[must_use]
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Floats of a pixel.
+    /// Number of channels.
     #[must_use]
     pub fn channels(&self) -> usize {
         self.channels
     }
 
     /// The channels of the pixel in row `y`, column `x`.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     #[must_use]
     pub fn pixel(&self, y: usize, x: usize) -> &[f32] {
         assert!(
@@ -187,7 +190,10 @@ impl Tensor {
         &self.data.as_slice()[self.offset(y + 1, x + 1)..][..self.channels]
     }
 
-    /// The channels of the pixel in row `y`, column `x`, to be written.
+    /// The channels of the pixel in row `y`, column `x`, writable.
+    ///
+    /// # Panics
+    /// If there is no such pixel.
     pub fn pixel_mut(&mut self, y: usize, x: usize) -> &mut [f32] {
         assert!(
             y < self.height && x < self.width,
@@ -203,15 +209,18 @@ impl Tensor {
         self.channel_stride()
     }
 
-    /// Row `y`: `width` pixels, [`Tensor::pixel_pitch`] floats each.
+    /// Row `y`: `width` pixels of [`Tensor::pixel_pitch`] floats each.
+    ///
+    /// # Panics
+    /// If there is no such row.
     #[must_use]
     pub fn row(&self, y: usize) -> &[f32] {
         assert!(y < self.height, "row {y} of {self:?}");
         &self.as_slice()[self.offset(y + 1, 1)..][..self.width * self.channel_stride()]
     }
 
-    /// All rows, as [`Tensor::row`] has them, to be written in parallel. Of each pixel only the channels may be written:
-    /// kernels rely on the padding being zero.
+    /// All rows, each laid out as [`Tensor::row`], for writing in parallel. Write only the channels of each pixel: the
+    /// kernels need the padding to be zero.
     pub fn par_rows_mut(&mut self) -> impl IndexedParallelIterator<Item = &mut [f32]> {
         let (height, pixel, row) = (self.height, self.channel_stride(), self.row_stride());
         let rows = self
@@ -232,17 +241,17 @@ impl Tensor {
         (self.width + 2) * self.channel_stride()
     }
 
-    /// Where the pixel at row `y`, column `x` *of the haloed image* starts: `(1, 1)` is the first real pixel.
+    /// Offset of the pixel at row `y`, column `x` of the image *with its halo*: `(1, 1)` is the first pixel of the image.
     pub(crate) fn offset(&self, y: usize, x: usize) -> usize {
         y * self.row_stride() + x * self.channel_stride()
     }
 
-    /// Everything, halo and padding included.
+    /// All floats, halo and padding included.
     pub(crate) fn as_slice(&self) -> &[f32] {
         &self.data.as_slice()[..self.floats()]
     }
 
-    /// Everything, halo and padding included. Whoever writes keeps both zero.
+    /// All floats, halo and padding included, which must stay zero.
     pub(crate) fn as_mut_slice(&mut self) -> &mut [f32] {
         let floats = self.floats();
         &mut self.data.as_mut_slice()[..floats]

@@ -2,7 +2,7 @@
 
 use crate::buffer::AlignedBuffer;
 use crate::conv::padded_bias;
-use crate::panel::{Finish, PanelRun, Panels, Taps};
+use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, Panels, RightPanel, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::tensor::channel_stride;
 use crate::{Activation, Isa, KernelError, Tensor, Workspace};
@@ -14,8 +14,8 @@ pub struct ConvTranspose2d {
     in_channels: usize,
     out_channels: usize,
     isa: Isa,
-    /// Output pixels of one parity of row and column see the same four taps: four convolutions 2x2, index
-    /// `2 * row parity + column parity`, depth `[2][2][in]`.
+    /// Output pixels whose row and column have the same parities depend on the same four taps: four 2x2 convolutions,
+    /// index `2 * row parity + column parity`, depth `[2][2][in]`.
     phases: [Panels; 4],
     /// One for each output channel, padding included.
     bias: AlignedBuffer,
@@ -26,7 +26,7 @@ impl ConvTranspose2d {
     /// Prepares a transposed convolution. `weight_iohw` is `[in, out, 4, 4]` as PyTorch has it, `bias` is `[out]`.
     ///
     /// # Errors
-    /// [`KernelError`] where there are no channels or a slice has the wrong length.
+    /// [`KernelError`] if a number of channels is zero or a slice has the wrong length.
     pub fn new(
         isa: Isa,
         in_channels: usize,
@@ -83,10 +83,10 @@ impl ConvTranspose2d {
         self.out_channels
     }
 
-    /// Runs it. `output` is reshaped to `2 h x 2 w x out_channels`.
+    /// Runs the convolution. `output` is reshaped to `2 h x 2 w x out_channels`.
     ///
     /// # Panics
-    /// If `input` has not `in_channels` channels.
+    /// If `input` does not have `in_channels` channels.
     pub fn forward(&self, input: &Tensor, output: &mut Tensor, workspace: &mut Workspace) {
         assert_eq!(
             input.channels(),
@@ -98,28 +98,28 @@ impl ConvTranspose2d {
         let (row, pixel) = (output.row_stride(), output.channel_stride());
         let out = SharedMut::new(output.as_mut_slice());
         let panels = self.phases[0].shape.count();
-        // Each piece reads the weights of its panel once for a few rows.
+        // A task reads the weights of its panel once for several rows.
         let band = h.div_ceil(rayon::current_num_threads()).clamp(1, 16);
         for_each(
             &mut workspace.workers,
             0,
             h.div_ceil(band) * 4 * panels,
-            |_, unit| {
-                let (rows, phase, panel) = (unit / (4 * panels), unit / panels % 4, unit % panels);
+            |_, task| {
+                let (rows, phase, panel) = (task / (4 * panels), task / panels % 4, task % panels);
                 let (odd_y, odd_x) = (phase / 2, phase % 2);
                 let weights = &self.phases[phase];
                 let start = weights.shape.start(panel);
                 for y in rows * band..((rows + 1) * band).min(h) {
                     // SAFETY: the taps of the first pixel start at this one or its upper left neighbour, inside the halo;
-                    // each output pixel and panel belongs to one unit.
+                    // the bias has a value for each column of the panel; each output pixel and panel belongs to one task.
                     let run = unsafe {
-                        PanelRun {
-                            a: input
+                        let left = LeftRows {
+                            start: input
                                 .as_slice()
                                 .as_ptr()
                                 .add(input.offset(y + odd_y, odd_x)),
+                            rows: w,
                             row_stride: input.channel_stride(),
-                            depth_stride: 1,
                             taps: Taps {
                                 rows: 2,
                                 row_step: input.row_stride(),
@@ -127,14 +127,16 @@ impl ConvTranspose2d {
                                 column_step: input.channel_stride(),
                             },
                             depth: self.in_channels,
-                            b: weights.panel(panel).as_ptr(),
-                            b_stride: weights.shape.width(panel),
-                            width: weights.shape.width(panel),
-                            out: out.at((2 * y + odd_y + 1) * row + (odd_x + 1) * pixel + start),
-                            out_stride: 2 * pixel,
-                            rows: w,
-                            finish: Finish::layer(&self.bias.as_slice()[start..], self.activation),
-                        }
+                            depth_stride: 1,
+                        };
+                        let right =
+                            RightPanel::packed(weights.panel(panel), weights.shape.width(panel));
+                        let to = OutputRows {
+                            start: out.at((2 * y + odd_y + 1) * row + (odd_x + 1) * pixel + start),
+                            row_stride: 2 * pixel,
+                        };
+                        let bias = &self.bias.as_slice()[start..];
+                        PanelProduct::new(left, right, to, Finish::layer(bias, self.activation))
                     };
                     self.isa.run(run);
                 }
@@ -143,7 +145,7 @@ impl ConvTranspose2d {
     }
 }
 
-/// Row (or column) of the kernel that an output of this parity sees at tap 0 or 1: output `2 i + parity` is the sum over
+/// Row (or column) of the kernel by which tap 0 or 1 of an output of this parity is multiplied: output `2 i + parity` is the sum over
 /// inputs `i + parity - 1 + tap` with kernel index `output + 1 - 2 * input`.
 fn kernel_index(parity: usize, tap: usize) -> usize {
     3 - parity - 2 * tap

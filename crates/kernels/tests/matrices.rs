@@ -2,7 +2,7 @@
 
 mod reference;
 
-use grimnet_kernels::{Isa, matmul_nn, matmul_nt, matmul_nt_i8};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nn, matmul_nt, matmul_nt_i8};
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use reference::random;
@@ -18,10 +18,10 @@ proptest! {
         let expected = reference::matmul_nt(m, n, k, &a, &b);
         for isa in Isa::available() {
             let mut c = vec![f32::NAN; m * n];
-            matmul_nt(isa, m, n, k, &a, &b, &mut c);
+            matmul_nt(isa, MatRef::new(&a, m, k), MatRef::new(&b, n, k), MatMut::new(&mut c, m, n));
             prop_assert!(expected.error(&c) < 2e-6, "{isa} nt: {:e}", expected.error(&c));
             c.fill(f32::NAN);
-            matmul_nn(isa, m, n, k, &a, &b_rows, &mut c);
+            matmul_nn(isa, MatRef::new(&a, m, k), MatRef::new(&b_rows, k, n), MatMut::new(&mut c, m, n));
             prop_assert!(expected.error(&c) < 2e-6, "{isa} nn: {:e}", expected.error(&c));
         }
     }
@@ -33,7 +33,7 @@ proptest! {
         let expected = reference::matmul_nt(m, n, k, &a, &b);
         for isa in Isa::available() {
             let mut c = vec![f32::NAN; m * n];
-            matmul_nt(isa, m, n, k, &a, &b, &mut c);
+            matmul_nt(isa, MatRef::new(&a, m, k), MatRef::new(&b, n, k), MatMut::new(&mut c, m, n));
             prop_assert!(expected.error(&c) < 2e-6, "{isa} nt: {:e}", expected.error(&c));
         }
     }
@@ -50,7 +50,7 @@ proptest! {
             .collect();
         for isa in Isa::available() {
             let mut c = vec![i32::MIN; m * n];
-            matmul_nt_i8(isa, m, n, k, &a, &b, &mut c);
+            matmul_nt_i8(isa, MatRef::new(&a, m, k), MatRef::new(&b, n, k), MatMut::new(&mut c, m, n));
             prop_assert_eq!(&c, &want, "{}", isa);
         }
     }
@@ -64,7 +64,12 @@ fn matmul_deeper_and_wider_than_a_chunk_equals_f64() {
     let expected = reference::matmul_nt(m, n, k, &a, &b);
     for isa in Isa::available() {
         let mut c = vec![f32::NAN; m * n];
-        matmul_nt(isa, m, n, k, &a, &b, &mut c);
+        matmul_nt(
+            isa,
+            MatRef::new(&a, m, k),
+            MatRef::new(&b, n, k),
+            MatMut::new(&mut c, m, n),
+        );
         assert!(expected.error(&c) < 1e-5, "{isa}: {:e}", expected.error(&c));
     }
 }
@@ -76,7 +81,12 @@ fn matmul_of_many_bytes_is_exact() {
     let a: Vec<i8> = (0..m * k).map(|_| rng.random()).collect();
     let b: Vec<i8> = (0..n * k).map(|_| rng.random()).collect();
     let mut want = vec![0; m * n];
-    matmul_nt_i8(Isa::Portable, m, n, k, &a, &b, &mut want);
+    matmul_nt_i8(
+        Isa::Portable,
+        MatRef::new(&a, m, k),
+        MatRef::new(&b, n, k),
+        MatMut::new(&mut want, m, n),
+    );
     assert_eq!(
         want[n + 2],
         (0..k)
@@ -85,7 +95,74 @@ fn matmul_of_many_bytes_is_exact() {
     );
     for isa in Isa::available() {
         let mut c = vec![0; m * n];
-        matmul_nt_i8(isa, m, n, k, &a, &b, &mut c);
+        matmul_nt_i8(
+            isa,
+            MatRef::new(&a, m, k),
+            MatRef::new(&b, n, k),
+            MatMut::new(&mut c, m, n),
+        );
         assert!(c == want, "{isa}");
     }
+}
+
+/// Rows that are not contiguous, on every path: few rows, packed columns, a last panel that is not full.
+#[test]
+fn row_strides_are_followed_and_gaps_left_alone() {
+    let (n, k) = (37, 29);
+    for m in [3, 50] {
+        let (a, b) = (random(m * (k + 5), 1), random(n * (k + 2), 2));
+        let compact = |from: &[f32], rows: usize, stride: usize| -> Vec<f32> {
+            (0..rows)
+                .flat_map(|r| from[r * stride..][..k].to_vec())
+                .collect()
+        };
+        let (dense_a, dense_b) = (compact(&a, m, k + 5), compact(&b, n, k + 2));
+        let expected = reference::matmul_nt(m, n, k, &dense_a, &dense_b);
+        let mut b_rows = vec![9.0; k * (n + 4)];
+        (0..n * k).for_each(|i| b_rows[i % k * (n + 4) + i / k] = dense_b[i]);
+        let a = MatRef::with_row_stride(&a, m, k, k + 5);
+        for isa in Isa::available() {
+            for transposed in [true, false] {
+                let mut c = vec![7.5; m * (n + 3)];
+                let out = MatMut::with_row_stride(&mut c, m, n, n + 3);
+                if transposed {
+                    matmul_nt(isa, a, MatRef::with_row_stride(&b, n, k, k + 2), out);
+                } else {
+                    matmul_nn(isa, a, MatRef::with_row_stride(&b_rows, k, n, n + 4), out);
+                }
+                let rows: Vec<f32> = c.chunks(n + 3).flat_map(|row| row[..n].to_vec()).collect();
+                assert!(expected.error(&rows) < 2e-6, "{isa} {m}");
+                assert!(c.chunks(n + 3).all(|row| row[n..] == [7.5; 3]), "{isa} {m}");
+            }
+        }
+    }
+    let bytes: Vec<i8> = (0..200).map(|i| (i * 37 % 251) as i8).collect();
+    let (a, b) = (
+        MatRef::with_row_stride(&bytes, 5, 7, 11),
+        MatRef::with_row_stride(&bytes[60..], 6, 7, 9),
+    );
+    for isa in Isa::available() {
+        let mut c = vec![-1; 5 * 8];
+        matmul_nt_i8(isa, a, b, MatMut::with_row_stride(&mut c, 5, 6, 8));
+        for (i, row) in c.chunks(8).enumerate() {
+            assert_eq!(row[6..], [-1, -1]);
+            for (j, &value) in row[..6].iter().enumerate() {
+                let products = a.row(i).iter().zip(b.row(j));
+                let want: i32 = products.map(|(&a, &b)| i32::from(a) * i32::from(b)).sum();
+                assert_eq!(value, want, "{isa}");
+            }
+        }
+    }
+}
+
+#[test]
+#[should_panic(expected = "shapes of a matrix product: 2x3 by 4x2 into 2x2")]
+fn shapes_that_do_not_fit_panic() {
+    let (a, b, mut c) = ([0.0; 6], [0.0; 8], [0.0; 4]);
+    matmul_nt(
+        Isa::Portable,
+        MatRef::new(&a, 2, 3),
+        MatRef::new(&b, 2, 4),
+        MatMut::new(&mut c, 2, 2),
+    );
 }

@@ -7,8 +7,8 @@ use std::alloc::{GlobalAlloc, Layout, System};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use grimnet_kernels::{
-    Activation, Conv2d, ConvSpec, ConvTranspose2d, Isa, Tensor, Workspace, channel_moments,
-    matmul_nn, matmul_nt, max_pool_2x2, scale_shift, train, upsample_bilinear_add,
+    Activation, Conv2d, ConvSpec, ConvTranspose2d, Isa, MatMut, MatRef, Tensor, Workspace,
+    channel_moments, matmul_nn, matmul_nt, max_pool_2x2, scale_shift, train, upsample_bilinear_add,
 };
 use reference::random;
 
@@ -126,7 +126,7 @@ fn results_do_not_depend_on_the_number_of_threads() {
         let all = |threads| {
             on_threads(threads, || {
                 let output = Layers::new(isa).run(isa, &input).clone();
-                let (mean, variance) = channel_moments(&output, None);
+                let (mean, variance) = channel_moments(isa, &output, None);
                 let mut results = vec![
                     output.to_chw(),
                     mean,
@@ -134,8 +134,18 @@ fn results_do_not_depend_on_the_number_of_threads() {
                     vec![0.0; 150 * 130],
                     vec![0.0; 70 * 70],
                 ];
-                matmul_nt(isa, 150, 130, 70, &a, &b, &mut results[3]);
-                matmul_nn(isa, 70, 70, 130, &a[..70 * 130], &b, &mut results[4]);
+                matmul_nt(
+                    isa,
+                    MatRef::new(&a, 150, 70),
+                    MatRef::new(&b, 130, 70),
+                    MatMut::new(&mut results[3], 150, 130),
+                );
+                matmul_nn(
+                    isa,
+                    MatRef::new(&a[..70 * 130], 70, 130),
+                    MatRef::new(&b, 130, 70),
+                    MatMut::new(&mut results[4], 70, 70),
+                );
                 let mut grad_weight = vec![0.0; batch.weight_len()];
                 train::conv3x3_grad_weight(isa, batch, &x, &y, &mut grad_weight);
                 results.push(grad_weight);

@@ -1,6 +1,6 @@
 //! k-means clustering (Lloyd 1982) of descriptors, seeded; the result does not depend on the number of threads.
 
-use grimnet_kernels::{Isa, matmul_nt};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt};
 use rand::SeedableRng;
 use rand::seq::index;
 use rand_chacha::ChaCha8Rng;
@@ -139,7 +139,12 @@ fn nearest(
         .flat_map_iter(|points| {
             let count = points.len() / dim;
             let mut products = vec![0.0f32; count * clusters];
-            matmul_nt(isa, count, clusters, dim, points, centroids, &mut products);
+            matmul_nt(
+                isa,
+                MatRef::new(points, count, dim),
+                MatRef::new(centroids, clusters, dim),
+                MatMut::new(&mut products, count, clusters),
+            );
             let best = |row: &[f32]| {
                 let mut best = (f32::NEG_INFINITY, 0u32);
                 for (c, (&product, &offset)) in row.iter().zip(&offsets).enumerate() {

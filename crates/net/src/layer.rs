@@ -1,4 +1,4 @@
-//! A convolution with its normalisation, folded into the weights or taken from the picture itself.
+//! A convolution with its normalisation, which is folded into the weights or computed from the image itself.
 
 use grimnet_kernels::{
     Activation, Conv2d, ConvSpec, ConvTranspose2d, Isa, Tensor, Workspace, channel_moments,
@@ -10,19 +10,19 @@ use crate::seen::Seen;
 use crate::spec::BATCH_NORM_EPSILON;
 use crate::{Domain, LayerStatistics, Model, NetError, Statistics};
 
-/// What the layers of one network are made from.
+/// What the layers of a network are built from.
 #[derive(Clone, Copy)]
 pub(crate) struct LayerSource<'a> {
     pub isa: Isa,
     pub model: &'a Model,
     pub domain: Domain,
-    /// Of this domain, of all layers.
+    /// Those of all layers, for this domain.
     pub statistics: &'a Statistics,
-    /// Whether layers normalise by the picture's own moments instead.
+    /// Whether layers normalise with the image's own moments instead.
     pub instance: bool,
 }
 
-/// Which convolution a layer has.
+/// The kind of a layer's convolution.
 #[derive(Clone, Copy)]
 pub(crate) enum Kind {
     Conv {
@@ -38,7 +38,7 @@ enum Convolution {
     Transposed(ConvTranspose2d),
 }
 
-/// Normalisation that is not folded: affine parameters, and stored moments for layers of which nothing was seen.
+/// Normalisation that is not folded: affine parameters, and stored moments for the case that no position is visible.
 struct InstanceNorm {
     weight: Vec<f32>,
     bias: Vec<f32>,
@@ -50,7 +50,7 @@ pub(crate) struct Layer {
     instance: Option<InstanceNorm>,
 }
 
-/// What a pass through layers that normalise by the picture itself needs and gives.
+/// Input and results of layers that normalise with the image's own moments.
 #[derive(Default)]
 pub(crate) struct Gathering<'a> {
     pub seen: Option<&'a Seen>,
@@ -147,7 +147,7 @@ impl Layer {
         })
     }
 
-    /// A matrix product at each place.
+    /// A matrix product at each position.
     pub(crate) fn product(source: &LayerSource, name: &str) -> Result<Self, NetError> {
         let &LayerSource { isa, model, .. } = source;
         let (kernel, kind) = (
@@ -172,7 +172,7 @@ impl Layer {
         })
     }
 
-    /// Runs it; `output` is reshaped.
+    /// Runs the layer; `output` is reshaped.
     pub(crate) fn forward(
         &self,
         isa: Isa,
@@ -188,8 +188,8 @@ impl Layer {
         if let Some(norm) = &self.instance {
             let mask = gathering.seen.map(|seen| seen.at_height(output.height()));
             let moments = match mask {
-                None => Some(channel_moments(output, None)),
-                Some(Some(mask)) => Some(channel_moments(output, Some(mask))),
+                None => Some(channel_moments(isa, output, None)),
+                Some(Some(mask)) => Some(channel_moments(isa, output, Some(mask))),
                 Some(None) => None,
             };
             let name = norm.stored.name.clone();
@@ -232,7 +232,7 @@ impl Convolution {
     }
 }
 
-/// Shape of a layer's weight: four numbers, or K x D for NetVLAD's assignment, which is a 1 x 1 convolution.
+/// Shape of a layer's weight: four sizes, or K x D for NetVLAD's assignment, which is a 1 x 1 convolution.
 fn shape(model: &Model, name: &str) -> Result<[usize; 4], NetError> {
     let shape = model
         .parameter(&format!("{name}.weight"))

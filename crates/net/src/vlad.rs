@@ -1,8 +1,8 @@
-//! NetVLAD (paper, eq. 5-7; Arandjelovic et al. 2016) as sums that can be added up.
+//! NetVLAD (paper, eq. 5-7; Arandjelovic et al. 2016) as sums that can be added.
 
 use std::ops::AddAssign;
 
-use grimnet_kernels::{Isa, PlainKernel, Tensor, matmul_nn};
+use grimnet_kernels::{Isa, MatMut, MatRef, PlainKernel, Tensor, matmul_nn};
 use image::GrayImage;
 use rayon::prelude::*;
 
@@ -12,23 +12,24 @@ use crate::seen::square_is_seen;
 use crate::softmax::softmax;
 use crate::{Model, NetError};
 
-/// Unnormalised VLAD of some part of a picture: K x D, row k the sum over positions n of a_nk (u_n - c_k), where u_n is the
-/// position's vector (at unit length, unless [`crate::VladInput::DeepestUnscaled`]) and a_n its soft assignment. Sums of parts add up to the sum of the whole.
+/// Unnormalised VLAD of a part of an image: K x D, row k is the sum over positions n of a_nk (u_n - c_k), where u_n is the
+/// position's vector, scaled to unit length unless the network has [`crate::VladInput::DeepestUnscaled`], and a_n its soft
+/// assignment. The sums of parts add up to the sum of the whole.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct VladSum(Vec<f32>);
 
 impl VladSum {
-    /// From K x D numbers that [`VladSum::as_slice`] gave.
+    /// From the K x D values of [`VladSum::as_slice`].
     pub fn from_vec(values: Vec<f32>) -> Self {
         Self(values)
     }
 
-    /// K x D numbers, empty for the default sum of nothing.
+    /// The K x D values; empty for the default, which is the sum over no positions.
     pub fn as_slice(&self) -> &[f32] {
         &self.0
     }
 
-    /// Writes the VLAD vector (each row of `dim` to unit length, then all) to `out`, of K x D values.
+    /// Writes the VLAD vector (each row of `dim` values scaled to unit length, then the whole) to `out`, of K x D values.
     pub(crate) fn normalise_into(&self, dim: usize, out: &mut [f32]) {
         let len = self.0.len().min(out.len());
         out[..len].copy_from_slice(&self.0[..len]);
@@ -53,7 +54,7 @@ impl AddAssign for VladSum {
     }
 }
 
-/// The layer's numbers, apart from the assignment's weights, which are a convolution of the network.
+/// The layer's parameters, without the assignment's weights, which are a convolution of the network.
 pub(crate) struct VladLayer {
     pub clusters: usize,
     pub pitch_px: u32,
@@ -63,16 +64,16 @@ pub(crate) struct VladLayer {
     centres: Vec<f32>,
 }
 
-/// What the layer keeps of a picture: enough for the sum over any window.
+/// What the layer computes for an image: enough for the sum over any window.
 #[derive(Default)]
 pub(crate) struct VladField {
-    /// Positions x clusters: soft assignments.
+    /// Soft assignments: positions x clusters.
     assignments: Vec<f32>,
-    /// Factor of each position's vector: one over its length, or 1.
+    /// The factor of each position's vector: the reciprocal of its length, or 1 if it is not scaled.
     inverse_norms: Vec<f32>,
 }
 
-/// Scratch of a window's sum.
+/// Scratch memory of a window's sum.
 #[derive(Default)]
 pub(crate) struct VladScratch {
     assignments_by_cluster: Vec<f32>,
@@ -92,8 +93,8 @@ impl VladLayer {
         })
     }
 
-    /// Soft assignments of all positions. `products` holds for each position the products of the assignment's weights with
-    /// its vector as it is; the length is divided out here.
+    /// Computes the soft assignments of all positions. `products` holds for each position the products of the assignment's
+    /// weights with its unscaled vector; they are divided by the length here.
     pub(crate) fn assign(
         &self,
         isa: Isa,
@@ -122,7 +123,7 @@ impl VladLayer {
         });
     }
 
-    /// The sum over the positions whose centres lie in the window (left, top, right, bottom in pixels) and that were seen.
+    /// The sum over the visible positions whose centres lie in the window (left, top, right, bottom in pixels).
     pub(crate) fn sum(
         &self,
         isa: Isa,
@@ -177,12 +178,9 @@ impl VladLayer {
                 });
             matmul_nn(
                 isa,
-                clusters,
-                dim,
-                count,
-                assignments_by_cluster,
-                gathered,
-                &mut sum,
+                MatRef::new(assignments_by_cluster, clusters, count),
+                MatRef::new(gathered, count, dim),
+                MatMut::new(&mut sum, clusters, dim),
             );
             for ((row, line), centre) in sum
                 .chunks_exact_mut(dim)
@@ -197,7 +195,7 @@ impl VladLayer {
     }
 }
 
-/// A row of positions, to be assigned.
+/// A row of positions to be assigned.
 struct AssignRow<'a> {
     vectors: &'a Tensor,
     products: &'a Tensor,

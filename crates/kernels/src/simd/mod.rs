@@ -1,8 +1,12 @@
-//! One vector interface over the instruction sets, so that each kernel is written once.
+//! One vector interface for all instruction sets, so that each kernel is written once.
 //!
 //! A kernel is a struct that implements [`Kernel`]; [`Isa::run`](crate::Isa) compiles its `run` once for each
-//! instruction set, inside a function with the right `#[target_feature]`. Everything below `run` must be
-//! `#[inline(always)]`, or be another kernel started through [`Simd::run`], or it is compiled without the features.
+//! instruction set, inside a function with the matching `#[target_feature]`. Every function called from `run` must be
+//! `#[inline(always)]`, or be another kernel started through [`Simd::run`]; otherwise it is compiled without the features.
+//!
+//! A backend is a token type and one call of `simd_backend!`, which lists the intrinsics.
+
+mod backend;
 
 #[cfg(target_arch = "aarch64")]
 mod aarch64;
@@ -14,25 +18,33 @@ pub(crate) use portable::Portable;
 
 use crate::Isa;
 
-/// Work to be compiled for an instruction set.
+/// Code to be compiled for an instruction set.
 pub(crate) trait Kernel {
     type Output;
     /// Must be `#[inline(always)]`.
     fn run<S: Simd>(self, simd: S) -> Self::Output;
 }
 
-/// A token of an instruction set that the processor has, with its vector operations.
+/// The vector operations of an instruction set. A value of an implementing type exists only if the processor supports
+/// the instruction set.
 pub(crate) trait Simd: Copy + Send + Sync {
     /// A vector of `LANES` floats.
     type V: Copy;
     /// Floats in a vector: 4, 8 or 16.
     const LANES: usize;
-    /// Rows of two vectors that fit in the registers as accumulators.
-    const ROWS: usize;
+    /// Rows of the largest micro-tile of a matrix product (mr): `MR` rows of two vectors are kept in registers as
+    /// accumulators.
+    const MR: usize;
 
+    /// Runs a kernel compiled for this instruction set.
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 
-    fn zero(self) -> Self::V;
+    /// All lanes 0.
+    #[inline(always)]
+    fn zero(self) -> Self::V {
+        self.splat(0.0)
+    }
+    /// All lanes `value`.
     fn splat(self, value: f32) -> Self::V;
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
     fn sub(self, a: Self::V, b: Self::V) -> Self::V;
@@ -41,7 +53,7 @@ pub(crate) trait Simd: Copy + Send + Sync {
     fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// `c - a * b`
     fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
-    /// The larger; `b` where one of them is not a number.
+    /// The larger of `a` and `b`. NaN if `b` is NaN; `b` or NaN, depending on the instruction set, if only `a` is.
     fn max(self, a: Self::V, b: Self::V) -> Self::V;
     /// The sum of the lanes.
     fn sum(self, a: Self::V) -> f32;
@@ -61,14 +73,15 @@ pub(crate) trait Simd: Copy + Send + Sync {
     unsafe fn transpose(self, from: *const f32, from_stride: usize, to: *mut f32, to_stride: usize);
 }
 
-/// Plain code that gains from being compiled for the processor's vectors: loops over slices that the compiler can
-/// vectorise by itself. Started by [`Isa::vectorise`].
+/// Code without intrinsics whose loops the compiler can vectorise by itself. [`Isa::vectorise`] compiles it for each
+/// instruction set.
 ///
-/// The compiler does not fuse multiplications and additions, so all instruction sets give the same bits.
+/// The compiler does not fuse multiplications and additions, so the results are identical on all instruction sets.
 pub trait PlainKernel {
-    /// What it gives.
+    /// The result.
     type Output;
-    /// The work. Mark it, and what it calls, `#[inline(always)]`, or it is compiled without the vectors.
+    /// Runs the code. Mark this function, and all functions that it calls, `#[inline(always)]`; otherwise they are compiled
+    /// for the baseline instruction set.
     fn run(self) -> Self::Output;
 }
 
@@ -83,12 +96,12 @@ impl<K: PlainKernel> Kernel for Plain<K> {
 }
 
 impl Isa {
-    /// Runs plain code compiled for this instruction set, or for [`Isa::Portable`] where the processor lacks it.
+    /// Runs code compiled for this instruction set, or for [`Isa::Portable`] if the processor does not support it.
     pub fn vectorise<K: PlainKernel>(self, kernel: K) -> K::Output {
         self.run(Plain(kernel))
     }
 
-    /// Runs a kernel compiled for this instruction set, or for [`Isa::Portable`] where the processor lacks it.
+    /// Runs a kernel compiled for this instruction set, or for [`Isa::Portable`] if the processor does not support it.
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
         match self {
             #[cfg(target_arch = "x86_64")]
@@ -120,7 +133,7 @@ impl Isa {
         self.run(Lanes)
     }
 
-    /// This instruction set, or the portable one where pixels of `stride` floats are no whole vectors.
+    /// This instruction set, or the portable one if `stride` floats are not a whole number of vectors.
     pub(crate) fn for_stride(self, stride: usize) -> Isa {
         if stride.is_multiple_of(self.lanes()) {
             self
@@ -174,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn vectors_do_what_floats_do() {
+    fn vector_operations_equal_scalar_ones() {
         for isa in Isa::available() {
             isa.run(Everything);
         }

@@ -1,10 +1,10 @@
-//! Four floats at a time in plain Rust: what every 64-bit processor's baseline turns into vectors by itself.
+//! Four floats at a time in plain Rust, which the compiler turns into vectors of the target's baseline.
 
-use super::{Kernel, Simd};
+use super::backend::simd_backend;
 
 const LANES: usize = 4;
 
-/// Always there.
+/// 4 floats per vector, on every processor.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 
@@ -13,75 +13,33 @@ fn zip(a: [f32; LANES], b: [f32; LANES], f: impl Fn(f32, f32) -> f32) -> [f32; L
     std::array::from_fn(|i| f(a[i], b[i]))
 }
 
-impl Simd for Portable {
-    type V = [f32; LANES];
-    const LANES: usize = LANES;
-    const ROWS: usize = 6;
+simd_backend! {
+    Portable, vector: [f32; LANES], lanes: LANES, mr: 6,
+    splat: |value| [value; LANES],
+    add: |a, b| zip(a, b, |a, b| a + b),
+    sub: |a, b| zip(a, b, |a, b| a - b),
+    mul: |a, b| zip(a, b, |a, b| a * b),
+    // Not `f32::mul_add`, which is a library call if the baseline has no fused instruction.
+    mul_add: |a, b, c| zip(zip(a, b, |a, b| a * b), c, |ab, c| ab + c),
+    neg_mul_add: |a, b, c| zip(c, zip(a, b, |a, b| a * b), |c, ab| c - ab),
+    max: |a, b| zip(a, b, |a, b| if a > b { a } else { b }),
+    sum: |a| (a[0] + a[2]) + (a[1] + a[3]),
+    // An array of floats has the alignment of a float.
+    load: |from| from.cast::<[f32; LANES]>().read(),
+    store: |to, value| to.cast::<[f32; LANES]>().write(value),
+    transpose: transpose_4x4,
+}
 
-    #[inline(always)]
-    fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        kernel.run(self)
-    }
-    #[inline(always)]
-    fn zero(self) -> Self::V {
-        [0.0; LANES]
-    }
-    #[inline(always)]
-    fn splat(self, value: f32) -> Self::V {
-        [value; LANES]
-    }
-    #[inline(always)]
-    fn add(self, a: Self::V, b: Self::V) -> Self::V {
-        zip(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
-    fn sub(self, a: Self::V, b: Self::V) -> Self::V {
-        zip(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul(self, a: Self::V, b: Self::V) -> Self::V {
-        zip(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
-        // Not `f32::mul_add`, which is a library call where the baseline has no fused instruction.
-        self.add(self.mul(a, b), c)
-    }
-    #[inline(always)]
-    fn neg_mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
-        self.sub(c, self.mul(a, b))
-    }
-    #[inline(always)]
-    fn max(self, a: Self::V, b: Self::V) -> Self::V {
-        zip(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn sum(self, a: Self::V) -> f32 {
-        (a[0] + a[2]) + (a[1] + a[3])
-    }
-    #[inline(always)]
-    unsafe fn load(self, from: *const f32) -> Self::V {
-        // SAFETY: the caller's promise; an array of floats has the alignment of a float.
-        unsafe { from.cast::<[f32; LANES]>().read() }
-    }
-    #[inline(always)]
-    unsafe fn store(self, to: *mut f32, value: Self::V) {
-        // SAFETY: as in `load`.
-        unsafe { to.cast::<[f32; LANES]>().write(value) }
-    }
-    #[inline(always)]
-    unsafe fn transpose(
-        self,
-        from: *const f32,
-        from_stride: usize,
-        to: *mut f32,
-        to_stride: usize,
-    ) {
-        for i in 0..LANES {
-            for j in 0..LANES {
-                // SAFETY: the caller's promise.
-                unsafe { *to.add(i * to_stride + j) = *from.add(j * from_stride + i) };
-            }
+/// Transposes 4 x 4 floats.
+///
+/// # Safety
+/// As [`Simd::transpose`](super::Simd::transpose).
+#[inline(always)]
+unsafe fn transpose_4x4(from: *const f32, from_stride: usize, to: *mut f32, to_stride: usize) {
+    for i in 0..LANES {
+        for j in 0..LANES {
+            // SAFETY: the caller's contract.
+            unsafe { *to.add(i * to_stride + j) = *from.add(j * from_stride + i) };
         }
     }
 }

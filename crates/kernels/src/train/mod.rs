@@ -1,7 +1,7 @@
-//! 3x3 convolution for training, stride 1 and padding 1: forward and both gradients on contiguous NHWC batches.
+//! 3x3 convolution for training, stride 1 and padding 1: forward pass and both gradients, on contiguous NHWC batches.
 //!
-//! All slices are row-major: activations `[batch, height, width, channels]`, weights `[out, in, 3, 3]`. Outputs are overwritten,
-//! not accumulated.
+//! All slices are row-major: activations `[batch, height, width, channels]`, weights `[out, in, 3, 3]`. Outputs are
+//! overwritten, not accumulated.
 
 mod tiles;
 mod winograd;
@@ -16,11 +16,11 @@ use tiles::{Batch, BatchShape, BatchSink};
 /// Sizes of a 3x3 convolution over a batch.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct BatchConvSpec {
-    /// Pictures.
+    /// Images in the batch.
     pub batch: usize,
-    /// Their height, pixels.
+    /// Height of the images, pixels.
     pub height: usize,
-    /// Their width, pixels.
+    /// Width of the images, pixels.
     pub width: usize,
     /// Channels of the input.
     pub in_channels: usize,
@@ -29,7 +29,7 @@ pub struct BatchConvSpec {
 }
 
 impl BatchConvSpec {
-    /// Floats of a weight.
+    /// Number of weights, `9 * in_channels * out_channels`.
     pub fn weight_len(&self) -> usize {
         9 * self.in_channels * self.out_channels
     }
@@ -44,7 +44,7 @@ impl BatchConvSpec {
     }
 }
 
-/// What a call needs besides its arguments, kept for the next one.
+/// Scratch memory of a call, kept for the next one.
 #[derive(Default)]
 struct Memory {
     workspace: Workspace,
@@ -52,10 +52,10 @@ struct Memory {
     points: AlignedBuffer,
 }
 
-/// Runs `work` with memory of an earlier call, if one is free.
+/// Runs `work` with the memory of an earlier call, if one is free.
 fn with_memory<R>(work: impl FnOnce(&mut Memory) -> R) -> R {
     static FREE: Mutex<Vec<Memory>> = Mutex::new(Vec::new());
-    // Poisoning says nothing about memory that holds anything.
+    // The contents of scratch memory are arbitrary, so a poisoned lock does no harm.
     let free = || FREE.lock().unwrap_or_else(PoisonError::into_inner);
     let mut memory = free().pop().unwrap_or_default();
     let result = work(&mut memory);

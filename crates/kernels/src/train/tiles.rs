@@ -1,4 +1,4 @@
-//! Winograd tiles of an NHWC batch.
+//! An NHWC batch as input or output of a Winograd convolution.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::tensor::CHANNEL_BLOCK;
 use crate::winograd::transform::{TILE, WINDOW, input, output, output_gradient};
 use crate::winograd::{Gathered, Product, TileSink, TileSource};
 
-/// A batch, and how it is cut into tiles: picture by picture, row by row.
+/// The shape of a batch. Its tiles are numbered image by image, row by row.
 #[derive(Clone, Copy)]
 pub(super) struct BatchShape {
     pub(super) batch: usize,
@@ -27,7 +27,7 @@ impl BatchShape {
         self.batch * self.height.div_ceil(TILE) * self.width.div_ceil(TILE)
     }
 
-    /// Picture, row and column of a tile's first output.
+    /// Image, row and column of a tile's first output.
     #[inline(always)]
     fn corner(&self, tile: usize) -> (usize, usize, usize) {
         let tiles_x = self.width.div_ceil(TILE);
@@ -37,8 +37,8 @@ impl BatchShape {
     }
 
     #[inline(always)]
-    fn offset(&self, picture: usize, y: usize, x: usize, channel: usize) -> usize {
-        ((picture * self.height + y) * self.width + x) * self.channels + channel
+    fn offset(&self, image: usize, y: usize, x: usize, channel: usize) -> usize {
+        ((image * self.height + y) * self.width + x) * self.channels + channel
     }
 }
 
@@ -54,7 +54,7 @@ impl Square {
     /// The pixel must lie in the square.
     #[inline(always)]
     unsafe fn at(&self, row: usize, column: usize) -> *const f32 {
-        // SAFETY: the caller's promise.
+        // SAFETY: the caller's contract.
         unsafe {
             self.from
                 .add(row * self.row_stride + column * self.pixel_stride)
@@ -62,7 +62,7 @@ impl Square {
     }
 }
 
-/// A batch in memory: the windows of an input, or the output's gradients.
+/// A batch that is read: the input of a convolution, or the gradient of its output.
 #[derive(Clone, Copy)]
 pub(super) struct Batch<'a> {
     shape: BatchShape,
@@ -87,7 +87,8 @@ impl<'a> Batch<'a> {
     /// Transforms the output gradients of `tiles` into `block`, the first at row 0.
     ///
     /// # Safety
-    /// The tiles must exist; `block` must have room for them and be written by nobody else meanwhile.
+    /// The tiles must exist; `scratch` must have at least [`Batch::gradients_scratch`] floats; `block` must have room for the
+    /// tiles, and no other thread may read or write these rows of it.
     #[inline(always)]
     pub(super) unsafe fn gather_gradients<S: Simd>(
         &self,
@@ -97,13 +98,13 @@ impl<'a> Batch<'a> {
         scratch: &mut [f32],
     ) {
         for (index, tile) in tiles.enumerate() {
-            let (picture, y, x) = self.shape.corner(tile);
+            let (image, y, x) = self.shape.corner(tile);
             let corner = (y as isize, x as isize);
             for channel in (0..self.shape.channels).step_by(CHANNEL_BLOCK) {
-                let square = self.square(picture, corner, TILE, channel, scratch);
+                let square = self.square(image, corner, TILE, channel, scratch);
                 for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
                     let to = block.offset(index, channel + lane);
-                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has room.
+                    // SAFETY: 16 channels of each pixel of the square can be read; by the caller's contract `block` has room.
                     unsafe {
                         output_gradient(
                             simd,
@@ -118,12 +119,12 @@ impl<'a> Batch<'a> {
         }
     }
 
-    /// 16 channels of `side x side` pixels from `(y, x)` on: where they lie, or, where the square reaches over an edge or the last
+    /// 16 channels of `side x side` pixels from `(y, x)` on: in place, or, if the square reaches beyond an edge or the last
     /// channel, a copy in `scratch` with zeros outside.
     #[inline(always)]
     fn square(
         &self,
-        picture: usize,
+        image: usize,
         (y, x): (isize, isize),
         side: usize,
         channel: usize,
@@ -136,7 +137,7 @@ impl<'a> Batch<'a> {
             && channel + CHANNEL_BLOCK <= shape.channels
         {
             return Square {
-                from: self.data[shape.offset(picture, y as usize, x as usize, channel)..].as_ptr(),
+                from: self.data[shape.offset(image, y as usize, x as usize, channel)..].as_ptr(),
                 row_stride: shape.width * shape.channels,
                 pixel_stride: shape.channels,
             };
@@ -151,7 +152,7 @@ impl<'a> Batch<'a> {
         };
         for (r, y) in clipped(y, shape.height) {
             for (c, x) in clipped(x, shape.width) {
-                let from = shape.offset(picture, y, x, channel);
+                let from = shape.offset(image, y, x, channel);
                 scratch[(r * side + c) * CHANNEL_BLOCK..][..channels]
                     .copy_from_slice(&self.data[from..][..channels]);
             }
@@ -178,13 +179,13 @@ impl TileSource for Batch<'_> {
         scratch: &mut [f32],
     ) {
         for (index, tile) in tiles.enumerate() {
-            let (picture, y, x) = self.shape.corner(tile);
+            let (image, y, x) = self.shape.corner(tile);
             let corner = (y as isize - 1, x as isize - 1);
             for channel in (0..self.shape.channels).step_by(CHANNEL_BLOCK) {
-                let square = self.square(picture, corner, WINDOW, channel, scratch);
+                let square = self.square(image, corner, WINDOW, channel, scratch);
                 for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
                     let to = block.offset(index, channel + lane);
-                    // SAFETY: 16 channels of each pixel of the square can be read; the caller promised that `block` has room.
+                    // SAFETY: 16 channels of each pixel of the square can be read; by the caller's contract `block` has room.
                     unsafe {
                         input(
                             simd,
@@ -200,7 +201,7 @@ impl TileSource for Batch<'_> {
     }
 }
 
-/// Output tiles of a batch.
+/// A batch that is written: the output of a convolution.
 pub(super) struct BatchSink {
     shape: BatchShape,
     out: SharedMut,
@@ -232,15 +233,15 @@ impl TileSink for BatchSink {
         let shape = &self.shape;
         let pixel = scratch.as_mut_ptr();
         for (index, tile) in tiles.enumerate() {
-            let (picture, y, x) = shape.corner(tile);
+            let (image, y, x) = shape.corner(tile);
             let (rows, columns) = (TILE.min(shape.height - y), TILE.min(shape.width - x));
             for channel in (0..shape.channels).step_by(S::LANES) {
                 let from = block.offset(index, channel);
                 let channels = S::LANES.min(shape.channels - channel);
-                // SAFETY: the caller promised that `block` holds the tile and that nobody else writes its outputs; rows,
+                // SAFETY: by the caller's contract `block` holds the tile and no other thread writes its outputs; rows,
                 // columns and channels are clipped to the batch.
                 unsafe {
-                    let out = self.out.at(shape.offset(picture, y, x, channel));
+                    let out = self.out.at(shape.offset(image, y, x, channel));
                     output(
                         simd,
                         |point| simd.load(block.at(point * block.point_stride() + from)),

@@ -1,21 +1,22 @@
-//! Tiles of a [`Tensor`].
+//! A [`Tensor`] as input or output of a Winograd convolution.
 
 use std::ops::Range;
 
+use super::blocks::{Gathered, Product};
+use super::tiles::{TileSink, TileSource};
 use super::transform::{TILE, WINDOW, input, output};
-use super::{Gathered, Product, TileSink, TileSource};
 use crate::parallel::SharedMut;
 use crate::simd::Simd;
 use crate::tensor::CHANNEL_BLOCK;
 use crate::{Activation, Tensor};
 
-/// Windows of a tensor.
+/// The windows of a tensor.
 pub(crate) struct TensorSource<'a> {
     tensor: &'a Tensor,
     tiles_x: usize,
 }
 
-/// Tiles that cover an image of this size.
+/// Number of tiles that cover an image.
 pub(crate) fn tiles_of(height: usize, width: usize) -> usize {
     height.div_ceil(TILE) * width.div_ceil(TILE)
 }
@@ -66,8 +67,8 @@ impl TileSource for TensorSource<'_> {
                 };
                 for lane in (0..CHANNEL_BLOCK).step_by(S::LANES) {
                     let to = block.offset(index, channel + lane);
-                    // SAFETY: a whole window with all channels of its last pixel starts at `from`; the caller promised
-                    // that `block` has room.
+                    // SAFETY: a whole window with all channels of its last pixel starts at `from`; by the caller's contract
+                    // `block` has room.
                     unsafe {
                         input(
                             simd,
@@ -83,7 +84,7 @@ impl TileSource for TensorSource<'_> {
     }
 }
 
-/// Copies 16 channels of a window that reaches over the halo's edge, with zeros outside.
+/// Copies 16 channels of a window that reaches beyond the halo, with zeros outside.
 fn copy_clipped(tensor: &Tensor, y: usize, x: usize, channel: usize, window: &mut [f32]) {
     window.fill(0.0);
     let rows = WINDOW.min(tensor.height() + 2 - y);
@@ -97,7 +98,7 @@ fn copy_clipped(tensor: &Tensor, y: usize, x: usize, channel: usize, window: &mu
     }
 }
 
-/// Output tiles of a tensor, with bias and activation.
+/// The output tiles of a tensor, with bias and activation.
 pub(crate) struct TensorSink<'a> {
     out: SharedMut,
     height: usize,
@@ -160,7 +161,7 @@ impl TileSink for TensorSink<'_> {
             let (rows, columns) = (TILE.min(self.height - y), TILE.min(self.width - x));
             for channel in (0..self.pixel).step_by(S::LANES) {
                 let from = block.offset(index, channel);
-                // SAFETY: the caller promised that `block` holds the tile; rows and columns are clipped to the tensor.
+                // SAFETY: by the caller's contract `block` holds the tile; rows and columns are clipped to the tensor.
                 unsafe {
                     let bias = simd.load(self.bias.as_ptr().add(channel));
                     let out = self

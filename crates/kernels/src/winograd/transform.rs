@@ -1,15 +1,15 @@
 //! The linear maps of Winograd's F(4x4, 3x3) on vectors of channels.
 //!
-//! The construction is that of Lavin & Gray (2016). The points are 0, ±1/√2, ±√2 and ∞ in place of their 0, ±1, ±2 and ∞:
-//! numbers of like size lose fewer digits, at the same cost.
+//! The construction is that of Lavin & Gray (2016), with the points 0, ±1/√2, ±√2 and ∞ instead of 0, ±1, ±2 and ∞: the
+//! coefficients are of similar magnitude, so fewer digits are lost at the same cost.
 
 use crate::simd::Simd;
 
 /// Side of an output tile.
 pub(crate) const TILE: usize = 4;
-/// Side of the input tile that it depends on.
+/// Side of the input window that a tile depends on.
 pub(crate) const WINDOW: usize = TILE + 2;
-/// Points of the transformed tile, and with it the number of matrix products.
+/// Points of the transformed tile: the number of matrix products.
 pub(crate) const POINTS: usize = WINDOW * WINDOW;
 
 /// The two pairs of points, `±A` and `±B`.

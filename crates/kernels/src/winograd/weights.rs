@@ -1,6 +1,6 @@
-//! Kernels transformed and packed for the matrix products.
+//! Convolution kernels, transformed and packed into panels for the matrix products.
 
-use super::padded_stride;
+use super::blocks::padded_stride;
 use super::transform::{POINTS, weight};
 use crate::Isa;
 use crate::buffer::AlignedBuffer;
@@ -9,12 +9,12 @@ use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
 use crate::tensor::{CHANNEL_BLOCK, channel_stride};
 
-/// Which convolution of a weight `[out, in, 3, 3]` is meant.
+/// Direction of a convolution with a weight `[out, in, 3, 3]`.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Direction {
     /// From `in` channels to `out` channels.
     Forward,
-    /// From `out` channels back to `in` channels, with the kernels turned by 180 degrees: the gradient of the input.
+    /// From `out` channels to `in` channels, with the kernels rotated by 180 degrees: the gradient of the input.
     Backward,
 }
 
@@ -29,7 +29,7 @@ pub(crate) struct WinogradWeights {
 }
 
 impl WinogradWeights {
-    /// Transforms a weight `[out, in, 3, 3]`, in the memory of an earlier one.
+    /// Transforms a weight `[out, in, 3, 3]` and replaces the previous one, whose memory is reused.
     pub(crate) fn set(
         &mut self,
         isa: Isa,
@@ -43,7 +43,7 @@ impl WinogradWeights {
             Direction::Forward => (in_channels, out_channels),
             Direction::Backward => (out_channels, in_channels),
         };
-        // Narrow outputs are computed on full blocks too; the sink drops what is too much.
+        // Outputs of few channels are computed in full blocks too; the sink ignores the excess.
         (self.isa, self.depth, self.columns) = (
             Some(isa),
             from.next_multiple_of(CHANNEL_BLOCK),
@@ -59,10 +59,10 @@ impl WinogradWeights {
             scratch,
             9 * CHANNEL_BLOCK * widest,
             shape.count() * blocks,
-            |taps, unit| {
-                let (panel, first) = (unit / blocks, unit % blocks * CHANNEL_BLOCK);
+            |taps, task| {
+                let (panel, first) = (task / blocks, task % blocks * CHANNEL_BLOCK);
                 let (start, width) = (shape.start(panel), shape.width(panel));
-                // [channel][tap][column], zero where there is no such channel or column
+                // [channel][tap][column], zero for channels and columns that do not exist
                 taps.fill(0.0);
                 let channels = CHANNEL_BLOCK.min(from.saturating_sub(first));
                 let columns = width.min(to.saturating_sub(start));
@@ -88,14 +88,11 @@ impl WinogradWeights {
                         }
                     }
                 }
-                // SAFETY: the rows `first..` of this panel lie inside the buffer at each point, and no other unit writes
-                // them.
-                let out = unsafe { packed.at(start * depth + first * width) };
-                isa.run(TransformBlock {
-                    taps,
-                    width,
-                    out,
-                    point_stride,
+                // SAFETY: `taps` has the length asked for; the rows `first..` of this panel lie inside the buffer at each
+                // point, and no other task writes them.
+                isa.run(unsafe {
+                    let out = packed.at(start * depth + first * width);
+                    TransformBlock::new(taps, width, out, point_stride)
                 });
             },
         );
@@ -114,12 +111,12 @@ impl WinogradWeights {
         self.depth
     }
 
-    /// Bytes that a convolution has to read for them.
+    /// Size in bytes.
     pub(crate) fn bytes(&self) -> usize {
         POINTS * self.point_stride() * size_of::<f32>()
     }
 
-    /// The packed floats of a panel at a point.
+    /// The packed panel at a point.
     pub(crate) fn panel(&self, point: usize, panel: usize) -> &[f32] {
         let shape = self.shape();
         let start = point * self.point_stride() + shape.start(panel) * self.depth;
@@ -131,7 +128,7 @@ impl WinogradWeights {
     }
 }
 
-/// Transforms 16 input channels of a panel.
+/// Transforms the kernels of 16 input channels of a panel.
 struct TransformBlock<'a> {
     /// `[16][9][width]`
     taps: &'a [f32],
@@ -141,6 +138,20 @@ struct TransformBlock<'a> {
     point_stride: usize,
 }
 
+impl<'a> TransformBlock<'a> {
+    /// # Safety
+    /// `taps` must hold `[16][9][width]` floats, `width` being whole vectors. Until the kernel has run, `[16][width]` floats
+    /// must be writable at `out + point * point_stride` for each point, without other threads reading or writing them.
+    unsafe fn new(taps: &'a [f32], width: usize, out: *mut f32, point_stride: usize) -> Self {
+        Self {
+            taps,
+            width,
+            out,
+            point_stride,
+        }
+    }
+}
+
 impl Kernel for TransformBlock<'_> {
     type Output = ();
     #[inline(always)]
@@ -148,7 +159,7 @@ impl Kernel for TransformBlock<'_> {
         for i in 0..CHANNEL_BLOCK {
             for j in (0..self.width).step_by(S::LANES) {
                 let taps = &self.taps[i * 9 * self.width + j..];
-                // SAFETY: `taps` holds nine rows of `width` from here, less `j`; `out` is `[16][width]` at each point.
+                // SAFETY: the contract of `new`.
                 unsafe {
                     weight(
                         simd,

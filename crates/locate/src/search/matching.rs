@@ -1,6 +1,6 @@
 //! Mutual nearest neighbours with Lowe's ratio test (Lowe 2004; the paper's section 3.5.2) through one matrix product.
 
-use grimnet_kernels::{Isa, matmul_nt, matmul_nt_i8};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt, matmul_nt_i8};
 
 /// A keypoint of the query and the keypoint of the tile that it was matched with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,7 +116,12 @@ impl Matcher {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
                 self.f32.scores.resize(m * n, 0.0);
                 if m > 0 && n > 0 {
-                    matmul_nt(self.isa, m, n, dim, query, tile, &mut self.f32.scores);
+                    matmul_nt(
+                        self.isa,
+                        MatRef::new(query, m, dim),
+                        MatRef::new(tile, n, dim),
+                        MatMut::new(&mut self.f32.scores, m, n),
+                    );
                 }
                 Ok(Similarities(Tables::F32(Table {
                     buffers: &mut self.f32,
@@ -138,7 +143,12 @@ impl Matcher {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
                 self.i32.scores.resize(m * n, 0);
                 if m > 0 && n > 0 {
-                    matmul_nt_i8(self.isa, m, n, dim, query, tile, &mut self.i32.scores);
+                    matmul_nt_i8(
+                        self.isa,
+                        MatRef::new(query, m, dim),
+                        MatRef::new(tile, n, dim),
+                        MatMut::new(&mut self.i32.scores, m, n),
+                    );
                 }
                 Ok(Similarities(Tables::I32(Table {
                     buffers: &mut self.i32,

@@ -1,6 +1,6 @@
 //! Trains and writes the search index of a level.
 
-use grimnet_kernels::{Isa, matmul_nt};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt};
 
 use crate::builder::recipe::Recipe;
 use crate::builder::tile_descriptors::TileDescriptors;
@@ -115,7 +115,12 @@ fn measure_recall(
     descriptors.for_each_batch(|first, batch| {
         let n = batch.len() / dim;
         let mut products = vec![0.0; count * n];
-        matmul_nt(Isa::detect(), count, n, dim, &queries, batch, &mut products);
+        matmul_nt(
+            Isa::detect(),
+            MatRef::new(&queries, count, dim),
+            MatRef::new(batch, n, dim),
+            MatMut::new(&mut products, count, n),
+        );
         for (best, products) in truth.iter_mut().zip(products.chunks_exact(n)) {
             for (i, &similarity) in products.iter().enumerate() {
                 best.push(Hit {

@@ -1,6 +1,6 @@
 //! Exact cosine search: every row of the mapped descriptors against every query.
 
-use grimnet_kernels::{Isa, matmul_nt_i8};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt_i8};
 use rayon::prelude::*;
 
 use super::top_k::{Hit, TopK};
@@ -41,7 +41,12 @@ pub(crate) fn search(
         .map(|(task, rows)| {
             let (first, count) = (task * rows_per_task, rows.len() / dim);
             let mut products = vec![0i32; query_count * count];
-            matmul_nt_i8(isa, query_count, count, dim, &bytes, rows, &mut products);
+            matmul_nt_i8(
+                isa,
+                MatRef::new(&bytes, query_count, dim),
+                MatRef::new(rows, count, dim),
+                MatMut::new(&mut products, query_count, count),
+            );
             let mut best = none();
             for (q, products) in products.chunks_exact(count.max(1)).enumerate() {
                 for (i, &product) in products.iter().enumerate() {

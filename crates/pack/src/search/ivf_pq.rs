@@ -3,7 +3,7 @@
 //! difference to the centroid is cut into parts, each part is replaced by the nearest of 256 codewords. A query is
 //! compared as `q c + sum_m q_m codeword_m`. Rows are unit vectors, so products are cosines.
 
-use grimnet_kernels::{Isa, matmul_nt};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt};
 use grimnet_net::{KMeans, nearest_by_distance, nearest_by_product};
 use rayon::prelude::*;
 
@@ -268,12 +268,9 @@ impl<'a> IvfPqView<'a> {
         let mut coarse = vec![0.0; self.nlist];
         matmul_nt(
             Isa::detect(),
-            1,
-            self.nlist,
-            self.dim,
-            query,
-            self.centroids,
-            &mut coarse,
+            MatRef::new(query, 1, self.dim),
+            MatRef::new(self.centroids, self.nlist, self.dim),
+            MatMut::new(&mut coarse, 1, self.nlist),
         );
         let mut visit = TopK::new(nprobe.clamp(1, self.nlist));
         for (tile, &similarity) in coarse.iter().enumerate() {

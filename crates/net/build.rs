@@ -1,4 +1,4 @@
-//! Finds out whether a trained model lies in the source tree.
+//! Sets `grimnet_bundled_model` if a trained model is in the source tree.
 
 fn main() {
     let model = "models/compact.safetensors";

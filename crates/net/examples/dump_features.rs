@@ -1,10 +1,10 @@
-//! Writes what the network says about a picture as a safetensors file, to be compared with another program's.
+//! Writes the network's outputs for an image to a safetensors file, for comparison with another implementation.
 //!
 //! ```text
-//! cargo run --release -p grimnet-net --example dump_features -- MODEL.safetensors PICTURE sat|uav OUT.safetensors
+//! cargo run --release -p grimnet-net --example dump_features -- MODEL.safetensors IMAGE sat|uav OUT.safetensors
 //! ```
 //!
-//! The picture is cropped at its centre to multiples of 32 px, at most 544. `image` is the crop (H x W x 3 bytes), then
+//! The image is cropped at its centre to multiples of 32 px, at most 544. `image` is the crop (H x W x 3 bytes), then
 //! `heatmap` (H x W), `descriptors` (H/8 x W/8 x D) and `global`, all f32.
 
 use std::error::Error;
@@ -15,9 +15,7 @@ use safetensors::tensor::{Dtype, TensorView};
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [model, picture, domain, output] = &arguments[..] else {
-        return Err(
-            "usage: dump_features MODEL.safetensors PICTURE sat|uav OUT.safetensors".into(),
-        );
+        return Err("usage: dump_features MODEL.safetensors IMAGE sat|uav OUT.safetensors".into());
     };
     let domain = if domain == "sat" {
         Domain::Sat

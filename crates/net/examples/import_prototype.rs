@@ -1,4 +1,4 @@
-//! Turns weights in PyTorch's names, as the prototype of the compact network wrote them, into a grimnet model file.
+//! Converts weights with PyTorch's names, as the prototype of the compact network wrote them, to a grimnet model file.
 //!
 //! ```text
 //! cargo run --release -p grimnet-net --example import_prototype -- WEIGHTS.safetensors MODEL.safetensors [TRAINING-DATA] [LICENCE]

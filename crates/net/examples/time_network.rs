@@ -1,12 +1,12 @@
-//! Times the network on this machine, to be put beside `benches/peers/network.py`.
+//! Times the network on this machine, for comparison with `benches/peers/network.py`.
 //!
 //! ```text
 //! cargo run --release -p grimnet-net --example time_network -- compact 320 [THREADS...]
 //! ```
 //!
-//! `network` is everything up to the heatmap, the descriptor field and the global descriptor, from a picture of bytes;
-//! `features` also chooses and describes 1024 keypoints; `own statistics` is `network` normalised by the picture itself. The numbers are random:
-//! they do not change the time.
+//! `network` is everything up to the heatmap, the descriptor field and the global descriptor, from an image of bytes;
+//! `features` also selects and describes 1024 keypoints; `own statistics` is `network` normalised with the image's own
+//! statistics. The weights are random, which does not change the time.
 
 use std::error::Error;
 use std::io::Write;

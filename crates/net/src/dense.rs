@@ -1,4 +1,4 @@
-//! The network's answer at every place of a picture.
+//! The network's output for every position of an image.
 
 use std::sync::Arc;
 
@@ -10,8 +10,8 @@ use crate::forward::Output;
 use crate::spec::KEYPOINT_CELL_PX;
 use crate::{ExtractOptions, Keypoint, VladSum, describe, keypoints};
 
-/// Heatmap, descriptor field and NetVLAD field of one picture, from which the features of any window are taken. Its memory
-/// goes back to the [`crate::Extractor`] when it is dropped.
+/// Heatmap, descriptor field and NetVLAD field of one image, from which the features of any window are computed. The memory
+/// returns to the [`crate::Extractor`] when this is dropped.
 pub struct Dense {
     output: Output,
     shared: Arc<Shared>,
@@ -22,29 +22,29 @@ impl Dense {
         Self { output, shared }
     }
 
-    /// Width of the picture.
+    /// Width of the image.
     pub fn width_px(&self) -> u32 {
         self.output.descriptors.width() as u32 * KEYPOINT_CELL_PX
     }
 
-    /// Height of the picture.
+    /// Height of the image.
     pub fn height_px(&self) -> u32 {
         self.output.descriptors.height() as u32 * KEYPOINT_CELL_PX
     }
 
-    /// The probability of each pixel to be a keypoint, row by row: height x width values.
+    /// Probability of each pixel to be a keypoint, row by row: height x width values.
     pub fn heatmap(&self) -> &[f32] {
         &self.output.heatmap
     }
 
-    /// One vector for each 8 x 8 px cell, (height / 8) x (width / 8) x D, not of unit length.
+    /// One descriptor for each 8 x 8 px cell, (height / 8) x (width / 8) x D, not scaled to unit length.
     pub fn descriptors(&self) -> &Tensor {
         &self.output.descriptors
     }
 
-    /// Keypoints inside the window (left, top, width, height; clipped to the picture), strongest first. Places near pixels
-    /// that the mask (of the whole picture) does not show are left out. Of windows side by side, each gets the keypoints that
-    /// the whole picture would have there.
+    /// Keypoints inside the window (left, top, width, height; clipped to the image), strongest first. Keypoints near masked
+    /// pixels are ignored (the mask is that of the whole image; 0 is masked). Each of several adjacent windows gets the
+    /// keypoints that the whole image has there.
     pub fn keypoints(
         &self,
         window_px: [u32; 4],
@@ -61,14 +61,14 @@ impl Dense {
         )
     }
 
-    /// Descriptors of points of this picture: n x D, each row of unit length.
+    /// Descriptors of points of this image: n x D values, each row of unit length.
     pub fn describe(&self, keypoints: &[Keypoint]) -> Vec<f32> {
         describe::describe(self.shared.isa, &self.output.descriptors, keypoints)
     }
 
-    /// The NetVLAD sum over the window (left, top, width, height; clipped to the picture): over all positions (8 px apart in
-    /// `compact`, 32 px in `vgg16`) whose centre lies in it and whose square the mask shows at least by half. Sums of windows
-    /// side by side add up to that of the whole.
+    /// The NetVLAD sum over the window (left, top, width, height; clipped to the image): over all positions
+    /// ([`crate::NetSpec::vlad_pitch_px`] apart) whose centre lies in it and of whose square at least half is visible in the
+    /// mask. The sums of adjacent windows add up to that of the whole.
     pub fn vlad(&self, window_px: [u32; 4], mask: Option<&GrayImage>) -> VladSum {
         let Shared {
             isa,
@@ -83,12 +83,12 @@ impl Dense {
         })
     }
 
-    /// The whole picture as a window.
+    /// The window that is the whole image.
     pub(crate) fn whole(&self) -> [u32; 4] {
         [0, 0, self.width_px(), self.height_px()]
     }
 
-    /// From left, top, width, height to left, top, right, bottom inside the picture.
+    /// From left, top, width, height to left, top, right, bottom within the image.
     fn clip(&self, [x, y, width, height]: [u32; 4]) -> [u32; 4] {
         let (right, bottom) = (
             x.saturating_add(width).min(self.width_px()),

@@ -6,12 +6,12 @@ use rayon::prelude::*;
 use crate::Keypoint;
 use crate::spec::KEYPOINT_CELL_PX;
 
-/// Keypoints described by one task.
+/// Keypoints that one task describes.
 const BATCH: usize = 64;
 
 /// Samples `field` (one vector for each 8 x 8 px cell) bilinearly at the keypoints and scales each vector to unit length.
-/// The vector of a cell sits at the cell's centre, as in PyTorch's `grid_sample(align_corners=False)`; outside the outermost
-/// centres the nearest counts (PyTorch's padding with zeros has the same direction).
+/// The vector of a cell is at the cell's centre, as in PyTorch's `grid_sample(align_corners=False)`; beyond the outermost
+/// centres the nearest one is used (PyTorch's zero padding gives the same direction).
 pub(crate) fn describe(isa: Isa, field: &Tensor, keypoints: &[Keypoint]) -> Vec<f32> {
     let dim = field.channels();
     let mut out = vec![0.0; keypoints.len() * dim];
@@ -63,7 +63,7 @@ impl PlainKernel for Batch<'_> {
     }
 }
 
-/// The two cells around a pixel, and the share of the second.
+/// The two cells around a pixel, and the weight of the second.
 #[inline(always)]
 fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
     let last = cells.saturating_sub(1);
@@ -75,23 +75,23 @@ fn neighbours(at_px: f32, cells: usize) -> (usize, usize, f32) {
 /// Length below which a vector counts as zero (PyTorch's `normalize`).
 const SMALLEST_NORM: f32 = 1e-12;
 
-/// Scales a vector to unit length; one of zeros stays as it is.
+/// Scales a vector to unit length; a vector of zeros is not changed.
 #[inline(always)]
 pub fn normalise(row: &mut [f32]) {
     let factor = inverse_norm(row);
     row.iter_mut().for_each(|v| *v *= factor);
 }
 
-/// One over the length.
+/// The reciprocal of the length.
 #[inline(always)]
 pub(crate) fn inverse_norm(row: &[f32]) -> f32 {
     1.0 / dot(row, row).sqrt().max(SMALLEST_NORM)
 }
 
-/// Numbers that are multiplied together; two or more of every vector's.
+/// Partial sums: at least two vectors of every instruction set.
 const LANES: usize = 32;
 
-/// Scalar product, in partial sums that a compiler keeps in vector registers.
+/// Scalar product, in partial sums that the compiler keeps in vector registers.
 #[inline(always)]
 pub(crate) fn dot(a: &[f32], b: &[f32]) -> f32 {
     let (a_chunks, a_rest) = a.as_chunks::<LANES>();

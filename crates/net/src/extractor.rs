@@ -1,4 +1,4 @@
-//! A model made ready for one domain.
+//! A model prepared for one domain.
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
@@ -13,8 +13,8 @@ use crate::spec::SIZE_MULTIPLE_PX;
 use crate::vlad::{VladLayer, VladScratch};
 use crate::{Dense, Domain, ExtractOptions, Features, Model, NetError, Statistics, VladInput};
 
-/// The network for one domain, normalisation folded into the weights. May be used from several threads at once; memory is
-/// pooled, so that nothing grows after the largest picture has been seen by as many threads as there are.
+/// The network for one domain, with the normalisation folded into the weights. It may be used by several threads at once.
+/// Memory is pooled: it does not grow once every thread has processed an image of the largest size.
 pub struct Extractor {
     model: Model,
     domain: Domain,
@@ -24,7 +24,7 @@ pub struct Extractor {
     shared: Arc<Shared>,
 }
 
-/// What an extractor shares with its answers.
+/// What an extractor shares with its results.
 pub(crate) struct Shared {
     pub isa: Isa,
     pub vlad: VladLayer,
@@ -48,18 +48,19 @@ impl Shared {
 }
 
 impl Extractor {
-    /// With the statistics stored in the model.
+    /// An extractor with the statistics stored in the model.
     ///
     /// # Errors
-    /// [`NetError::Kernel`] for a shape that the kernels cannot run.
+    /// [`NetError::Kernel`] if the kernels do not support a layer's shape.
     pub fn new(model: &Model, domain: Domain) -> Result<Self, NetError> {
         Self::with_statistics(model, domain, &Statistics::of_model(model, domain)?)
     }
 
-    /// With adapted statistics: the domain's affine parameters, but these means and variances.
+    /// An extractor with adapted statistics: the domain's affine parameters with these means and variances.
     ///
     /// # Errors
-    /// [`NetError::Statistics`] where they are another model's; [`NetError::Kernel`] for a shape that the kernels cannot run.
+    /// [`NetError::Statistics`] if they belong to another model; [`NetError::Kernel`] if the kernels do not support a layer's
+    /// shape.
     pub fn with_statistics(
         model: &Model,
         domain: Domain,
@@ -68,7 +69,7 @@ impl Extractor {
         Self::with_isa(model, domain, statistics, Isa::detect())
     }
 
-    /// On a chosen instruction set, for tests and measurements.
+    /// An extractor that uses a given instruction set, for tests and benchmarks.
     ///
     /// # Errors
     /// As [`Extractor::with_statistics`].
@@ -117,13 +118,13 @@ impl Extractor {
         self.domain
     }
 
-    /// The statistics it normalises by.
+    /// The statistics that it normalises with.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }
 
-    /// Runs the network on a picture of any size whose sides are multiples of 32 px. Pixels where the mask (of the same size)
-    /// is 0 enter as the mean colour: what lies there does not matter.
+    /// Runs the network on an image whose sides are multiples of 32 px. Pixels that are 0 in the mask (of the same size) are
+    /// replaced by the mean colour, so their values have no influence.
     ///
     /// # Errors
     /// [`NetError::ImageSize`], [`NetError::MaskSize`].
@@ -132,9 +133,9 @@ impl Extractor {
         Ok(self.run(&self.folded, image, mask, &mut Gathering::default()))
     }
 
-    /// Runs the network normalised by the picture's own statistics, over the places that the mask shows, and gives these
-    /// statistics: adaptation to one photo, and, through [`Statistics::mean_of`], to a map or a flight. A layer of which
-    /// nothing is seen keeps this extractor's statistics.
+    /// Runs the network normalised with the image's own statistics, over the visible positions, and returns these statistics:
+    /// adaptation to one photo and, with [`Statistics::mean_of`], to a map or a flight. A layer without a visible position
+    /// keeps this extractor's statistics.
     ///
     /// # Errors
     /// [`NetError::ImageSize`], [`NetError::MaskSize`].
@@ -174,7 +175,7 @@ impl Extractor {
         Ok((dense, Statistics::new(self.model.hash(), gathering.layers)))
     }
 
-    /// Keypoints, local descriptors and the global descriptor of a picture; the mask as in [`Extractor::dense`],
+    /// Keypoints, local descriptors and the global descriptor of an image, with a mask as in [`Extractor::dense`],
     /// [`Dense::keypoints`] and [`Dense::vlad`].
     ///
     /// # Errors
@@ -188,7 +189,7 @@ impl Extractor {
         Ok(self.features(&self.dense(image, mask)?, mask, options))
     }
 
-    /// [`Extractor::extract`] normalised by the picture's own statistics, as [`Extractor::dense_instance`] does.
+    /// [`Extractor::extract`], normalised with the image's own statistics as by [`Extractor::dense_instance`].
     ///
     /// # Errors
     /// [`NetError::ImageSize`], [`NetError::MaskSize`].
@@ -261,7 +262,7 @@ fn check_size(image: &RgbImage, mask: Option<&GrayImage>) -> Result<(), NetError
     check_mask(mask, width_px, height_px)
 }
 
-/// Memory to be used again: the last put back is the first taken.
+/// Memory for reuse: what was put back last is taken first.
 struct Pool<T>(Mutex<Vec<T>>);
 
 impl<T> Default for Pool<T> {

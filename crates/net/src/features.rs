@@ -1,6 +1,6 @@
-//! What the network says about a picture.
+//! The features of an image.
 
-/// A point that can be found again in another picture of the same place.
+/// A point that can be detected again in another image of the same place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Keypoint {
     /// Column: an integer pixel index; the centre of the leftmost pixel is 0.
@@ -11,14 +11,15 @@ pub struct Keypoint {
     pub score: f32,
 }
 
-/// How keypoints are chosen from the heatmap.
+/// How keypoints are selected from the heatmap.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ExtractOptions {
-    /// Least probability (paper: 0.015).
+    /// Smallest probability (paper: 0.015).
     pub threshold: f32,
-    /// The strongest so many are kept (paper: 1024).
+    /// Largest number of keypoints; the strongest are kept (paper: 1024).
     pub max_keypoints: usize,
-    /// A keypoint is the largest value among all pixels whose row and column differ by at most this.
+    /// Radius of the non-maximum suppression: a keypoint is the largest value among all pixels whose row and column differ
+    /// by at most this.
     pub nms_radius_px: u32,
 }
 
@@ -32,12 +33,12 @@ impl Default for ExtractOptions {
     }
 }
 
-/// Everything that localisation needs of a picture.
+/// Keypoints, local descriptors and global descriptor of an image.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Features {
     /// Strongest first.
     pub keypoints: Vec<Keypoint>,
-    /// n x [`Features::descriptor_dim`], a row of unit length for each keypoint.
+    /// n x [`Features::descriptor_dim`] values: a row of unit length for each keypoint.
     pub descriptors: Vec<f32>,
     /// Length of a local descriptor.
     pub descriptor_dim: usize,

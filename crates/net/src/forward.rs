@@ -1,4 +1,4 @@
-//! One pass through the network.
+//! The forward pass of the network.
 
 use grimnet_kernels::{Isa, Tensor, Workspace, max_pool_2x2, upsample_bilinear_add};
 use image::{GrayImage, RgbImage};
@@ -10,7 +10,7 @@ use crate::spec::{KEYPOINT_CELL_PX, STAGES};
 use crate::vlad::{VladField, VladLayer};
 use crate::{Decoder, Downsample, KeypointHead, NetError, NetSpec, VladInput};
 
-/// The layers of a network, ready to run.
+/// The layers of a network, prepared to run.
 pub(crate) struct Network {
     isa: Isa,
     input: InputNorm,
@@ -33,7 +33,7 @@ enum KeypointLayers {
     FromDecoder(Layer),
 }
 
-/// Activations of a pass that are not kept.
+/// Intermediate activations of a pass.
 #[derive(Default)]
 pub(crate) struct Scratch {
     workspace: Workspace,
@@ -45,13 +45,13 @@ pub(crate) struct Scratch {
     products: Tensor,
 }
 
-/// What a pass leaves behind.
+/// The results of a pass.
 #[derive(Default)]
 pub(crate) struct Output {
     pub heatmap: Vec<f32>,
-    /// At 1/8, not of unit length.
+    /// At 1/8 of the resolution, not scaled to unit length.
     pub descriptors: Tensor,
-    /// What NetVLAD aggregates, where that is not the descriptors.
+    /// The vectors that NetVLAD aggregates, if these are not the descriptors.
     pub deepest: Tensor,
     pub vlad: VladField,
 }
@@ -121,7 +121,7 @@ impl Network {
         })
     }
 
-    /// Runs the network. Pixels that were not seen enter as the mean colour, so that what lies behind a mask never matters.
+    /// Runs the network. Masked pixels are replaced by the mean colour, so that their values have no influence.
     pub(crate) fn run(
         &self,
         image: &RgbImage,
@@ -162,21 +162,7 @@ impl Network {
         }
 
         let [_, _, h8, h16, h32] = stages;
-        match &self.decoder {
-            DecoderLayers::Lateral(layers) => {
-                let [lateral16, lateral32, fuse] = &**layers;
-                lateral16.forward(isa, h16, ping, workspace, gathering);
-                lateral32.forward(isa, h32, pong, workspace, gathering);
-                upsample_bilinear_add(isa, pong, ping);
-                upsample_bilinear_add(isa, ping, h8);
-                fuse.forward(isa, h8, ping, workspace, gathering);
-            }
-            DecoderLayers::Transposed(layers) => {
-                let [first, second] = &**layers;
-                first.forward(isa, h32, pong, workspace, gathering);
-                second.forward(isa, pong, ping, workspace, gathering);
-            }
-        }
+        self.decode([h8, h16, h32], [ping, pong], workspace, gathering);
         self.descriptor
             .forward(isa, ping, &mut output.descriptors, workspace, gathering);
 
@@ -213,10 +199,37 @@ impl Network {
             .forward(isa, vectors, products, workspace, gathering);
         vlad.assign(isa, vectors, products, field);
     }
+
+    /// Computes the features at 1/8 of the resolution from the last three stages' outputs, into `ping`. `h8` is
+    /// overwritten by the lateral decoder.
+    fn decode(
+        &self,
+        [h8, h16, h32]: [&mut Tensor; 3],
+        [ping, pong]: [&mut Tensor; 2],
+        workspace: &mut Workspace,
+        gathering: &mut Gathering,
+    ) {
+        let isa = self.isa;
+        match &self.decoder {
+            DecoderLayers::Lateral(layers) => {
+                let [lateral16, lateral32, fuse] = &**layers;
+                lateral16.forward(isa, h16, ping, workspace, gathering);
+                lateral32.forward(isa, h32, pong, workspace, gathering);
+                upsample_bilinear_add(isa, pong, ping);
+                upsample_bilinear_add(isa, ping, h8);
+                fuse.forward(isa, h8, ping, workspace, gathering);
+            }
+            DecoderLayers::Transposed(layers) => {
+                let [first, second] = &**layers;
+                first.forward(isa, h32, pong, workspace, gathering);
+                second.forward(isa, pong, ping, workspace, gathering);
+            }
+        }
+    }
 }
 
 impl Output {
-    /// What NetVLAD aggregates.
+    /// The vectors that NetVLAD aggregates.
     pub(crate) fn vlad_vectors(&self, input: VladInput) -> &Tensor {
         if input.is_deepest() {
             &self.deepest
@@ -226,7 +239,7 @@ impl Output {
     }
 }
 
-/// From bytes to the network's input: (v / 255 - mean) / std.
+/// Converts bytes to the network's input: (v / 255 - mean) / std.
 struct InputNorm {
     /// For each channel and byte.
     values: [[f32; 256]; 3],
@@ -241,7 +254,7 @@ impl InputNorm {
         }
     }
 
-    /// Fills `input`. Pixels that were not seen are 0, the mean colour.
+    /// Fills `input`. Masked pixels are 0, the mean colour.
     fn fill(&self, image: &RgbImage, mask: Option<&GrayImage>, input: &mut Tensor) {
         let (width, height) = (image.width() as usize, image.height() as usize);
         input.reshape(height, width, 3);
@@ -272,7 +285,7 @@ impl InputNorm {
     }
 }
 
-/// The channel mean of the input, each 8 x 8 cell as 64 channels in raster order (PyTorch's `pixel_unshuffle`).
+/// The mean of the input's channels, each 8 x 8 cell as 64 channels in raster order (PyTorch's `pixel_unshuffle`).
 fn grey_cells(input: &Tensor, grey: &mut Tensor) {
     const CELL: usize = KEYPOINT_CELL_PX as usize;
     grey.reshape(input.height() / CELL, input.width() / CELL, CELL * CELL);

@@ -1,4 +1,4 @@
-//! From keypoint classes to a probability for each pixel.
+//! The keypoint probability of each pixel, from the classes of its cell.
 
 use grimnet_kernels::{Isa, PlainKernel, Tensor};
 use rayon::prelude::*;
@@ -9,7 +9,7 @@ use crate::spec::KEYPOINT_CELL_PX;
 const CELL: usize = KEYPOINT_CELL_PX as usize;
 const PIXELS: usize = CELL * CELL;
 
-/// Softmax over the 65 classes of each cell, without the class "none", shuffled into pixels: `heatmap` is resized to
+/// Softmax over the 65 classes of each cell; all but the class "none" become the pixels of the cell. `heatmap` is resized to
 /// (8 h) x (8 w), row by row.
 pub(crate) fn heatmap_from_logits(isa: Isa, logits: &Tensor, heatmap: &mut Vec<f32>) {
     let width = logits.width() * CELL;
@@ -25,7 +25,7 @@ pub(crate) fn heatmap_from_logits(isa: Isa, logits: &Tensor, heatmap: &mut Vec<f
     });
 }
 
-/// A row of cells, and the eight rows of pixels that it becomes.
+/// A row of cells, and its eight rows of pixels.
 struct CellRow<'a> {
     logits: &'a [f32],
     pitch: usize,

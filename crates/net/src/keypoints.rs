@@ -1,4 +1,4 @@
-//! Keypoints from the heatmap.
+//! Selection of keypoints from the heatmap.
 
 use std::cmp::Ordering;
 
@@ -6,15 +6,15 @@ use image::GrayImage;
 
 use crate::{ExtractOptions, Keypoint};
 
-/// Keypoints keep this distance from pixels that were not seen: their edge is not a thing of the place.
-const UNSEEN_MARGIN_PX: usize = 4;
+/// Smallest distance of keypoints from masked pixels: the edge of a mask is no feature of the place.
+const MASK_MARGIN_PX: usize = 4;
 
-/// Pixels of a row of the heatmap that are looked at together.
+/// Pixels of a row of the heatmap that are compared at a time.
 const LANES: usize = 8;
 
-/// Local maxima of `heatmap` (rows of `width` probabilities) inside the window, strongest first; of equal ones the upper, then
-/// the left one. Neighbours count also where they lie outside the window, so that windows side by side give the keypoints of
-/// the whole. Those near unseen pixels are left out; pixels outside the mask were not seen.
+/// Local maxima of `heatmap` (rows of `width` probabilities) inside the window, strongest first; equal ones in raster order.
+/// Neighbours outside the window are compared too, so that adjacent windows give the keypoints of the whole image. Maxima
+/// near masked pixels are ignored; pixels outside the mask are masked.
 pub(crate) fn keypoints(
     heatmap: &[f32],
     width: usize,
@@ -58,7 +58,7 @@ pub(crate) fn keypoints(
             .filter(|&x| row[x] > options.threshold)
             .for_each(&mut consider);
     }
-    // Found in raster order, so that a stable order by score breaks ties by it.
+    // Equal scores in raster order.
     let stronger = |a: &Keypoint, b: &Keypoint| {
         let place = |k: &Keypoint| (k.y_px, k.x_px);
         b.score
@@ -98,15 +98,15 @@ fn is_peak(
     })
 }
 
-/// Whether all pixels of the picture within the margin were seen.
+/// Whether no pixel of the image within the margin is masked.
 fn is_seen_around(mask: &GrayImage, x: usize, y: usize, width: usize, height: usize) -> bool {
     let (left, right) = (
-        x.saturating_sub(UNSEEN_MARGIN_PX),
-        (x + UNSEEN_MARGIN_PX).min(width - 1),
+        x.saturating_sub(MASK_MARGIN_PX),
+        (x + MASK_MARGIN_PX).min(width - 1),
     );
     let (top, bottom) = (
-        y.saturating_sub(UNSEEN_MARGIN_PX),
-        (y + UNSEEN_MARGIN_PX).min(height - 1),
+        y.saturating_sub(MASK_MARGIN_PX),
+        (y + MASK_MARGIN_PX).min(height - 1),
     );
     let (mask_width, mask_height) = (mask.width() as usize, mask.height() as usize);
     if right >= mask_width || bottom >= mask_height {

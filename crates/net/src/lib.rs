@@ -1,11 +1,12 @@
-//! The GRiM-Net network on the CPU: its description, its model file, and inference.
+//! The GRiM-Net network on the CPU: network description, model file, inference.
 //!
-//! One [`NetSpec`] describes both presets (`compact`, the default, and `vgg16`, the paper's); a [`Model`] is such a
-//! description with its numbers; an [`Extractor`] is a model made ready for one [`Domain`] (normalisation folded into the
-//! convolutions) and turns pictures into [`Features`]: keypoints, local descriptors, one global descriptor.
+//! A [`NetSpec`] describes a network (presets: `compact`, the default, `vgg16`, the paper's, and `vgg16-lateral`); a
+//! [`Model`] is a description with its weights; an [`Extractor`] is a model prepared for one [`Domain`] (normalisation
+//! folded into the convolutions) and computes the [`Features`] of an image: keypoints, local descriptors and one global
+//! descriptor.
 //!
 //! Pixel convention: keypoints are integer pixel indices, so the centre of the top-left pixel is (0, 0). Add one half to
-//! get continuous picture coordinates.
+//! get continuous image coordinates.
 //!
 //! ```
 //! use grimnet_net::{Domain, ExtractOptions, Extractor, Model, NetSpec};

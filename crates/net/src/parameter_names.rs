@@ -1,9 +1,9 @@
-//! Names and shapes of a network's parameters, as they stand in the model file.
+//! Names and shapes of a network's tensors, as in the model file.
 
 use crate::spec::STAGES;
 use crate::{Decoder, Domain, KEYPOINT_CELL_PX, KEYPOINT_CLASSES, KeypointHead, NetSpec};
 
-/// One batch normalisation with its two domains: the prefix of its tensors' names and its channels.
+/// One batch normalisation (both domains): the prefix of its tensors' names, and its channels.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct NormSpec {
     pub name: String,
@@ -11,8 +11,8 @@ pub(crate) struct NormSpec {
 }
 
 impl NetSpec {
-    /// Names and shapes of all parameters, in a fixed order. Convolution weights are `[out, in, k, k]`, transposed ones
-    /// `[in, out, 4, 4]` (PyTorch's layouts).
+    /// Names and shapes of all tensors, in a fixed order. Weights of convolutions are `[out, in, k, k]`, those of transposed
+    /// convolutions `[in, out, 4, 4]` (PyTorch's layouts).
     pub fn parameters(&self) -> Vec<(String, Vec<usize>)> {
         let mut all = Vec::new();
         let mut push = |name: String, shape: &[usize]| all.push((name, shape.to_vec()));
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_of_normalisations_are_taken_apart_as_they_were_made() {
+    fn names_of_normalisation_tensors_round_trip() {
         assert_eq!(
             Domain::Uav.norm_name("encoder.2.0", "var"),
             "encoder.2.0.norm.uav.var"

@@ -1,19 +1,19 @@
-//! Seeded random numbers for a network: enough to build, test and time it, not to localise.
+//! Networks with random weights, to build, test and time them; they cannot localise.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::{Card, Model, NetError, NetSpec};
 
-/// How much a random NetVLAD prefers its nearest centre, as if it had started from k-means.
+/// Sharpness of a random NetVLAD's soft assignment, similar to that of a layer initialised by k-means.
 const ASSIGNMENT_SHARPNESS: f32 = 20.0;
 
 impl Model {
-    /// A network of random numbers: convolutions after He et al. 2015 (uniform, variance 2 / fan-in), identity
-    /// normalisation, unit NetVLAD centres. Its card says that it is random. The same seed gives the same model.
+    /// A network with random weights: convolutions after He et al. 2015 (uniform, variance 2 / fan-in), identity
+    /// normalisation, NetVLAD centres of unit length. Its card says that it is random. The same seed gives the same model.
     ///
     /// # Errors
-    /// [`NetError::Spec`] for a network that cannot be built.
+    /// [`NetError::Spec`] if the network cannot be built.
     pub fn random(spec: &NetSpec, seed: u64) -> Result<Self, NetError> {
         spec.validate()?;
         let mut random = ChaCha8Rng::seed_from_u64(seed);
@@ -39,7 +39,7 @@ impl Model {
                     uniform(&mut random, len, (3.0 / spec.global_dim as f32).sqrt())
                 }
                 _ if shape.len() == 4 => {
-                    // A 4 x 4 transposed convolution with stride 2 adds up a quarter of its taps at each place.
+                    // A 4 x 4 transposed convolution with stride 2 sums a quarter of its taps at each position.
                     let fan_in = if name.starts_with("upsample") {
                         shape[0] * 4
                     } else {
@@ -56,7 +56,7 @@ impl Model {
             name: format!("{}, random (seed {seed})", spec.preset),
             training_data: "none".into(),
             licence: "MIT OR Apache-2.0".into(),
-            notes: "Random numbers. It builds, tests and times the program; it cannot localise."
+            notes: "Random weights, to build, test and time the program. It cannot localise."
                 .into(),
             random: true,
             ..Card::default()

@@ -1,11 +1,11 @@
-//! Which places of the feature maps look at pixels that were seen.
+//! Masks at the resolutions of the feature maps.
 
 use image::GrayImage;
 
 use crate::NetError;
 use crate::spec::{SIZE_MULTIPLE_PX, STAGES};
 
-/// Checks that a mask fits its picture.
+/// Checks that a mask has the size of its image.
 pub(crate) fn check_mask(
     mask: Option<&GrayImage>,
     width_px: u32,
@@ -26,7 +26,7 @@ pub(crate) fn check_mask(
     }
 }
 
-/// Whether at least half of the `pitch_px` square with that corner was seen. Pixels outside the mask were not.
+/// Whether at least half of the `pitch_px` square with that corner is visible. Pixels outside the mask are not.
 pub(crate) fn square_is_seen(mask: &GrayImage, x_px: u32, y_px: u32, pitch_px: u32) -> bool {
     let (width, height) = (mask.width() as usize, mask.height() as usize);
     let (left, top, pitch) = (x_px as usize, y_px as usize, pitch_px as usize);
@@ -43,9 +43,9 @@ pub(crate) fn square_is_seen(mask: &GrayImage, x_px: u32, y_px: u32, pitch_px: u
     2 * seen >= pitch * pitch
 }
 
-/// A mask at the resolutions of the network's layers: a place is seen where at least half of its pixels are.
+/// A mask at the resolutions of the network's layers: a position is visible if at least half of its pixels are.
 pub(crate) struct Seen {
-    /// At 1/2, 1/4, ... 1/32: one byte a place, row by row.
+    /// At 1/2, 1/4, ... 1/32: one byte per position, row by row.
     levels: Vec<Vec<u8>>,
     full: Vec<u8>,
     height_px: usize,
@@ -85,7 +85,7 @@ impl Seen {
         }
     }
 
-    /// The mask for a layer of `height` rows, if any place of it is seen.
+    /// The mask for a layer of `height` rows; `None` if no position of it is visible.
     pub(crate) fn at_height(&self, height: usize) -> Option<&[u8]> {
         let ratio = self.height_px.checked_div(height)?;
         let level = match ratio {

@@ -1,9 +1,9 @@
-//! Exponentials and softmax, written so that a compiler makes vectors of them.
+//! Exponential function and softmax, written so that the compiler can vectorise them.
 
-/// Numbers that are worked on together; a multiple of every vector's.
+/// Values that are processed together: a multiple of the lanes of every instruction set.
 const LANES: usize = 16;
 
-/// In place: exp(v) over the sum of all.
+/// Replaces each value by exp(v) divided by the sum over all values.
 #[inline(always)]
 pub(crate) fn softmax(values: &mut [f32]) {
     let (chunks, rest) = values.as_chunks_mut::<LANES>();
@@ -34,11 +34,11 @@ pub(crate) fn softmax(values: &mut [f32]) {
     values.iter_mut().for_each(|v| *v *= factor);
 }
 
-/// e^x for x in -87..=88 (below, e^-87), relative error below 2e-7. Cody-Waite reduction and the minimax polynomial of Cephes
-/// `expf`; free of branches and calls.
+/// e^x for x in -87..=88 (e^-87 for smaller x), relative error below 2e-7. Cody-Waite reduction and the minimax polynomial
+/// of `expf` in Cephes (Moshier 1989); no branches and no calls.
 #[inline(always)]
 fn exp(x: f32) -> f32 {
-    // Adding 1.5 * 2^23 rounds to an integer and leaves it in the lowest bits.
+    // Adding 1.5 * 2^23 rounds to an integer, which is then in the lowest bits.
     const ROUND: f32 = 12_582_912.0;
     const LN2_HIGH: f32 = 0.693_359_4;
     const LN2_LOW: f32 = -2.121_944_4e-4;

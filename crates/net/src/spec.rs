@@ -1,19 +1,19 @@
-//! The network's description: presets, layer shapes, and the names and shapes of all parameters.
+//! The network's description: presets and layer shapes.
 
 use serde::{Deserialize, Serialize};
 
 use crate::NetError;
 use crate::error::SpecError;
 
-/// Sides of a picture must be multiples of this: five halvings.
+/// The sides of an image must be multiples of this: the network halves it five times.
 pub const SIZE_MULTIPLE_PX: u32 = 32;
-/// Side of a keypoint cell and pitch of the local descriptors.
+/// Side of a keypoint cell and pitch of the local descriptors, pixels of the image.
 pub const KEYPOINT_CELL_PX: u32 = 8;
 /// Keypoint classes of a cell: its 64 pixels in raster order, then "none" (SuperPoint, DeTone et al. 2018).
 pub const KEYPOINT_CLASSES: usize = 65;
 /// Added to the variance in every normalisation (paper, eq. 3).
 pub const BATCH_NORM_EPSILON: f32 = 1e-5;
-/// Number of stages; the last works at 1/32 of the picture's side.
+/// Number of stages; the last works at 1/32 of the image's side.
 pub(crate) const STAGES: usize = 5;
 /// Most channels of a layer, or clusters, that a description may ask for: a limit against damaged files.
 const LARGEST_WIDTH: usize = 8192;
@@ -24,14 +24,14 @@ const MOST_LAYERS: usize = 64;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Domain {
-    /// Maps: satellite pictures and orthophotos.
+    /// Maps: satellite images and orthophotos.
     Sat,
     /// Photos taken by a drone.
     Uav,
 }
 
 impl Domain {
-    /// Both domains, in the order of their storage.
+    /// Both domains, in the order in which they are stored.
     pub const ALL: [Domain; 2] = [Domain::Sat, Domain::Uav];
 
     /// The name used in tensor names: `sat` or `uav`.
@@ -42,12 +42,13 @@ impl Domain {
         }
     }
 
-    /// Name of a tensor of a layer's normalisation; `part` is `weight`, `bias`, `mean` or `var`.
+    /// The name of a tensor of a layer's normalisation; `part` is `weight`, `bias`, `mean` or `var`.
     pub fn norm_name(self, layer: &str, part: &str) -> String {
         format!("{layer}.norm.{}.{part}", self.name())
     }
 
-    /// Layer and part of a tensor of this domain's normalisation, by its name: the inverse of [`Self::norm_name`].
+    /// Layer and part of a tensor of this domain's normalisation: the inverse of [`Self::norm_name`]. `None` for other
+    /// tensors.
     pub fn norm_of(self, tensor: &str) -> Option<(&str, &str)> {
         let (layer, rest) = tensor.split_once(".norm.")?;
         let part = rest.strip_prefix(self.name())?.strip_prefix('.')?;
@@ -55,26 +56,26 @@ impl Domain {
     }
 }
 
-/// How a stage halves the picture.
+/// How a stage halves the resolution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Downsample {
     /// The first convolution has stride 2.
     StrideFirst,
-    /// A 2 x 2 maximum after the last convolution (VGG).
+    /// 2 x 2 max pooling after the last convolution (VGG).
     MaxPoolLast,
 }
 
-/// One stage of the encoder: 3 x 3 convolutions, each with DA-BN and ReLU, halving the picture once.
+/// One stage of the encoder: 3 x 3 convolutions, each with DA-BN and ReLU, which together halve the resolution once.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Stage {
     /// Output channels of each convolution.
     pub widths: Vec<usize>,
-    /// How the stage halves the picture.
+    /// How the stage halves the resolution.
     pub downsample: Downsample,
 }
 
-/// How features at 1/8 of the picture's side are made from the stages' outputs.
+/// How features at 1/8 of the resolution are computed from the stages' outputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Decoder {
@@ -99,7 +100,7 @@ pub enum Decoder {
 }
 
 impl Decoder {
-    /// Channels of the features at 1/8 of the picture's side.
+    /// Channels of the features at 1/8 of the resolution.
     pub fn width(self) -> usize {
         match self {
             Decoder::Lateral { width }
@@ -109,11 +110,11 @@ impl Decoder {
     }
 }
 
-/// Where keypoints are seen.
+/// From what keypoints are detected.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum KeypointHead {
-    /// In the picture itself: the channel mean of the normalised input, each 8 x 8 cell unshuffled to 64 channels, then
+    /// From the image itself: the channel mean of the normalised input, each 8 x 8 cell rearranged to 64 channels, then
     /// `layers` 1 x 1 convolutions of `width` channels with DA-BN and ReLU, then 1 x 1 to 65 classes.
     FromGrey {
         /// Channels of the hidden layers.
@@ -121,19 +122,19 @@ pub enum KeypointHead {
         /// Number of hidden layers.
         layers: usize,
     },
-    /// In the decoder's features, by a 3 x 3 convolution to 65 classes (the paper's).
+    /// From the decoder's features, by a 3 x 3 convolution to 65 classes (as in the paper).
     FromDecoder,
 }
 
-/// What NetVLAD aggregates.
+/// The vectors that NetVLAD aggregates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum VladInput {
-    /// The encoder's last output, at 1/32, scaled to unit length at each position.
+    /// The encoder's last output, at 1/32 of the resolution, scaled to unit length at each position.
     Deepest,
-    /// The encoder's last output, at 1/32, as it is (paper, eq. 5-6).
+    /// The encoder's last output, at 1/32 of the resolution, not scaled (paper, eq. 5-6).
     DeepestUnscaled,
-    /// The local descriptors, at 1/8, scaled to unit length at each position.
+    /// The local descriptors, at 1/8 of the resolution, scaled to unit length at each position.
     Descriptors,
 }
 
@@ -152,37 +153,37 @@ impl VladInput {
 /// The NetVLAD layer (paper, eq. 5-7; Arandjelovic et al. 2016).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Vlad {
-    /// What it aggregates.
+    /// The vectors that it aggregates.
     pub input: VladInput,
     /// Number of clusters K.
     pub clusters: usize,
 }
 
-/// The description of a network. It is written into the model file, so that one code runs every variant.
+/// The description of a network, stored in the model file.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct NetSpec {
-    /// Name of the preset that this is, or is a variant of.
+    /// Name of the preset, or of the preset from which this variant was derived.
     pub preset: String,
-    /// Subtracted from red, green, blue, each in 0..1.
+    /// Mean of red, green and blue (each 0 to 1), subtracted from the input.
     pub input_mean: [f32; 3],
-    /// Divides what is left.
+    /// Standard deviation of red, green and blue, by which the difference is divided.
     pub input_std: [f32; 3],
     /// The encoder: five stages.
     pub stages: Vec<Stage>,
-    /// From the encoder's outputs to features at 1/8.
+    /// How features at 1/8 of the resolution are computed.
     pub decoder: Decoder,
     /// Length D of a local descriptor.
     pub descriptor_dim: usize,
-    /// Where keypoints are seen.
+    /// From what keypoints are detected.
     pub keypoints: KeypointHead,
-    /// The global descriptor's aggregation.
+    /// The aggregation of the global descriptor.
     pub vlad: Vlad,
-    /// Length of the global descriptor after PCA whitening (eq. 8); 0 for none, where it has K x D values.
+    /// Length of the global descriptor after PCA whitening (eq. 8); 0 for no whitening, the descriptor then has K x D values.
     pub global_dim: usize,
 }
 
 impl NetSpec {
-    /// The default network: narrow early stages, lateral decoder, keypoints from the grey picture, NetVLAD on the local
+    /// The default network: narrow early stages, lateral decoder, keypoints from the grey image, NetVLAD on the local
     /// descriptors.
     pub fn compact() -> Self {
         let stage = |width: usize| Stage {
@@ -209,7 +210,7 @@ impl NetSpec {
     }
 
     /// The paper's network: VGG-16 (Simonyan and Zisserman 2015) conv1 to conv5, two transposed convolutions, NetVLAD on the
-    /// deepest features with whitening from 32,768 to 512 values. Input is normalised as ImageNet's.
+    /// deepest features with whitening from 32,768 to 512 values. The input is normalised with ImageNet's statistics.
     pub fn vgg16() -> Self {
         let stage = |&(width, layers): &(usize, usize)| Stage {
             widths: vec![width; layers],
@@ -249,8 +250,8 @@ impl NetSpec {
         }
     }
 
-    /// The paper's encoder with `compact`'s lateral decoder and NetVLAD on the local descriptors: detail need not pass the deepest
-    /// stage, so that it trains without ImageNet's weights.
+    /// The paper's encoder with `compact`'s lateral decoder and NetVLAD on the local descriptors: fine detail does not have to
+    /// pass through the deepest stage, so that it can be trained without weights from ImageNet.
     pub fn vgg16_lateral() -> Self {
         let paper = Self::vgg16();
         Self {
@@ -264,7 +265,7 @@ impl NetSpec {
         }
     }
 
-    /// Every preset, the default one first.
+    /// All presets, the default first.
     pub fn presets() -> [Self; 4] {
         [
             Self::compact(),
@@ -274,12 +275,12 @@ impl NetSpec {
         ]
     }
 
-    /// The preset of that name, if there is one.
+    /// The preset of that name; `None` if there is none.
     pub fn preset(name: &str) -> Option<Self> {
         Self::presets().into_iter().find(|spec| spec.preset == name)
     }
 
-    /// Channels of the encoder's output after stage `index` (0 to 4), at 1/2^(index+1) of the picture's side.
+    /// Channels of the encoder's output after stage `index` (0 to 4), at 1/2^(index+1) of the resolution; 0 for other stages.
     pub fn stage_width(&self, index: usize) -> usize {
         self.stages
             .get(index)
@@ -288,7 +289,7 @@ impl NetSpec {
             .unwrap_or(0)
     }
 
-    /// Numbers that the widest intermediate picture holds for each pixel of the input, at least 1: what memory grows with.
+    /// Values of the largest intermediate activation per pixel of the input, at least 1: memory is proportional to it.
     pub fn widest_per_pixel(&self) -> usize {
         let wide = |stage: &Stage| {
             let width = stage.widths.first().copied().unwrap_or(0);
@@ -308,7 +309,7 @@ impl NetSpec {
         }
     }
 
-    /// Pitch of the vectors that NetVLAD aggregates, in pixels: 32 or 8.
+    /// Pitch of the vectors that NetVLAD aggregates: 32 or 8 px.
     pub fn vlad_pitch_px(&self) -> u32 {
         match self.vlad.input {
             VladInput::Deepest | VladInput::DeepestUnscaled => SIZE_MULTIPLE_PX,
@@ -335,7 +336,7 @@ impl NetSpec {
         }
     }
 
-    /// Kernel side of the convolution that gives descriptors.
+    /// Side of the kernel of the convolution that computes descriptors.
     pub(crate) fn descriptor_kernel(&self) -> usize {
         match self.decoder {
             Decoder::Lateral { .. } => 1,
@@ -346,7 +347,7 @@ impl NetSpec {
     /// Checks that the network can be built.
     ///
     /// # Errors
-    /// [`NetError::Spec`] with the rule that is broken.
+    /// [`NetError::Spec`] with the rule that is violated.
     pub fn validate(&self) -> Result<(), NetError> {
         self.check().map_err(NetError::Spec)
     }

@@ -1,11 +1,11 @@
-//! Normalisation statistics of a domain, gathered without labels from its own pictures.
+//! Normalisation statistics of a domain, computed without labels from its own images.
 
 use crate::error::StatisticsError;
 use crate::{Domain, Model, ModelHash, NetError};
 
 const MAGIC: &[u8; 8] = b"GRIMSTA1";
 
-/// Moments of one layer's convolution outputs.
+/// Moments of the outputs of one layer's convolution.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LayerStatistics {
     /// The layer's name, as in its tensors' names.
@@ -17,7 +17,7 @@ pub struct LayerStatistics {
 }
 
 /// Mean and variance of every normalised layer of one model, for one domain: what DA-BN (paper, eq. 3) subtracts and divides
-/// by. Taking them anew, of a map over its own blocks or of a photo over itself, adapts the network without labels.
+/// by. Recomputing them over the blocks of a map, or over a photo, adapts the network without labels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Statistics {
     model: ModelHash,
@@ -29,10 +29,10 @@ impl Statistics {
         Self { model, layers }
     }
 
-    /// Those stored in the model.
+    /// The statistics stored in a model.
     ///
     /// # Errors
-    /// None for a model that could be opened.
+    /// [`NetError::Parameters`] if a tensor is missing, which a model that was opened excludes.
     pub fn of_model(model: &Model, domain: Domain) -> Result<Self, NetError> {
         let layer = |norm: crate::parameter_names::NormSpec| {
             let (mean, var) = model.norm_moments(&norm.name, domain)?;
@@ -53,21 +53,21 @@ impl Statistics {
         })
     }
 
-    /// The layers, in the order of the network's parameters.
+    /// The layers, in the order of [`crate::NetSpec::parameters`].
     pub fn layers(&self) -> &[LayerStatistics] {
         &self.layers
     }
 
-    /// The model whose layers these are.
+    /// The model to which they belong.
     pub fn model(&self) -> ModelHash {
         self.model
     }
 
-    /// The statistics of several pictures together, each with the same weight: the mean of the means, and the variance
-    /// within pictures plus that between them.
+    /// The statistics of several images together, each with the same weight: the mean of the means, and the variance within
+    /// images plus the variance between them.
     ///
     /// # Errors
-    /// [`NetError::Statistics`] for none, or for those of different models.
+    /// [`NetError::Statistics`] if there are none, or they belong to different models.
     pub fn mean_of(all: &[Statistics]) -> Result<Self, NetError> {
         let weight = 1.0 / all.len().max(1) as f64;
         Self::mixture(
@@ -77,10 +77,10 @@ impl Statistics {
         )
     }
 
-    /// Between these and `other`, of the same model: `share` 0 gives these, 1 the other.
+    /// A mixture of these statistics and `other`, of the same model: `share` 0 gives these, 1 the other.
     ///
     /// # Errors
-    /// [`NetError::Statistics`] for those of different models, or a share outside 0 to 1.
+    /// [`NetError::Statistics`] if they belong to different models, or the share is outside 0 to 1.
     pub fn blend(&self, other: &Statistics, share: f64) -> Result<Self, NetError> {
         if !(0.0..=1.0).contains(&share) {
             return Err(NetError::Statistics(StatisticsError::Share(share)));
@@ -88,7 +88,7 @@ impl Statistics {
         Self::mixture(&[(self, 1.0 - share), (other, share)])
     }
 
-    /// Moments of the mixture of pictures with weights that sum to one.
+    /// Moments of a mixture of images whose weights sum to one.
     fn mixture(all: &[(&Statistics, f64)]) -> Result<Self, NetError> {
         let (first, _) = all
             .first()
@@ -140,7 +140,7 @@ impl Statistics {
             && self.layers.iter().zip(&other.layers).all(alike)
     }
 
-    /// Bytes to store beside a map or a flight.
+    /// Serialises the statistics, to be stored with a map or a flight.
     pub fn to_bytes(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         bytes.extend(self.model.as_bytes());
@@ -160,10 +160,10 @@ impl Statistics {
         bytes
     }
 
-    /// From [`Statistics::to_bytes`].
+    /// Reads the bytes of [`Statistics::to_bytes`].
     ///
     /// # Errors
-    /// [`NetError::Statistics`] for bytes that are something else, cut short, or hold numbers that cannot be.
+    /// [`NetError::Statistics`] if the bytes have another format, end too early, or hold invalid values.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, NetError> {
         let mut reader = Reader(bytes);
         let wrong = |what| NetError::Statistics(StatisticsError::Format(what));
@@ -248,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_mean_has_the_moments_of_all_pictures_together() {
+    fn the_mean_has_the_moments_of_all_images_together() {
         let mean = Statistics::mean_of(&[statistics(1.0, 2.0), statistics(3.0, 4.0)]).unwrap();
         assert_eq!(mean, statistics(2.0, 4.0), "3 within, 1 between");
         assert_eq!(

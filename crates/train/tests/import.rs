@@ -109,6 +109,8 @@ fn torchvision_layers_land_in_their_places() {
     let shapes: BTreeMap<String, Vec<usize>> = spec.parameters().into_iter().collect();
     for (bn, last) in [(true, 40.0), (false, 28.0)] {
         let encoder = encoder_from_torchvision(&torchvision(bn)).unwrap();
+        assert_eq!(encoder.has_norms, bn);
+        let encoder = encoder.tensors;
         for (name, values) in &encoder {
             assert_eq!(
                 values.len(),

@@ -1,5 +1,5 @@
-//! Homographic adaptation (DeTone et al. 2018, section 5): a detector looks at a picture through many random homographies,
-//! here also under many looks of both domains; what it finds again and again is a keypoint.
+//! Homographic adaptation (DeTone et al. 2018, section 5): the detector runs on many random homographies of a picture, here also
+//! under photometric changes of both domains. Points that it detects repeatedly become keypoints.
 
 use super::homography::{apply, random_homography};
 use super::label_options::LabelOptions;
@@ -16,33 +16,34 @@ use nalgebra::Matrix3;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
-/// Views that the detector gets together: half as maps, half as photos.
+/// Views in a batch: half of them as maps, half as photos.
 const TOGETHER: usize = 8;
-/// Keypoints keep this distance from the picture's edge, as in use.
+/// Least distance of keypoints from the edge of the picture, as in inference.
 const MARGIN_PX: usize = 4;
-/// A keypoint's place is the centre of mass of the probabilities this far around their peak.
+/// A keypoint is placed at the centre of mass of the probabilities within this distance of their peak.
 const REFINE_PX: usize = 2;
 
-/// What a detector is shown.
+/// An input of a detector.
 pub struct View {
-    /// A square; what lies outside the picture is black.
+    /// A square picture; black outside the original.
     pub image: RgbImage,
-    /// For each 8 x 8 cell, whether all of it lies inside the picture.
+    /// For each 8 x 8 cell, whether all of it is inside the original picture.
     pub seen: Vec<bool>,
-    /// The domain whose look it has.
+    /// The domain whose photometric changes it has.
     pub domain: Domain,
 }
 
-/// Tells for each pixel how likely it is a keypoint.
+/// A keypoint detector.
 pub trait Detect: Sync {
-    /// For each of some views of one size, the probabilities of its pixels, row by row. Views of a domain follow each other.
+    /// Keypoint probabilities of the pixels of each view, row by row. The views have one size, and the views of a domain are
+    /// consecutive.
     ///
     /// # Errors
-    /// Where the network or its device refuses.
+    /// Returns an error if the network cannot be run.
     fn probabilities(&self, views: &[View]) -> Result<Vec<Vec<f32>>, TrainError>;
 }
 
-/// Probabilities of one pyramid level's pixels, summed over the views that saw them.
+/// Probabilities of the pixels of a pyramid level, summed over the views that contain them.
 struct Heat {
     width: usize,
     sum: Vec<f32>,
@@ -58,12 +59,12 @@ impl Heat {
         }
     }
 
-    /// Adds what was found in a view, bilinear; cells of the view that were not seen tell nothing.
-    fn add(&mut self, found: &[f32], view: &View, way: &Way) {
+    /// Adds the probabilities of a view by bilinear interpolation; cells outside the picture are ignored.
+    fn add(&mut self, found: &[f32], view: &View, relation: &Relation) {
         let side = view.image.width() as usize;
         let last = (side - 1) as f64;
         let corners = [[0.0, 0.0], [last, 0.0], [last, last], [0.0, last]]
-            .map(|corner| apply(&way.level_from_view, corner));
+            .map(|corner| apply(&relation.level_from_view, corner));
         let height = self.sum.len() / self.width;
         let range = |axis: usize, size: usize| {
             let values = corners.map(|corner| corner[axis]);
@@ -76,7 +77,7 @@ impl Heat {
         };
         for y in range(1, height) {
             for x in range(0, self.width) {
-                let [u, v] = apply(&way.view_from_level, [x as f64, y as f64]);
+                let [u, v] = apply(&relation.view_from_level, [x as f64, y as f64]);
                 if !((0.0..last).contains(&u) && (0.0..last).contains(&v)) {
                     continue;
                 }
@@ -95,17 +96,17 @@ impl Heat {
         }
     }
 
-    /// Mean probabilities; 0 where no view saw a pixel.
+    /// Mean probabilities; 0 for pixels that no view contains.
     fn into_mean(self) -> Vec<f32> {
         let mean = |(sum, count): (f32, u32)| sum / count.max(1) as f32;
         self.sum.into_iter().zip(self.count).map(mean).collect()
     }
 }
 
-/// The keypoints of a picture, level by level.
+/// The keypoints of each pyramid level of a picture.
 ///
 /// # Errors
-/// Those of the detector.
+/// Errors of the detector.
 pub fn adapt(
     picture: &Picture,
     options: &LabelOptions,
@@ -168,7 +169,7 @@ fn adapt_level(
     Ok(found.into_iter().map(label).collect())
 }
 
-/// A square of a pyramid level that is looked at.
+/// A square window of a pyramid level.
 struct Window<'a> {
     picture: &'a Picture,
     picture_from_level: Matrix3<f64>,
@@ -177,14 +178,14 @@ struct Window<'a> {
 }
 
 impl Window<'_> {
-    /// View number `i`, and the way between it and the level; the first is the plain window. `None` for a homography that
-    /// cannot be inverted.
+    /// View number `i` and its relation to the level; view 0 is the unchanged window. `None` if the homography is not
+    /// invertible.
     fn view(
         &self,
         i: usize,
         options: &LabelOptions,
         random: &mut ChaCha8Rng,
-    ) -> Option<(Way, View)> {
+    ) -> Option<(Relation, View)> {
         let domain = if i % TOGETHER < TOGETHER / 2 {
             Domain::Sat
         } else {
@@ -203,7 +204,7 @@ impl Window<'_> {
         if !plain {
             image = change_look(&image, domain, &options.look, random);
         }
-        let way = Way {
+        let way = Relation {
             view_from_level: level_from_view.try_inverse()?,
             level_from_view,
         };
@@ -216,13 +217,13 @@ impl Window<'_> {
     }
 }
 
-/// Between a view's pixels and its level's.
-struct Way {
+/// The homographies between a view and its level.
+struct Relation {
     level_from_view: Matrix3<f64>,
     view_from_level: Matrix3<f64>,
 }
 
-/// Upper left corners of windows that cover a picture; of one smaller than a window, the window around it.
+/// Top-left corners of windows that cover a picture; one centred window if the picture is smaller.
 fn windows(width: usize, height: usize, side: f64) -> Vec<[f64; 2]> {
     let starts = |size: usize| -> Vec<f64> {
         let free = size as f64 - side;
@@ -240,12 +241,12 @@ fn windows(width: usize, height: usize, side: f64) -> Vec<[f64; 2]> {
         .collect()
 }
 
-/// `p` to `scale p + shift`.
+/// The map `p -> scale p + shift`.
 fn scale_and_shift(scale: f64, [x, y]: [f64; 2]) -> Matrix3<f64> {
     Matrix3::new(scale, 0.0, x, 0.0, scale, y, 0.0, 0.0, 1.0)
 }
 
-/// The centre of mass around a peak that is not at the edge.
+/// Centre of mass around a peak away from the edge.
 fn centre_of_mass(values: &[f32], width: usize, [x, y]: [usize; 2]) -> [f64; 2] {
     let (mut mass, mut moment) = (0.0, [0.0, 0.0]);
     for yy in y - REFINE_PX..=y + REFINE_PX {
@@ -265,8 +266,7 @@ mod tests {
     use super::super::photometric::Look;
     use super::*;
 
-    /// Fires on the one pixel at the centre of what is bright, and a little on a pixel of the view that has nothing to do
-    /// with the picture.
+    /// Detects the centre of the bright spot, and with a low probability a fixed pixel of the view.
     struct Blob;
 
     impl Detect for Blob {
@@ -314,7 +314,7 @@ mod tests {
         }
     }
 
-    /// A soft bright spot of which all windows of a picture see the whole or nothing.
+    /// A soft bright spot that every window of the picture contains as a whole or not at all.
     fn spot(at: [f64; 2]) -> Picture {
         Picture::new(RgbImage::from_fn(90, 84, |x, y| {
             let off = (f64::from(x) - at[0]).hypot(f64::from(y) - at[1]);

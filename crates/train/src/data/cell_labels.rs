@@ -1,4 +1,4 @@
-//! Keypoint labels: one class for each 8 x 8 cell of a view, its 64 pixels or "none" (DeTone et al. 2018).
+//! Keypoint labels: one class for each 8 x 8 cell of a view, one of its 64 pixels or "no keypoint" (DeTone et al. 2018).
 
 use super::corners::corners;
 use super::counterpart::Counterpart;
@@ -7,9 +7,9 @@ use image::RgbImage;
 
 /// The label of a cell without a keypoint; the others are `8 * row + column` inside the cell.
 pub const LABEL_NONE: u8 = 64;
-/// Corners closer than this, mapped, are the same.
+/// Corners nearer to each other than this, after mapping, are the same.
 const SAME_CORNER_PX: f64 = 2.0;
-/// Corners looked for in a view.
+/// Most corners of a view.
 const MOST_CORNERS: usize = 600;
 
 /// The labels of a square view.
@@ -19,7 +19,7 @@ pub(super) struct CellLabels {
 }
 
 impl CellLabels {
-    /// Without keypoints; `side` in pixels.
+    /// No keypoints; `side` in pixels.
     pub(super) fn new(side: usize) -> Self {
         Self {
             side,
@@ -27,8 +27,8 @@ impl CellLabels {
         }
     }
 
-    /// The labels of points, the strongest first, rounded to pixels: points outside the view or in cells that were not seen
-    /// have none.
+    /// Labels from points, the strongest first, rounded to pixels. Points outside the view, or in cells that are not `seen`,
+    /// are ignored.
     pub(super) fn of_points(points: &[[f64; 2]], side: usize, seen: Option<&[bool]>) -> Self {
         let mut out = Self::new(side);
         for point in points {
@@ -49,7 +49,7 @@ impl CellLabels {
         (y / 8) * (self.side / 8) + x / 8
     }
 
-    /// Labels a pixel; in each cell the first stays.
+    /// Labels a pixel, unless its cell has a label.
     fn set(&mut self, x: usize, y: usize) {
         let cell = self.cell(x, y);
         let label = &mut self.labels[cell];
@@ -58,13 +58,13 @@ impl CellLabels {
         }
     }
 
-    /// The labels, row by row of cells.
+    /// The labels of the cells, row by row.
     pub(super) fn into_labels(self) -> Vec<u8> {
         self.labels
     }
 }
 
-/// A bitmap of places within [`SAME_CORNER_PX`] of a corner.
+/// A mask of the pixels within [`SAME_CORNER_PX`] of a corner.
 fn near_corners(found: &[[usize; 2]], side: usize) -> Vec<bool> {
     let mut near = vec![false; side * side];
     let reach = SAME_CORNER_PX as usize;
@@ -78,8 +78,8 @@ fn near_corners(found: &[[usize; 2]], side: usize) -> Vec<bool> {
     near
 }
 
-/// Labels from corners that survive: found in the plain map view, in the map view's other look, and (where both views
-/// see the place) in the photo. Where only one view sees a place, that view's corner counts.
+/// Labels from corners that are found in the map view before and after photometric changes, and, if the photo contains the
+/// point, in the photo. Where only one view contains a point, the corner of that view counts.
 pub(super) fn surviving_corners(
     [sat_plain, uav_plain]: [&RgbImage; 2],
     [sat, uav]: [&RgbImage; 2],

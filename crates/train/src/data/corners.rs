@@ -1,11 +1,11 @@
-//! Corners after Shi and Tomasi (1994): the labels that the keypoint head starts from.
+//! Corner detection (Shi and Tomasi 1994), for keypoint labels.
 
 use super::peaks::peaks;
 use image::RgbImage;
 
-/// Corners weaker than this share of the strongest do not count.
+/// Least strength of a corner as a share of the strongest.
 const QUALITY: f32 = 0.01;
-/// Nearer to the edge the structure tensor is not known.
+/// Margin in which the structure tensor is not defined.
 const MARGIN_PX: usize = 3;
 
 /// Corners of a picture, strongest first: local maxima, within `radius_px`, of the smaller eigenvalue of the structure
@@ -55,7 +55,7 @@ pub fn corners(image: &RgbImage, radius_px: usize, most: usize) -> Vec<[usize; 2
     found.into_iter().map(|(_, at)| at).collect()
 }
 
-/// Binomial 1-4-6-4-1, both ways; the border keeps zeros.
+/// Separable binomial filter 1-4-6-4-1; the border becomes 0.
 fn smooth(plane: &mut [f32], scratch: &mut [f32], w: usize, h: usize) {
     scratch.fill(0.0);
     for y in 0..h {

@@ -92,7 +92,7 @@ pub(super) fn choose_window(
     let (width, height) = picture.size_px();
     let (width, height) = (f64::from(width), f64::from(height));
     let short = width.min(height);
-    // Source pixels per pixel of the view: never enlarged more than 1.7 times, never more than the picture holds.
+    // Source pixels per pixel of the view: limits enlargement to a factor of 1.7 and the window to the picture.
     let most = (short * 0.9 / f64::from(side_px)).min(2.6);
     let least = (short * 0.28 / f64::from(side_px))
         .clamp(0.6, 0.8)
@@ -272,7 +272,7 @@ mod tests {
         assert!(pairs > 10);
     }
 
-    /// With no difference between the views, a map pixel and its photo pixel show the same thing.
+    /// Without differences between the views, corresponding pixels have equal colours.
     #[test]
     fn views_show_the_same_ground() {
         let range = HomographyRange {

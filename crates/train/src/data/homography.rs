@@ -4,19 +4,19 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
-/// How far the drone's view may differ from the map's.
+/// Range of the random homographies between the views of a pair.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HomographyRange {
-    /// Rotation either way, degrees.
+    /// Largest rotation either way, degrees.
     pub rotation_deg: f64,
-    /// Natural logarithm of the scale, either way.
+    /// Largest natural logarithm of the scale, either way.
     pub log_scale: f64,
-    /// Natural logarithm of the ratio of the axes, either way.
+    /// Largest natural logarithm of the ratio of the axes, either way.
     pub log_stretch: f64,
-    /// Shift either way, as a share of the side.
+    /// Largest translation either way, as a share of the side.
     pub shift: f64,
-    /// Each corner's own shift either way (perspective), as a share of the side.
+    /// Largest additional shift of each corner either way (perspective), as a share of the side.
     pub corner: f64,
 }
 
@@ -32,13 +32,13 @@ impl Default for HomographyRange {
     }
 }
 
-/// Where a point goes.
+/// Applies a homography to a point.
 pub fn apply(h: &Matrix3<f64>, [x, y]: [f64; 2]) -> [f64; 2] {
     let p = h * Vector3::new(x, y, 1.0);
     [p.x / p.z, p.y / p.z]
 }
 
-/// The homography that takes four points to four others (no three on a line).
+/// The homography that maps four points, no three of them collinear, to four others; `None` if they are degenerate.
 pub(super) fn from_corners(from: [[f64; 2]; 4], to: [[f64; 2]; 4]) -> Option<Matrix3<f64>> {
     let mut a = SMatrix::<f64, 8, 8>::zeros();
     let mut b = SVector::<f64, 8>::zeros();
@@ -61,7 +61,7 @@ pub(super) fn from_corners(from: [[f64; 2]; 4], to: [[f64; 2]; 4]) -> Option<Mat
     ))
 }
 
-/// A homography from the pixels of one view to those of the other, both `side_px` square.
+/// A random homography from pixels of one view to pixels of the other, both `side_px` square.
 pub fn random_homography(
     range: &HomographyRange,
     side_px: f64,

@@ -5,25 +5,25 @@ use super::photometric::Look;
 use serde::{Deserialize, Serialize};
 use std::path::PathBuf;
 
-/// How keypoint labels are made and where they are kept.
+/// How keypoint labels are made and where they are stored.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct LabelOptions {
-    /// Where they are kept. Labels by other detectors or settings can lie in the same folder.
+    /// Folder of the labels. It may contain labels by other detectors and settings.
     pub folder: PathBuf,
-    /// The detector: a model file, or a checkpoint of another run; the bundled model where absent.
+    /// The detector: a model file or a checkpoint of another run; the bundled model if absent.
     pub detector: Option<PathBuf>,
-    /// Views of each place, the plain one among them.
+    /// Number of views of each window, including the unchanged one.
     pub views: usize,
-    /// Side of a view, pixels; a multiple of 32. Larger pictures are looked at window by window.
+    /// Side of a view, pixels; a multiple of 32. Larger pictures are divided into windows.
     pub side_px: u32,
     /// Least mean probability of a keypoint.
     pub threshold: f32,
-    /// Of keypoints nearer to each other, each way, the likeliest stays, pixels.
+    /// Radius of non-maximum suppression along both axes, pixels.
     pub nms_radius_px: usize,
-    /// How far the views differ from the picture.
+    /// Range of the homographies.
     pub homography: HomographyRange,
-    /// How far their looks do.
+    /// Range of the photometric changes.
     pub look: Look,
     /// Seed of the views.
     pub seed: u64,

@@ -1,7 +1,7 @@
 //! Non-maximum suppression.
 
-/// Local maxima of `values` (rows of `width`) above `floor`, strongest first: none within `radius_px` each way is stronger,
-/// and of equal ones the first in reading order stays. Those nearer than `margin_px` to the edge do not count.
+/// Local maxima of `values` (rows of `width`) above `floor` and at least `margin_px` from the edge, strongest first: no value
+/// within `radius_px` along both axes is larger, and of equal values the first in row-major order is kept.
 pub(super) fn peaks(
     values: &[f32],
     width: usize,

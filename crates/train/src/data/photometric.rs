@@ -1,29 +1,29 @@
-//! How the same place looks to another sensor, at another time: changes that differ between map and photo.
+//! Photometric changes: the same place under another sensor and at another time.
 
 use grimnet_net::Domain;
 use image::RgbImage;
 use rand::Rng;
 use serde::{Deserialize, Serialize};
 
-/// Strength of the changes.
+/// Range of the photometric changes.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Look {
-    /// Strength on the map's side.
+    /// Strength for map views, 0 to 1.
     pub sat_strength: f32,
-    /// Strength on the photo's side.
+    /// Strength for photos, 0 to 1.
     pub uav_strength: f32,
-    /// Share of maps with equalised contrast.
+    /// Share of map views with histogram equalisation.
     pub equalised: f64,
-    /// Share of maps whose every neighbourhood was brought to one mean and spread, as map services do.
+    /// Share of map views with local contrast normalisation, as map services use.
     pub locally_equalised: f64,
-    /// Share of photos with cast shadows.
+    /// Share of photos with added shadows.
     pub shadows: f64,
     /// Share of views with haze.
     pub haze: f64,
-    /// Share of views with vegetation of another season.
+    /// Share of views with changed colour of vegetation.
     pub season: f64,
-    /// Share of views that were compressed as JPEG.
+    /// Share of views with JPEG compression.
     pub jpeg: f64,
 }
 
@@ -42,12 +42,12 @@ impl Default for Look {
     }
 }
 
-/// A uniform number between the bounds.
+/// A uniform random number between the bounds.
 fn between(random: &mut impl Rng, low: f32, high: f32) -> f32 {
     low + (high - low) * random.random::<f32>()
 }
 
-/// Changes a view's look at random.
+/// Applies random photometric changes to a view.
 pub fn change_look(
     image: &RgbImage,
     domain: Domain,
@@ -119,7 +119,7 @@ pub fn change_look(
     }
 }
 
-/// Turns green towards brown or deepens it, where there is more green than red and blue.
+/// Shifts green pixels towards brown or towards deeper green.
 fn change_season(pixels: &mut [f32], k: f32, random: &mut impl Rng) {
     let gain = [
         between(random, -0.3, 0.9) * k,
@@ -143,7 +143,7 @@ fn change_saturation(pixels: &mut [f32], factor: f32) {
     }
 }
 
-/// Gain and white balance, gamma, haze (towards a bluish white) and contrast, by a table per channel.
+/// Gain and white balance, gamma, haze (towards a bluish white) and contrast, by a lookup table for each channel.
 fn change_tone(pixels: &mut [f32], k: f32, haze: f32, random: &mut impl Rng) {
     const STEPS: usize = 1024;
     let brightness = between(random, 1.0 - 0.5 * k, 1.0 + 0.5 * k);
@@ -170,7 +170,7 @@ fn change_tone(pixels: &mut [f32], k: f32, haze: f32, random: &mut impl Rng) {
     }
 }
 
-/// Histogram equalisation of the brightness, mixed in by `share`, as stored maps often are.
+/// Histogram equalisation of the brightness, blended with the original by `share`.
 fn equalise(pixels: &mut [f32], share: f32) {
     let bin =
         |p: &[f32]| ((0.299 * p[0] + 0.587 * p[1] + 0.114 * p[2]).clamp(0.0, 1.0) * 255.0) as usize;
@@ -196,7 +196,8 @@ fn equalise(pixels: &mut [f32], share: f32) {
     }
 }
 
-/// Brings the brightness around each pixel, within `reach` pixels each way, towards one mean and deviation.
+/// Local contrast normalisation: shifts mean and standard deviation of the brightness within `reach` pixels of each pixel
+/// towards common values.
 fn equalise_locally(pixels: &mut [f32], width: usize, height: usize, reach: usize, share: f32) {
     let (mean_wanted, deviation_wanted, most_gain) = (0.46, 0.19, 2.6);
     let grey: Vec<f32> = pixels
@@ -236,7 +237,7 @@ fn equalise_locally(pixels: &mut [f32], width: usize, height: usize, reach: usiz
     }
 }
 
-/// Darkens a quadrangle with a soft edge, a little bluish as skylight is.
+/// A shadow: darkens a quadrangle with a soft edge, less in blue.
 fn cast_shadow(pixels: &mut [f32], width: usize, height: usize, random: &mut impl Rng) {
     let size = between(random, 0.1, 0.6) * width as f32;
     let centre = [
@@ -324,7 +325,7 @@ fn sharpen(pixels: &mut [f32], width: usize, height: usize, amount: f32) {
     }
 }
 
-/// Nearly Gaussian noise: the sum of eight uniform bytes.
+/// Approximately Gaussian noise: the sum of eight uniform bytes.
 fn add_noise(pixels: &mut [f32], sigma: f32, random: &mut impl Rng) {
     if sigma < 0.002 {
         return;
@@ -344,7 +345,7 @@ fn add_noise(pixels: &mut [f32], sigma: f32, random: &mut impl Rng) {
     }
 }
 
-/// Through JPEG and back; unchanged where the codec refuses.
+/// Compresses as JPEG and decompresses; unchanged if the codec fails.
 fn compressed(image: RgbImage, quality: u8) -> RgbImage {
     let mut bytes = Vec::new();
     let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut bytes, quality);

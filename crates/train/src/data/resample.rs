@@ -4,8 +4,8 @@ use super::picture::Picture;
 use image::RgbImage;
 use nalgebra::{Matrix3, Vector3};
 
-/// The halvings of a picture whose pixels are nearest in size to the pixels of a square view, from the area of the view's
-/// central pixel; for small pictures more than there are.
+/// The pyramid level whose pixels are nearest in size to those of a square view, measured at the central pixel of the view. It
+/// may be beyond the last level of a small picture.
 pub fn pyramid_level(picture_from_view: &Matrix3<f64>, side_px: f64) -> usize {
     let c = side_px / 2.0;
     let at = |x: f64, y: f64| {
@@ -19,10 +19,10 @@ pub fn pyramid_level(picture_from_view: &Matrix3<f64>, side_px: f64) -> usize {
     scale.max(1.0).log2().round() as usize
 }
 
-/// Resamples a square view, bilinear, from the pyramid level whose pixels are nearest in size to the view's.
+/// Resamples a square view by bilinear interpolation from the pyramid level whose pixels are nearest in size to its own.
 ///
-/// `picture_from_view` takes pixels of the view to pixels of the picture (pixel centres at integers). Returns the view and,
-/// for each pixel, whether it lies inside the picture; outside it is black.
+/// `picture_from_view` maps pixels of the view to pixels of the picture (pixel centres at integers). Returns the view, black
+/// outside the picture, and for each pixel whether it is inside.
 pub fn warp(
     picture: &Picture,
     picture_from_view: &Matrix3<f64>,

@@ -1,13 +1,13 @@
-//! What kind of place a picture shows, as data sets with one folder a class tell it.
+//! Scene classes of pictures, from data sets with one folder for each class.
 
 use std::ops::Range;
 
-/// A picture's class. Classes of all data sets are numbered through; a picture competes among those of its own data set
+/// A picture's class. Classes are numbered through all data sets. A picture is classified among the classes of its own data set
 /// only, since another data set may have the same class under another name.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scene {
-    /// The class.
+    /// Number of the class.
     pub class: usize,
-    /// The classes of its data set.
+    /// Numbers of the classes of its data set.
     pub among: Range<usize>,
 }

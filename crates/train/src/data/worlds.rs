@@ -1,5 +1,5 @@
-//! Pairs from procedural worlds: two renderings of one place, each under its own season, sun, camera and moment, with real
-//! parallax and shadows, and exact correspondences.
+//! Pairs from procedural worlds: two renderings of one place that differ in season, sun, camera and time, with parallax, shadows
+//! and exact correspondences.
 
 use super::cuts::{cut_corners, random_turn};
 use super::homography::random_homography;
@@ -17,13 +17,13 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 use std::sync::{Arc, OnceLock};
 
-/// How many worlds, and where in them pairs are taken.
+/// Number of worlds and of places in them.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WorldOptions {
-    /// Worlds; each has its own plan, ground resolution, map and flight.
+    /// Number of worlds; each has its own plan, ground resolution, map look and photo look.
     pub worlds: usize,
-    /// Places rendered in each. All are rendered once, when first drawn, and kept: about 1.8 MB each.
+    /// Places in each world. A place is rendered when it is first used and stays in memory: about 1.8 MB.
     pub places: usize,
 }
 
@@ -38,14 +38,14 @@ impl Default for WorldOptions {
 
 /// Side of a world, metres.
 const WORLD_M: f64 = 560.0;
-/// Ground resolution of the maps, metres per pixel.
+/// Range of the ground resolution of the maps, metres per pixel.
 const GSD_M: [f64; 2] = [0.2, 0.55];
-/// Indices of pictures on disk stay below this.
+/// Picture indices of data folders stay below this number.
 const FIRST_WORLD: usize = 1 << 40;
-/// Cuts that are tried at a place before it is left.
+/// Random cuts of a place before another place is taken.
 const TRIES: usize = 4;
 
-/// One world's flight over one map.
+/// A world with its map look, photo look and camera poses.
 struct Scene {
     config: WorldConfig,
     gsd_m: f64,
@@ -95,7 +95,7 @@ impl Scene {
     }
 }
 
-/// A nearly level camera over a place of the world, at the height from which it sees what the map piece shows.
+/// A nearly nadir camera at a random place, at the height from which it sees about the area of the rendered map.
 fn random_pose(gsd_m: f64, random: &mut impl Rng) -> (Pose, Camera) {
     let side_m = gsd_m * f64::from(RENDERED_PX);
     let margin_m = side_m / 2.0;
@@ -106,7 +106,7 @@ fn random_pose(gsd_m: f64, random: &mut impl Rng) -> (Pose, Camera) {
         x_m: at(),
         y_m: at(),
         height_agl_m: footprint_m / 2.0 / (hfov_deg.to_radians() / 2.0).tan(),
-        // Views are turned when they are cut.
+        // Views are rotated when they are cut.
         heading_deg: 0.0,
         pitch_off_nadir_deg: random.random_range(-7.0..7.0),
         roll_deg: random.random_range(-4.0..4.0),
@@ -119,13 +119,13 @@ fn random_pose(gsd_m: f64, random: &mut impl Rng) -> (Pose, Camera) {
     (pose, camera)
 }
 
-/// A set of worlds to draw pairs from; the same for the same seed.
+/// A set of worlds, decided by its seed.
 pub struct Worlds {
     scenes: Vec<Scene>,
 }
 
 impl Worlds {
-    /// Plans the worlds; nothing is rendered yet. The folds share no world.
+    /// Plans the worlds without rendering. The folds have no world in common.
     pub fn new(options: &WorldOptions, fold: Fold, seed: u64) -> Self {
         let first = seed.wrapping_mul(1_000_003)
             ^ match fold {
@@ -216,7 +216,7 @@ impl Worlds {
 }
 
 impl Source for Worlds {
-    /// Places of one world under one map and one flight: what differs between them is the place alone.
+    /// Pairs of different places of one world under the same looks.
     fn group(&self, count: usize, options: &PairOptions, random: &mut ChaCha8Rng) -> Vec<Pair> {
         let mut out = Vec::with_capacity(count);
         if self.scenes.is_empty() {

@@ -1,20 +1,29 @@
-//! torchvision's `vgg16` and `vgg16_bn` as this network's encoder.
+//! The encoder of torchvision's `vgg16` and `vgg16_bn`.
 
 use super::torch_file::NamedTensor;
 use grimnet_net::{BATCH_NORM_EPSILON, Domain, NetSpec};
 use std::collections::BTreeMap;
 
-/// The encoder's tensors, by this network's names, of a torchvision state dictionary.
+/// The encoder of torchvision's VGG-16.
+#[derive(Clone, Debug)]
+pub struct TorchvisionEncoder {
+    /// Values by tensor name, with the names and shapes of [`NetSpec::vgg16`].
+    pub tensors: Vec<(String, Vec<f32>)>,
+    /// Whether the weights come with batch normalisation (`vgg16_bn`). Without it the normalisations are the identity under
+    /// running statistics, with the convolutions' biases as their shifts.
+    pub has_norms: bool,
+}
+
+/// The encoder of a torchvision state dictionary.
 ///
-/// The 13 convolutions are the four-dimensional `features.N.weight` in the order of N. `vgg16_bn` has its normalisation at
-/// `features.N+1`; both domains start with it. Plain `vgg16` has none: it becomes the identity, with the convolution's bias
-/// as its shift. A normalised convolution's own bias goes into the normalisation's mean.
+/// The 13 convolutions are the four-dimensional `features.N.weight` in the order of N. `vgg16_bn` has its normalisations at
+/// `features.N+1`, which both domains get; the bias of such a convolution is subtracted from the mean.
 ///
 /// # Errors
-/// What does not fit, in words.
+/// Returns what is missing or has a wrong shape.
 pub fn encoder_from_torchvision(
     tensors: &BTreeMap<String, NamedTensor>,
-) -> Result<Vec<(String, Vec<f32>)>, String> {
+) -> Result<TorchvisionEncoder, String> {
     let mut layers: Vec<(usize, &NamedTensor)> = tensors
         .iter()
         .filter(|(_, tensor)| tensor.shape.len() == 4)
@@ -36,7 +45,7 @@ pub fn encoder_from_torchvision(
         .collect();
     if layers.len() != wanted.len() {
         return Err(format!(
-            "it has {} convolutions named features.N.weight; torchvision's vgg16 and vgg16_bn have {}",
+            "found {} convolutions named features.N.weight; expected the {} of torchvision's vgg16 or vgg16_bn",
             layers.len(),
             wanted.len()
         ));
@@ -46,7 +55,7 @@ pub fn encoder_from_torchvision(
     for ((index, weight), (name, width)) in layers.into_iter().zip(wanted) {
         if weight.shape != [width, channels, 3, 3] {
             return Err(format!(
-                "features.{index}.weight is {:?}, not [{width}, {channels}, 3, 3]",
+                "features.{index}.weight has shape {:?}; expected [{width}, {channels}, 3, 3]",
                 weight.shape
             ));
         }
@@ -58,10 +67,14 @@ pub fn encoder_from_torchvision(
             }
         }
     }
-    Ok(out)
+    let has_norms = tensors.keys().any(|name| name.ends_with(".running_mean"));
+    Ok(TorchvisionEncoder {
+        tensors: out,
+        has_norms,
+    })
 }
 
-/// Weight, bias, mean and variance after the convolution `features.index`.
+/// Weight, bias, mean and variance of the normalisation after the convolution `features.index`.
 fn normalisation(
     tensors: &BTreeMap<String, NamedTensor>,
     index: usize,
@@ -71,7 +84,7 @@ fn normalisation(
         match tensors.get(&name) {
             Some(tensor) if tensor.values.len() == width => Ok(Some(tensor.values.clone())),
             Some(tensor) => Err(format!(
-                "{name} has {} values, not {width}",
+                "{name} has {} values; expected {width}",
                 tensor.values.len()
             )),
             None => Ok(None),

@@ -1,15 +1,16 @@
-//! Contrast of right against all other pairs: local descriptors by dual softmax (as in DISK and XFeat), global descriptors by
-//! InfoNCE (van den Oord et al. 2018) within the batch and against a memory of past batches (Wang et al. 2020).
+//! Contrastive losses: dual softmax for local descriptors (as in DISK and XFeat), InfoNCE (van den Oord et al. 2018) within the
+//! batch and against a memory of past batches (Wang et al. 2020) for global descriptors.
 
 use super::{MASKED, constant};
 use crate::model::vlad::unit_rows;
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor, TensorData};
 
-/// Pitch of the descriptor cells, pixels.
+/// Side of a descriptor cell, pixels.
 const CELL_PX: f32 = 8.0;
 
-/// Descriptors at points of pictures, bilinear between cell centres (cell i's centre is pixel 8 i + 3.5), unit length.
+/// Descriptors at points of pictures by bilinear interpolation between cell centres (the centre of cell i is pixel 8 i + 3.5),
+/// scaled to unit length.
 ///
 /// # Shapes
 /// `descriptors` `[n, h, w, d]`; `points` are (picture, x px, y px); result `[points, d]`.
@@ -71,12 +72,12 @@ pub fn descriptor_contrast(
     dual_softmax(a.matmul(b.swap_dims(1, 2)).mul_scalar(1.0 / temperature))
 }
 
-/// InfoNCE between the photos' and the maps' global descriptors: each photo's own map view against the batch's others and
-/// the memory's; each map view's photo against the batch's others.
+/// InfoNCE between global descriptors of photos and maps: the map view of each photo against the other map views of the batch
+/// and of the memory, and the photo of each map view against the other photos of the batch.
 ///
 /// # Shapes
-/// `sat`, `uav` `[n, d]`, `memory` `[m, d]` (no gradient), unit rows. `excluded` `[n * (n + m)]` is true where a column is no
-/// negative of a row (an overlapping place); the diagonal counts always. A scalar.
+/// `sat`, `uav` `[n, d]`, `memory` `[m, d]` (no gradient), unit rows. `excluded` `[n * (n + m)]` is true where a column is not
+/// a negative of a row (an overlapping place); the diagonal always counts. A scalar.
 pub fn global_contrast(
     sat: Tensor<2>,
     uav: Tensor<2>,

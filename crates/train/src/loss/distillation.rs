@@ -1,21 +1,22 @@
-//! Losses against a teacher's view of the same pictures (Hinton et al. 2015; similarities as in Tung and Mori 2019).
+//! Distillation losses: the outputs of a teacher network are the targets (Hinton et al. 2015; similarities as in Tung and Mori
+//! 2019).
 
 use super::constant;
 use crate::model::vlad::unit_rows;
 use burn::tensor::Tensor;
 use burn::tensor::activation::log_softmax;
 
-/// Cross-entropy between the teacher's probabilities and the student's, averaged by weight: `sum w * -sum_c p_c log q_c / sum w`.
+/// Weighted mean of the cross-entropy between the teacher's and the student's probabilities: `sum w * -sum_c p_c log q_c / sum w`.
 ///
 /// # Shapes
-/// `logits` and `teacher` (probabilities) `[cells, 65]`, `weights` of `cells` values (0 leaves a cell out). A scalar.
+/// `logits` and `teacher` (probabilities) `[cells, 65]`, `weights` of `cells` values (0 ignores a cell). A scalar.
 pub fn keypoint_distillation(logits: Tensor<2>, teacher: Tensor<2>, weights: &[f32]) -> Tensor<1> {
     let cross = (log_softmax(logits, 1) * teacher).sum_dim(1);
     weighted_mean(cross, weights).neg()
 }
 
-/// One minus the cosine between a student's descriptors and the teacher's, where the teacher's shorter rows are filled up
-/// with zeros: the student takes over all similarities, and is free to use its other values later.
+/// One minus the cosine between the student's and the teacher's descriptors. Shorter rows of the teacher are padded with zeros,
+/// so that the student learns the same similarities.
 ///
 /// # Shapes
 /// `student` `[cells, d]`, any length; `teacher` `[cells, t]` with `t <= d`, unit rows; `weights` of `cells` values. A scalar.
@@ -29,8 +30,8 @@ pub fn descriptor_distillation(
     weighted_mean(cosine, weights).neg().add_scalar(1.0)
 }
 
-/// Mean squared difference between the similarities within a batch as the student and as the teacher sees them; their
-/// descriptors may have different lengths.
+/// Mean squared difference between the student's and the teacher's similarity matrices of a batch; the descriptors may have
+/// different lengths.
 ///
 /// # Shapes
 /// `student` `[n, d]`, `teacher` `[n, t]`, unit rows. A scalar.

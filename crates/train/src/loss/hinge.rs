@@ -1,4 +1,4 @@
-//! The paper's descriptor loss (eq. 16-17; DeTone et al. 2018): a hinge over all pairs of places of the two views.
+//! The paper's descriptor loss (eq. 16-17; DeTone et al. 2018): a hinge over all pairs of positions of the two views.
 
 use super::constant;
 use burn::tensor::Tensor;
@@ -8,11 +8,11 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct HingeOptions {
-    /// Corresponding descriptors are pulled together up to this similarity (paper: 0.9).
+    /// Similarity above which corresponding descriptors have no loss (paper: 0.9).
     pub positive_margin: f32,
-    /// Others are pushed apart down to this similarity (paper: 0.2).
+    /// Similarity below which other descriptors have no loss (paper: 0.2).
     pub negative_margin: f32,
-    /// Weight of corresponding pairs, of which there are few (the paper: 1; SuperPoint: 250).
+    /// Weight of corresponding pairs (paper: 1; SuperPoint: 250).
     pub positive_weight: f32,
 }
 
@@ -27,7 +27,7 @@ impl Default for HingeOptions {
 }
 
 /// Mean over all pairs of points (i of one view, j of the other) of
-/// `s w max(0, m_p - a_i b_j) + (1 - s) max(0, a_i b_j - m_n)`, where `s` tells whether they show one place.
+/// `s w max(0, m_p - a_i b_j) + (1 - s) max(0, a_i b_j - m_n)`, where `s` is 1 if they are the same place.
 ///
 /// # Shapes
 /// `a` and `b` `[pairs * n, d]`, unit rows; `same` `[pairs * n * n]`: whether point i of the first view of a pair is point j

@@ -1,6 +1,5 @@
-//! The paper's homography loss (eq. 24): how far points land from where they belong when the homography that the
-//! descriptors suggest carries them. The estimate is a weighted DLT on soft matches, so that its gradient reaches the
-//! descriptors.
+//! The paper's homography loss (eq. 24): the reprojection error of a homography estimated from the descriptors, by a weighted DLT
+//! on soft matches, so that the gradient reaches the descriptors.
 
 use super::constant;
 use burn::tensor::activation::softmax;
@@ -9,9 +8,9 @@ use serde::{Deserialize, Serialize};
 
 /// Unknowns of a homography whose last element is 1.
 const UNKNOWNS: usize = 8;
-/// Pull of the perspective terms towards 0, per point: without right matches they would be arbitrary.
+/// Regularisation of the perspective terms, per point: without correct matches they would be arbitrary.
 const RIDGE: f32 = 1e-3;
-/// Denominators below this are taken as this: a point behind the horizon has no place.
+/// Least denominator: points behind the horizon have no projection.
 const LEAST_DENOMINATOR: f32 = 0.2;
 /// Added under the root of a squared distance.
 const DISTANCE_EPSILON: f32 = 1e-8;
@@ -22,7 +21,7 @@ const DISTANCE_EPSILON: f32 = 1e-8;
 pub struct HomographyOptions {
     /// Temperature of the soft matches.
     pub temperature: f32,
-    /// Unit of the distance, pixels (paper: 1).
+    /// Unit of the error, pixels (paper: 1).
     pub unit_px: f32,
 }
 
@@ -40,16 +39,16 @@ impl Default for HomographyOptions {
 pub struct Correspondences {
     /// Points of the first view.
     pub from_px: Tensor<3>,
-    /// Where they are in the second view.
+    /// The corresponding points of the second view.
     pub to_px: Tensor<3>,
     /// Side of the views, pixels.
     pub side_px: f32,
 }
 
-/// Mean distance between the points carried by the estimated homography and their true places, in units.
+/// Mean distance between the points mapped by the estimated homography and the true points, in units of `unit_px`.
 ///
-/// Each point of the first view goes to the mean of the second view's points, weighted by the softmax of the descriptors'
-/// similarity, and counts as much as the square of the largest of those weights.
+/// The soft match of a point of the first view is the mean of the points of the second view, weighted by the softmax of the
+/// descriptors' similarities. Its weight in the DLT is the square of the largest of these weights.
 ///
 /// # Shapes
 /// `a` and `b` `[pairs * n, d]`, unit rows, descriptors of the points of both views. A scalar.
@@ -110,14 +109,14 @@ pub fn weighted_dlt(from: Tensor<3>, to: Tensor<3>, weight: Tensor<3>) -> Tensor
     let target = Tensor::cat(vec![u, v], 1);
     let weight = Tensor::cat(vec![weight.clone(), weight], 1);
 
-    // Weights add up to the number of points: the ridge's strength does not depend on their scale.
+    // Weights are scaled to mean 1, so that the effect of the ridge does not depend on their scale.
     let scale = weight.clone().mean_dim(1).add_scalar(f32::MIN_POSITIVE);
     let weighted = (design.clone() * (weight / scale)).swap_dims(1, 2);
     let normal = weighted.clone().matmul(design) + ridge(b, n, &device);
     solve_positive_definite(normal, weighted.matmul(target))
 }
 
-/// Diagonal: full on the perspective terms, a trace of it elsewhere against rounding.
+/// Diagonal matrix: `RIDGE` for the perspective terms, a thousandth of it elsewhere against rounding errors.
 fn ridge(batch: usize, points: usize, device: &Device) -> Tensor<3> {
     let mut values = vec![0.0; UNKNOWNS * UNKNOWNS];
     for i in 0..UNKNOWNS {
@@ -127,8 +126,8 @@ fn ridge(batch: usize, points: usize, device: &Device) -> Tensor<3> {
     constant(values, [1, UNKNOWNS, UNKNOWNS], device).expand([batch, UNKNOWNS, UNKNOWNS])
 }
 
-/// Solves `m x = r` for each of a batch, by Gauss-Jordan elimination on the device; a symmetric positive definite matrix
-/// needs no pivoting.
+/// Solves `m x = r` for a batch by Gauss-Jordan elimination on the device; symmetric positive definite matrices need no
+/// pivoting.
 ///
 /// # Shapes
 /// `m` `[b, k, k]`, `r` `[b, k, 1]`, result `[b, k, 1]`.
@@ -139,7 +138,7 @@ pub fn solve_positive_definite(m: Tensor<3>, r: Tensor<3>) -> Tensor<3> {
     for i in 0..k {
         let row = augmented.clone().narrow(1, i, 1);
         let row = row.clone() / row.narrow(2, i, 1);
-        // Every row loses its share of this one; this one is replaced by itself over its pivot.
+        // Eliminates column i from the other rows and divides row i by its pivot.
         let mut own = vec![0.0; k];
         own[i] = 1.0;
         let own = constant(own, [1, k, 1], &device);
@@ -149,7 +148,7 @@ pub fn solve_positive_definite(m: Tensor<3>, r: Tensor<3>) -> Tensor<3> {
     augmented.narrow(2, k, 1)
 }
 
-/// Points carried by homographies: `[b, 8, 1]` and `[b, n, 2]` to `[b, n, 2]`.
+/// Applies homographies `[b, 8, 1]` to points `[b, n, 2]`.
 pub fn project(homography: Tensor<3>, points: Tensor<3>) -> Tensor<3> {
     let element = |i: usize| homography.clone().narrow(1, i, 1);
     let (x, y) = (points.clone().narrow(2, 0, 1), points.narrow(2, 1, 1));
@@ -215,7 +214,7 @@ mod tests {
         let plain = Device::flex();
         let device = plain.clone().autodiff();
         let (pairs, n, d) = (2usize, 12usize, 6usize);
-        // Seeds whose descriptors are far from a tie of the largest share, where the loss has no slope.
+        // With these seeds no two weights are nearly equal; there the loss is not differentiable.
         let descriptors = |seed| uniform(pairs * n * d, -1.0..1.0, seed);
         let (a, b) = (descriptors(3), descriptors(4));
         let places = |seed: f32| -> Vec<f32> {

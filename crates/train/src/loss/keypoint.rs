@@ -4,10 +4,10 @@ use super::constant;
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor, TensorData};
 
-/// Weighted cross-entropy, averaged by weight: `sum w * -log p[label] / sum w`.
+/// Weighted mean of the cross-entropy: `sum w * -log p[label] / sum w`.
 ///
 /// # Shapes
-/// `logits` `[cells, 65]`; `labels` and `weights` of `cells` values (64 is "none"; weight 0 leaves a cell out). A scalar.
+/// `logits` `[cells, 65]`; `labels` and `weights` of `cells` values (label 64 is "no keypoint"; weight 0 ignores a cell). A scalar.
 pub fn keypoint_cross_entropy(logits: Tensor<2>, labels: &[u8], weights: &[f32]) -> Tensor<1> {
     let device = logits.device();
     let [cells, _] = logits.dims();

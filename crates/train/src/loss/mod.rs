@@ -1,4 +1,4 @@
-//! The losses. Each takes and gives burn tensors, and is tested against PyTorch, value and gradient.
+//! The losses, on burn tensors. Values and gradients are tested against PyTorch.
 
 mod contrast;
 mod distillation;
@@ -23,10 +23,10 @@ pub use triplet::{TripletOptions, triplet};
 
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// What a masked-out similarity is lowered by.
+/// Added to masked similarities.
 pub(crate) const MASKED: f32 = -1e4;
 
-/// A constant on a tensor's device, as part of its graph where it has one.
+/// A constant tensor; part of the autodiff graph if the device has autodiff.
 pub(crate) fn constant<const D: usize>(
     values: Vec<f32>,
     shape: [usize; D],

@@ -1,4 +1,4 @@
-//! Multi-similarity loss for retrieval (Wang et al. 2019, eq. 9-11): pairs weighted by how they compare with their rivals.
+//! Multi-similarity loss for retrieval (Wang et al. 2019, eq. 9-11).
 
 use super::constant;
 use burn::tensor::Tensor;
@@ -8,13 +8,14 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct MultiSimilarityOptions {
-    /// Steepness for positives.
+    /// Scale of positive similarities.
     pub alpha: f32,
-    /// Steepness for negatives.
+    /// Scale of negative similarities.
     pub beta: f32,
-    /// Similarity that divides positives from negatives.
+    /// Similarity threshold between positives and negatives.
     pub threshold: f32,
-    /// A negative counts where it is at most this much less similar than the positive, and the other way round.
+    /// Mining margin: a negative counts if it is at most this much less similar than the positive, and a positive if it is at
+    /// most this much more similar than the most similar negative.
     pub mining_margin: f32,
 }
 
@@ -29,8 +30,8 @@ impl Default for MultiSimilarityOptions {
     }
 }
 
-/// Mean over queries of `log(1 + e^(-alpha (s_pos - t))) / alpha + log(1 + sum e^(beta (s_neg - t))) / beta`, over the pairs
-/// that mining keeps.
+/// Mean over queries of `log(1 + e^(-alpha (s_pos - t))) / alpha + log(1 + sum e^(beta (s_neg - t))) / beta`, over the mined
+/// pairs.
 ///
 /// # Shapes
 /// As [`super::triplet`]: `sat`, `uav` `[n, d]`, unit rows; `excluded` `[n * n]`. A scalar.
@@ -56,7 +57,7 @@ pub fn multi_similarity(
         .greater_elem(0.0)
         .float()
         * allowed.clone();
-    // Similarities of unit vectors are at least -1: a lower value never is the largest.
+    // Similarities of unit vectors are at least -1, so that masked values are never the largest.
     let nearest = (rivals * allowed.clone() + allowed.sub_scalar(1.0).mul_scalar(2.0)).max_dim(1);
     let kept = (nearest.add_scalar(margin) - own).greater_elem(0.0).float();
 

@@ -1,12 +1,12 @@
-//! Cross-entropy over scene classes, by which an encoder is trained before its task.
+//! Cross-entropy over scene classes, for pre-training the encoder.
 
 use super::{MASKED, constant};
 use crate::data::Scene;
 use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor, TensorData};
 
-/// Mean of `-log p[class]` over the pictures whose scene is known, where `p` is the softmax over the classes of the picture's
-/// own data set; 0 where none is known.
+/// Mean of `-log p[class]` over the pictures with a known class, where `p` is the softmax over the classes of the picture's data
+/// set; 0 if no class is known.
 ///
 /// # Shapes
 /// `logits` `[pictures, classes]`; `scenes` of `pictures` values. A scalar.

@@ -11,9 +11,9 @@ const DISTANCE_EPSILON: f32 = 1e-8;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TripletOptions {
-    /// How much farther a negative has to be than the positive (paper: 0.5).
+    /// Margin between the distances of negative and positive (paper: 0.5).
     pub margin: f32,
-    /// Negatives of each query that count: the m most similar ones of the batch.
+    /// Number m of most similar negatives of the batch that count for each query (not given in the paper).
     pub hardest: usize,
 }
 
@@ -30,7 +30,7 @@ impl Default for TripletOptions {
 ///
 /// # Shapes
 /// `uav` (queries) and `sat` (the positive of each, row by row) `[n, d]`, unit rows; `excluded` `[n * n]` is true where a
-/// column is no negative of a row; the diagonal never is one. A scalar, 0 where nothing is a negative.
+/// column is not a negative of a row; the diagonal never is. A scalar, 0 if there are no negatives.
 pub fn triplet(
     sat: Tensor<2>,
     uav: Tensor<2>,
@@ -41,7 +41,7 @@ pub fn triplet(
     let device = sat.device();
     let barred = |i: usize| i / n == i % n || excluded[i];
     let hardest = options.hardest.clamp(1, n);
-    // A row with fewer negatives than are asked for counts with those it has.
+    // A row with fewer than `hardest` negatives counts with those it has.
     let available = |row: usize| (0..n).filter(|column| !barred(row * n + column)).count();
     let counts: Vec<usize> = (0..n).map(|row| available(row).min(hardest)).collect();
     let total = counts.iter().sum::<usize>().max(1) as f32;
@@ -71,7 +71,7 @@ pub fn triplet(
     (short * constant(valid, [n, hardest], &device)).sum()
 }
 
-/// L2 distance of unit vectors from their cosine.
+/// L2 distance of unit vectors, computed from their cosine.
 fn distance(cosine: Tensor<2>) -> Tensor<2> {
     cosine
         .mul_scalar(-2.0)

@@ -3,6 +3,7 @@
 pub(crate) mod device;
 pub(crate) mod grow;
 mod grow_plan;
+pub(crate) mod identity_norm;
 pub(crate) mod input;
 pub(crate) mod netvlad_init;
 pub(crate) mod network;

@@ -1,20 +1,20 @@
-//! 3x3 convolution (padding 1, stride 1 or 2) and both its gradients on NHWC batches, for the CPU.
+//! 3x3 convolution (padding 1, stride 1 or 2) and its gradients on NHWC batches, for the CPU.
 //!
-//! Weights are `[out, in, 3, 3]`. Stride 1 is Winograd's ([`grimnet_kernels::train`]); stride 2, and layers too narrow for it, gather
-//! the windows as rows of a matrix.
+//! Weights are `[out, in, 3, 3]`. Stride 1 uses Winograd's algorithm ([`grimnet_kernels::train`]); stride 2 and narrow layers use
+//! im2col.
 
 use super::strided_product::{View, product};
 use grimnet_kernels::Isa;
 use grimnet_kernels::train::{BatchConvSpec, conv3x3, conv3x3_grad_input, conv3x3_grad_weight};
 use rayon::prelude::*;
 
-/// Up to this many channels on either side, padding to blocks of 16 costs more than Winograd saves.
+/// Layers with at most this many input or output channels use im2col: padding to blocks of 16 costs more than Winograd saves.
 const NARROW_CHANNELS: usize = 8;
 
-/// Sizes of one convolution over a batch.
+/// Sizes of a convolution over a batch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Geometry {
-    /// Pictures.
+    /// Number of pictures.
     pub batch: usize,
     /// Rows of the input; even where `stride` is 2.
     pub height: usize,
@@ -55,7 +55,7 @@ impl Geometry {
     }
 }
 
-/// Whether Winograd computes a layer.
+/// Whether a layer uses Winograd's algorithm.
 fn by_winograd(g: &Geometry) -> bool {
     g.stride == 1 && g.in_channels.min(g.out_channels) > NARROW_CHANNELS
 }
@@ -70,7 +70,7 @@ fn batch_spec(g: &Geometry) -> BatchConvSpec {
     }
 }
 
-/// `[out, in, 9]` to `[9, in, out]`: the order in which windows are gathered.
+/// `[out, in, 9]` to `[9, in, out]`: the order of the gathered windows.
 fn tap_major(g: &Geometry, weight: &[f32]) -> Vec<f32> {
     let (inputs, outputs) = (g.in_channels, g.out_channels);
     let mut taps = vec![0.0; weight.len()];
@@ -97,7 +97,7 @@ fn oihw(g: &Geometry, taps: &[f32]) -> Vec<f32> {
     weight
 }
 
-/// A picture with a border of one zero pixel.
+/// A picture with a border of zeros, one pixel wide.
 fn padded(picture: &[f32], g: &Geometry, out: &mut Vec<f32>) {
     let (line, row) = (g.width * g.in_channels, (g.width + 2) * g.in_channels);
     out.clear();
@@ -108,8 +108,8 @@ fn padded(picture: &[f32], g: &Geometry, out: &mut Vec<f32>) {
     }
 }
 
-/// For each output pixel and row of its window, where these lie: in a matrix of windows (rows of 9 x channels), and in the padded
-/// picture. Each is three pixels long.
+/// For each output pixel and row of its window, the offsets of that row in the matrix of windows (rows of 9 x channels) and in
+/// the padded picture. A row is three pixels long.
 fn window_rows(g: &Geometry) -> impl Iterator<Item = (usize, usize)> {
     let (c, row, stride) = (g.in_channels, (g.width + 2) * g.in_channels, g.stride);
     let width = g.out_width();
@@ -129,7 +129,7 @@ fn windows(picture: &[f32], g: &Geometry, border: &mut Vec<f32>, out: &mut Vec<f
     }
 }
 
-/// Adds windows back to the places of the picture that they were gathered from.
+/// Adds windows to the pixels that they were gathered from.
 fn add_windows(windows: &[f32], g: &Geometry, border: &mut Vec<f32>, picture: &mut [f32]) {
     let (line, row) = (g.width * g.in_channels, (g.width + 2) * g.in_channels);
     let run = 3 * g.in_channels;
@@ -210,7 +210,7 @@ pub fn grad_input(geometry: &Geometry, grad_y: &[f32], weight: &[f32]) -> Vec<f3
     grad_x
 }
 
-/// Parts of a batch whose weight gradients are summed apart; fixed, so that the sum does not depend on threads.
+/// Number of parts of a batch whose weight gradients are summed separately; fixed, so that the sum does not depend on threads.
 const PARTIAL_SUMS: usize = 4;
 
 /// Gradient with respect to the weights, summed over the batch.
@@ -344,7 +344,7 @@ mod tests {
                 (dot(&grad_weight(&g, &x, &grad), &w) - expected).abs()
                     < 1e-2 + expected.abs() * 1e-4
             );
-            // Beyond the one direction of the dot product: gradients at single places against finite differences.
+            // Single elements of the gradients against finite differences.
             for at in [0, w.len() / 2, w.len() - 1] {
                 let mut moved = w.clone();
                 moved[at] += 1.0;

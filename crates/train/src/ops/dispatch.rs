@@ -1,4 +1,4 @@
-//! The custom operations as burn sees them: forward on the CPU backend, backward registered with autodiff.
+//! The operations as burn operations: forward on the CPU backend, backward registered with autodiff.
 
 use super::convolution::{self, Geometry};
 use super::normalisation::{self, Group, Moments};
@@ -15,7 +15,7 @@ use burn::tensor::ops::ConvOptions;
 use burn::tensor::{DType, Device, Shape, Tensor, TensorData};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Normalisation's settings, and where its forward pass leaves the moments it found.
+/// Settings of the normalisation, and the moments that its forward pass computes.
 #[derive(Clone, Debug)]
 pub struct NormArguments {
     groups: Arc<Vec<Group>>,
@@ -23,7 +23,7 @@ pub struct NormArguments {
     found: Arc<Mutex<Moments>>,
 }
 
-/// The trainer's own operations on a backend.
+/// The operations on a backend.
 #[backend_extension(Autodiff, Flex)]
 pub trait TrainingOps: Backend {
     /// 3x3 convolution, padding 1; `x` `[n, h, w, c]`, `weight` `[o, c, 3, 3]`.
@@ -32,7 +32,7 @@ pub trait TrainingOps: Backend {
         weight: FloatTensor<Self>,
         stride: usize,
     ) -> FloatTensor<Self>;
-    /// Normalisation with statistics per group, then ReLU; `x` `[rows, c]`, `gamma` and `beta` `[domains, c]`.
+    /// Normalisation with the statistics of each group, then ReLU; `x` `[rows, c]`, `gamma` and `beta` `[domains, c]`.
     fn norm_relu_rows(
         x: FloatTensor<Self>,
         gamma: FloatTensor<Self>,
@@ -261,11 +261,11 @@ fn composed_conv3x3(x: Tensor<4>, weight: Tensor<4>, stride: usize) -> Tensor<4>
     y.permute([0, 2, 3, 1])
 }
 
-/// Normalises rows of channels by the statistics of their group, scales and shifts by the group's domain, clips below 0.
+/// Normalises rows of channels by the statistics of their group, applies scale and shift of the group's domain, and ReLU.
 ///
 /// # Shapes
-/// `x` `[rows, c]`, `gamma` and `beta` `[domains, c]`; the groups' rows add up to `rows`. Returns the result and, not part
-/// of the gradient, `(mean, variance)` of each group, `[groups, c]` each (biased variance).
+/// `x` `[rows, c]`, `gamma` and `beta` `[domains, c]`; the groups' rows add up to `rows`. Returns the result, and mean and biased
+/// variance of each group, `[groups, c]` each, without gradient.
 pub fn norm_relu(
     x: Tensor<2>,
     gamma: Tensor<2>,
@@ -300,11 +300,11 @@ pub fn norm_relu(
     )
 }
 
-/// Share of a batch's moments in the running ones (PyTorch's default).
+/// Weight of a batch's moments in the running moments (PyTorch's default).
 const MOMENTUM: f32 = 0.1;
 
-/// Running mean and variance after a batch whose mean and biased variance over `rows` rows were found: as in PyTorch, the
-/// running variance follows the unbiased one.
+/// Updates running mean and variance by the mean and biased variance of a batch of `rows` rows; as in PyTorch, the running
+/// variance uses the unbiased variance.
 pub fn follow_moments(
     [old_mean, old_variance]: [Tensor<1>; 2],
     [mean, variance]: [Tensor<1>; 2],

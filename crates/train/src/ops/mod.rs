@@ -1,7 +1,7 @@
-//! Operations that burn's CPU backend does slowly, with their own backward passes.
+//! Convolution and normalisation with their own CPU kernels and backward passes.
 //!
-//! On the CPU (`Device::flex`) the NHWC convolution and the fused normalisation + ReLU are ours; on any other device the
-//! same functions are composed of burn's operations. Both are tested to agree, values and gradients.
+//! On the CPU (`Device::flex`) the NHWC convolution and the fused normalisation + ReLU use these kernels; on other devices they
+//! are composed of burn's operations. Tests compare values and gradients of both.
 
 pub mod convolution;
 mod dispatch;

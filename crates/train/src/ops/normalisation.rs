@@ -1,19 +1,19 @@
 //! Batch normalisation followed by ReLU over rows of channels (NHWC), with statistics per group of rows, for the CPU.
 //!
-//! A group is what shares statistics: all pictures of one domain (DA-BN, paper eq. 3), or one picture.
+//! The rows of a group share statistics: all pictures of one domain (DA-BN; paper, eq. 3), or one picture.
 
 use rayon::prelude::*;
 
-/// Consecutive rows that share statistics, and the domain whose scale and shift they take.
+/// Consecutive rows that share statistics, and the domain of their scale and shift.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Group {
-    /// Rows (pictures x height x width).
+    /// Number of rows (pictures x height x width).
     pub rows: usize,
     /// Row of the affine parameters.
     pub domain: usize,
 }
 
-/// What the forward pass found, one row of channels per group.
+/// Moments of a forward pass: one row of channels for each group.
 #[derive(Clone, Debug, Default)]
 pub struct Moments {
     /// Mean of each channel.
@@ -22,14 +22,13 @@ pub struct Moments {
     pub variance: Vec<f32>,
 }
 
-/// Rows summed in f32 before the sum goes on in f64; fixed, so that sums do not depend on the number of threads.
+/// Rows that are summed in f32; their sums are added in f64. Fixed, so that sums do not depend on the number of threads.
 const CHUNK_ROWS: usize = 512;
-/// Channels that are summed side by side in registers.
+/// Channels that are summed in parallel in registers.
 const LANES: usize = 16;
 
-/// Two sums over rows for each channel, of what `terms` makes of `LANES` (or fewer) neighbouring channels of a row.
-///
-/// `terms(row, first channel, a, b)` adds to `a` and `b`, as long as the channels are.
+/// Two sums over the rows for each channel. `terms(row, first channel, a, b, width)` adds the terms of `width` channels of a row
+/// to `a` and `b`.
 fn sums<const WHOLE: bool>(
     rows: usize,
     channels: usize,
@@ -89,7 +88,7 @@ fn moment_sums(x: &[f32], rows: usize, channels: usize) -> (Vec<f64>, Vec<f64>) 
     }
 }
 
-/// Sum of the gradient behind the ReLU, and of that gradient times x, of each channel.
+/// Sums of the gradient before the ReLU, and of that gradient times x, for each channel.
 fn gradient_sums(
     x: &[f32],
     grad: &[f32],

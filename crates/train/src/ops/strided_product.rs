@@ -1,6 +1,6 @@
-//! The one dense product under the trainer's convolutions: strided matrices inside flat slices.
+//! Matrix products of strided views into slices.
 
-/// Where a matrix lies inside a flat slice: element `(i, j)` is `data[start + i * row_stride + j * column_stride]`.
+/// A strided matrix in a slice: element `(i, j)` is `data[start + i * row_stride + j * column_stride]`.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     /// Index of element (0, 0).
@@ -38,7 +38,7 @@ impl View {
 /// `out = left * right`, or `out += left * right` with `accumulate`; sizes m x k and k x n, on the calling thread.
 ///
 /// # Panics
-/// Where a view reaches outside its slice, or rows of `out` overlap: a mistake of the caller.
+/// Panics if a view reaches outside its slice, or rows of `out` overlap.
 #[allow(clippy::too_many_arguments)]
 pub fn product(
     [m, n, k]: [usize; 3],

@@ -15,30 +15,58 @@ use std::path::Path;
 ///
 /// # Errors
 /// Returns an error if `start_from` cannot be read or does not fit the network.
-pub(crate) fn initial_state(
+pub(super) fn initial_state(
     config: &TrainConfig,
     scenes: usize,
     device: &Device,
-) -> Result<Checkpoint, TrainError> {
+) -> Result<InitialState, TrainError> {
     let random = Parameters::of_model(&Model::random(&config.spec()?, config.seed)?, device);
-    let (parameters, centres_started) = match &config.start_from {
-        None => (random, false),
+    let loaded = match &config.start_from {
+        None => Loaded::random(random),
         Some(path) => loaded(path, random, config, device)?,
     };
-    let parameters = parameters.with_classifier(scenes, device);
-    Ok(Checkpoint {
-        average: parameters.clone(),
-        parameters,
-        adam: Adam::default(),
-        position: Position {
-            centres_started,
-            stage: config.stage,
-            ..Position::default()
+    let parameters = loaded.parameters.with_classifier(scenes, device);
+    Ok(InitialState {
+        checkpoint: Checkpoint {
+            average: parameters.clone(),
+            parameters,
+            adam: Adam::default(),
+            position: Position {
+                centres_started: loaded.netvlad_initialised,
+                stage: config.stage,
+                ..Position::default()
+            },
         },
+        lacks_norms: loaded.lacks_norms,
     })
 }
 
-/// The parameters of `start_from`, and whether NetVLAD is initialised. A checkpoint gives its averaged parameters. If its
+/// The state before the first step.
+pub(super) struct InitialState {
+    pub(super) checkpoint: Checkpoint,
+    /// Whether the encoder's weights come from a network without normalisation.
+    pub(super) lacks_norms: bool,
+}
+
+/// The parameters of `start_from`.
+struct Loaded {
+    parameters: Parameters,
+    netvlad_initialised: bool,
+    lacks_norms: bool,
+}
+
+impl Loaded {
+    /// Parameters without an initialised NetVLAD.
+    fn random(parameters: Parameters) -> Self {
+        Self {
+            parameters,
+            netvlad_initialised: false,
+            lacks_norms: false,
+        }
+    }
+}
+
+/// Reads `start_from`. A checkpoint gives its averaged parameters. If its
 /// network differs in NetVLAD only, NetVLAD stays random; if it is a smaller network, the encoder grows from it and the rest
 /// stays random; other files are read as weights of torchvision's VGG-16.
 fn loaded(
@@ -46,8 +74,8 @@ fn loaded(
     random: Parameters,
     config: &TrainConfig,
     device: &Device,
-) -> Result<(Parameters, bool), TrainError> {
-    let (found, centres_started) = if Checkpoint::is_checkpoint(path)? {
+) -> Result<Loaded, TrainError> {
+    let (found, netvlad_initialised) = if Checkpoint::is_checkpoint(path)? {
         let checkpoint = Checkpoint::open(path, device)?;
         (
             checkpoint.average.with_classifier(0, device),
@@ -56,7 +84,7 @@ fn loaded(
     } else if let Ok(model) = Model::open(path) {
         (Parameters::of_model(&model, device), true)
     } else {
-        return Ok((with_encoder(path, random)?, false));
+        return with_encoder(path, random);
     };
     if found.spec() != random.spec() {
         if differs_in_netvlad_only(found.spec(), random.spec()) {
@@ -65,7 +93,7 @@ fn loaded(
                 path.display(),
                 config.network
             );
-            return Ok((with_all_but_netvlad(&found, random)?, false));
+            return Ok(Loaded::random(with_all_but_netvlad(&found, random)?));
         }
         if let Some(grown) = grow_encoder(&found, random)? {
             tracing::info!(
@@ -73,7 +101,7 @@ fn loaded(
                 path.display(),
                 config.network
             );
-            return Ok((grown, false));
+            return Ok(Loaded::random(grown));
         }
         return Err(TrainError::Checkpoint {
             path: path.to_owned(),
@@ -83,7 +111,11 @@ fn loaded(
             ),
         });
     }
-    Ok((found, centres_started))
+    Ok(Loaded {
+        parameters: found,
+        netvlad_initialised,
+        lacks_norms: false,
+    })
 }
 
 /// Whether two networks are equal but for NetVLAD.
@@ -109,7 +141,7 @@ fn with_all_but_netvlad(
 }
 
 /// The parameters with the encoder of torchvision's VGG-16.
-fn with_encoder(path: &Path, mut parameters: Parameters) -> Result<Parameters, TrainError> {
+fn with_encoder(path: &Path, mut parameters: Parameters) -> Result<Loaded, TrainError> {
     let wrong = |reason: String| TrainError::Weights {
         path: path.to_owned(),
         reason,
@@ -120,8 +152,11 @@ fn with_encoder(path: &Path, mut parameters: Parameters) -> Result<Parameters, T
             "torchvision's VGG-16 fits `network = \"vgg16\"` and its variants only".into(),
         ));
     }
-    for (name, values) in encoder {
+    for (name, values) in encoder.tensors {
         parameters.set_from_host(&name, values)?;
     }
-    Ok(parameters)
+    Ok(Loaded {
+        lacks_norms: !encoder.has_norms,
+        ..Loaded::random(parameters)
+    })
 }

@@ -3,7 +3,8 @@
 use crate::config::{Stage, TrainConfig};
 use crate::data::{Batch, BatchOptions, Sources, Stream, Task, batch_of, usable};
 use crate::error::TrainError;
-use crate::model::input::input_of;
+use crate::model::identity_norm::set_identity_norms;
+use crate::model::input::{Norms, input_of};
 use crate::model::netvlad_init::init_netvlad;
 use crate::model::network::Network;
 use crate::model::normalisation::Statistics;
@@ -26,6 +27,9 @@ use std::time::Instant;
 const LONGEST_STEP_S: f64 = 60.0;
 /// Longest time between reports.
 const LONGEST_SILENCE_S: f64 = 30.0;
+/// Pairs that the normalisations of weights without normalisation are computed from, and the change of the run's seed for them.
+const IDENTITY_PAIRS: usize = 8;
+const IDENTITY_SEED: u64 = 0x1d;
 /// Batches that NetVLAD is initialised from.
 const CENTRE_BATCHES: u64 = 4;
 
@@ -122,7 +126,12 @@ impl Trainer {
         let state = if resume {
             resumed(&config, scenes, device)?
         } else {
-            initial_state(&config, scenes, device)?
+            let initial = initial_state(&config, scenes, device)?;
+            if initial.lacks_norms {
+                with_identity_norms(initial.checkpoint, &config, &sources, device)?
+            } else {
+                initial.checkpoint
+            }
         };
         Ok(Self {
             objective: Objective::new(&config, state.parameters.spec(), device)?,
@@ -328,6 +337,25 @@ fn scenes_of(config: &TrainConfig, sources: &Sources) -> Result<usize, TrainErro
                 .into(),
         }),
     }
+}
+
+/// The state with normalisations that do not change the encoder's activations.
+fn with_identity_norms(
+    mut state: Checkpoint,
+    config: &TrainConfig,
+    sources: &Sources,
+    device: &Device,
+) -> Result<Checkpoint, TrainError> {
+    let seed = config.seed ^ IDENTITY_SEED;
+    let batch = batch_of(sources, None, &config.pairs, IDENTITY_PAIRS, seed, 0);
+    let batch = usable(batch, 0)?;
+    let plain = device.clone().without_autodiff();
+    let spec = state.parameters.spec().clone();
+    // Both domains get the statistics of their own views, whichever `norms` trains.
+    let input = input_of(&batch, &spec, Norms::ByDomain, &plain);
+    set_identity_norms(&mut state.parameters, &input)?;
+    state.average = state.parameters.clone();
+    Ok(state)
 }
 
 /// The state of the checkpoint that a run resumes from.

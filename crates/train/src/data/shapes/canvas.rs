@@ -9,7 +9,7 @@ pub(super) struct Canvas {
 }
 
 impl Canvas {
-    /// A picture of `side` pixels squared whose colours are a function of the place.
+    /// A picture of `side` x `side` pixels whose colours are a function of the position.
     pub(super) fn new(side: usize, colour: impl Fn([f32; 2]) -> [f32; 3]) -> Self {
         let at = |i: usize| colour([(i % side) as f32, (i / side) as f32]);
         Self {
@@ -18,7 +18,7 @@ impl Canvas {
         }
     }
 
-    /// Fills a convex polygon given by its vertices in order, either way around. Its edge is as wide as a pixel.
+    /// Fills a convex polygon, given by its vertices in order, with an edge one pixel wide.
     pub(super) fn fill_convex(&mut self, vertices: &[[f64; 2]], colour: [f32; 3]) {
         let edges: Vec<([f64; 2], [f64; 2])> = vertices
             .iter()
@@ -68,7 +68,7 @@ impl Canvas {
         });
     }
 
-    /// Mixes in a colour where `outside_px`, the distance from the shape (negative inside), is below half a pixel.
+    /// Blends in a colour where `outside_px`, the signed distance from the shape (negative inside), is below half a pixel.
     fn fill(
         &mut self,
         [x0, y0, x1, y1]: [f64; 4],
@@ -92,7 +92,7 @@ impl Canvas {
         }
     }
 
-    /// Rounded to bytes.
+    /// The picture, rounded to bytes.
     pub(super) fn into_image(self) -> RgbImage {
         let bytes = self
             .pixels

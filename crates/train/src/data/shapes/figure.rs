@@ -1,5 +1,4 @@
-//! The figures that a corner detector is first taught with (DeTone et al. 2018, section 4.1 and figure 4), each inside a disc,
-//! each with its corners.
+//! Figures with known corners (DeTone et al. 2018, section 4.1 and figure 4), each drawn inside a disc.
 
 use super::canvas::Canvas;
 use crate::data::homography::{apply, from_corners};
@@ -7,7 +6,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::{PI, TAU};
 
-/// Least difference of brightness between what meets at a corner.
+/// Least difference of brightness between the areas at a corner.
 const LEAST_CONTRAST: f32 = 0.2;
 /// Least side of a checkerboard's square or width of a stripe, pixels.
 const LEAST_CELL_PX: f64 = 13.0;
@@ -31,12 +30,12 @@ pub(super) enum Figure {
     Stripes,
     /// Three faces of a box: seven corners.
     Cube,
-    /// No corner.
+    /// An ellipse, which has no corner.
     Ellipse,
 }
 
 impl Figure {
-    /// All of them.
+    /// All kinds.
     pub(super) const ALL: [Self; 8] = [
         Self::Triangle,
         Self::Quad,
@@ -48,7 +47,7 @@ impl Figure {
         Self::Ellipse,
     ];
 
-    /// Draws one at random into a disc, on ground of that brightness, and gives its corners.
+    /// Draws a random figure into a disc and returns its corners.
     pub(super) fn draw(self, canvas: &mut Canvas, brush: &mut Brush<'_>) -> Vec<[f64; 2]> {
         match self {
             Self::Triangle => brush.polygon(canvas, 3),
@@ -63,13 +62,13 @@ impl Figure {
     }
 }
 
-/// Where and with what a figure is drawn.
+/// The disc and the colours of a figure.
 pub(super) struct Brush<'a> {
     /// Centre of the disc.
     pub(super) centre: [f64; 2],
     /// Radius of the disc, pixels.
     pub(super) radius_px: f64,
-    /// Brightness of the ground, 0 to 1.
+    /// Brightness of the background, 0 to 1.
     pub(super) ground: f32,
     pub(super) random: &'a mut ChaCha8Rng,
 }
@@ -79,14 +78,14 @@ impl Brush<'_> {
         self.random.random_range(low..high)
     }
 
-    /// A point of the disc: at a share of its radius, under an angle.
+    /// The point of the disc at a share of its radius and an angle.
     fn polar(&self, share: f64, angle: f64) -> [f64; 2] {
         let (sin, cos) = angle.sin_cos();
         let r = share * self.radius_px;
         [self.centre[0] + r * cos, self.centre[1] + r * sin]
     }
 
-    /// `count` colours that differ in brightness from the ground and from each other.
+    /// `count` colours whose brightness differs from the background and from each other.
     fn colours<const N: usize>(&mut self) -> [[f32; 3]; N] {
         let mut taken = vec![self.ground];
         std::array::from_fn(|_| {
@@ -111,8 +110,8 @@ impl Brush<'_> {
         })
     }
 
-    /// `n` points around the centre, as a convex polygon with angles that are neither flat nor needles: on a circle at
-    /// nearly equal distances, squeezed along a random axis to `least` of its length or more.
+    /// A convex polygon of `n` points without very flat or very sharp angles: nearly equally spaced on a circle, which is
+    /// scaled along a random axis by `least` to 1.
     fn ring(&mut self, n: usize, least: f64) -> Vec<[f64; 2]> {
         let step = TAU / n as f64;
         let start = self.between(0.0, TAU);
@@ -150,7 +149,7 @@ impl Brush<'_> {
     fn star(&mut self, canvas: &mut Canvas) -> Vec<[f64; 2]> {
         let rays = self.random.random_range(3..6);
         let mut corners = vec![self.centre];
-        // Rays that lie close together would part far from the centre.
+        // Rays at small angles would separate far from the centre.
         corners.extend(self.ring(rays, 0.9));
         let [colour] = self.colours();
         let width = self.between(LINE_PX[0], LINE_PX[1]);
@@ -160,7 +159,7 @@ impl Brush<'_> {
         corners
     }
 
-    /// The points of a grid laid into a random quadrangle: `[row][column]`, one more each way than there are squares.
+    /// The grid points of a random quadrangle, `[row][column]`: one more along each axis than there are squares.
     fn grid(&mut self, columns: &[f64], rows: &[f64]) -> Vec<Vec<[f64; 2]>> {
         let unit = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
         let ring = self.ring(4, 0.6);
@@ -172,7 +171,7 @@ impl Brush<'_> {
     }
 
     fn checkerboard(&mut self, canvas: &mut Canvas) -> Vec<[f64; 2]> {
-        // The quadrangle's side is about this share of the radius; squeezed, it may be half as long.
+        // The side of the quadrangle is about this share of the radius, or half of it after scaling.
         let most = ((self.radius_px * 0.8 / LEAST_CELL_PX) as usize).clamp(2, 6);
         let [across, down] = [(); 2].map(|()| self.random.random_range(2..=most));
         let grid = self.grid(&even(across), &even(down));
@@ -209,7 +208,7 @@ impl Brush<'_> {
 
     fn cube(&mut self, canvas: &mut Canvas) -> Vec<[f64; 2]> {
         let start = self.between(0.0, TAU);
-        // Two axes together reach at most as far as the disc.
+        // Both axes together do not exceed the disc.
         let axes: [[f64; 2]; 3] = std::array::from_fn(|i| {
             let angle = start + TAU / 3.0 * (i as f64 + self.between(-0.15, 0.15));
             let share = self.between(0.55, 0.75);
@@ -240,7 +239,7 @@ impl Brush<'_> {
     }
 }
 
-/// 0 to 1 in equal steps.
+/// Equally spaced values from 0 to 1.
 fn even(steps: usize) -> Vec<f64> {
     (0..=steps).map(|i| i as f64 / steps as f64).collect()
 }
@@ -258,7 +257,7 @@ fn thick_line([a, b]: [[f64; 2]; 2], width: f64) -> [[f64; 2]; 4] {
     ]
 }
 
-/// Fills the quadrangle around a grid, so that no ground shows between its squares.
+/// Fills the quadrangle around a grid, so that no background is visible between its squares.
 fn fill_outline(canvas: &mut Canvas, grid: &[Vec<[f64; 2]>], colour: [f32; 3]) {
     if let (Some([a, .., b]), Some([d, .., c])) = (
         grid.first().map(Vec::as_slice),

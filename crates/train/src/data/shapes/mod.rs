@@ -1,5 +1,5 @@
-//! Pictures of figures whose corners are known exactly: what a keypoint detector is first taught with (SuperPoint's
-//! "MagicPoint"; DeTone et al. 2018, section 4).
+//! Synthetic shapes whose corners are known exactly, for the first training of a keypoint detector (MagicPoint; DeTone et al.
+//! 2018, section 4).
 
 mod canvas;
 mod figure;
@@ -14,24 +14,24 @@ use rand::Rng;
 use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 
-/// Sides of a picture per side of a view.
+/// Side of a picture as a multiple of the side of a view.
 const PICTURE_PER_VIEW: f64 = 2.1;
-/// Radius of a figure's disc, pixels.
+/// Radius of the disc that contains a figure, pixels.
 const RADIUS_PX: [f64; 2] = [24.0, 110.0];
-/// Places that are tried for figures; those that overlap others are left.
+/// Random positions for figures; figures that would overlap others are dropped.
 const TRIES: usize = 60;
-/// Share of pictures that are mere noise, without a corner.
+/// Share of pictures that consist of noise without corners.
 const NOISE: f64 = 0.06;
-/// Brightness by which the ground may rise or fall across a picture.
+/// Largest change of the background brightness across a picture.
 const SLOPE: f32 = 0.12;
 
-/// Draws a new picture for each pair.
+/// A source that draws a new picture for each pair.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Shapes;
 
 impl Shapes {
-    /// A picture of `side_px` squared, with its corners as keypoints. Figures do not overlap, since what they hide would
-    /// make corners that belong to none of them.
+    /// A picture of `side_px` x `side_px` with its corners as keypoints. Figures do not overlap, since occlusion would make
+    /// additional corners.
     pub fn picture(side_px: u32, random: &mut ChaCha8Rng) -> Picture {
         let side = f64::from(side_px);
         let ground: f32 = random.random_range(0.1..0.9);
@@ -71,7 +71,7 @@ impl Shapes {
     }
 }
 
-/// Ground that is brighter on one side.
+/// A background with a brightness gradient.
 fn sloped(side_px: u32, ground: f32, random: &mut ChaCha8Rng) -> Canvas {
     let (sin, cos) = random.random_range(0.0..std::f32::consts::TAU).sin_cos();
     let slope = random.random_range(0.0..SLOPE) / side_px as f32;
@@ -83,7 +83,7 @@ fn sloped(side_px: u32, ground: f32, random: &mut ChaCha8Rng) -> Canvas {
     })
 }
 
-/// Independent brightness at every pixel.
+/// Independent random brightness at every pixel.
 fn noise(side_px: u32, ground: f32, random: &mut ChaCha8Rng) -> Canvas {
     let spread = random.random_range(0.05..0.4f32);
     let side = side_px as usize;
@@ -97,7 +97,7 @@ fn noise(side_px: u32, ground: f32, random: &mut ChaCha8Rng) -> Canvas {
 
 impl Source for Shapes {
     fn group(&self, count: usize, options: &PairOptions, random: &mut ChaCha8Rng) -> Vec<Pair> {
-        // A cast shadow has corners of its own.
+        // Shadows would add corners.
         let options = PairOptions {
             look: Look {
                 shadows: 0.0,
@@ -126,7 +126,7 @@ mod tests {
     use crate::data::corners::corners;
     use rand::SeedableRng;
 
-    /// What a figure looks like alone on flat ground, and its corners.
+    /// A figure on a uniform background, and its corners.
     fn alone(figure: Figure, seed: u64) -> (image::RgbImage, Vec<[f64; 2]>) {
         let mut canvas = Canvas::new(200, |_| [0.5; 3]);
         let corners = figure.draw(
@@ -148,7 +148,7 @@ mod tests {
             .fold(f64::MAX, f64::min)
     }
 
-    /// Shi and Tomasi's corners are at the labels, and the labels at corners: two independent ways to find them.
+    /// The labels and the corners of Shi and Tomasi agree: two independent methods.
     #[test]
     fn labels_are_where_the_structure_tensor_has_corners() {
         for figure in Figure::ALL.into_iter().filter(|f| *f != Figure::Ellipse) {
@@ -165,7 +165,7 @@ mod tests {
                         "{figure:?} {seed}: no corner within {off} px of {label:?}"
                     );
                 }
-                // The rays of a star part a little away from its centre.
+                // The rays of a star separate at some distance from its centre.
                 let reach = if figure == Figure::Star { 8.0 } else { 5.0 };
                 for corner in found.iter().take(labels.len()) {
                     let off = nearest(*corner, &labels);
@@ -189,7 +189,7 @@ mod tests {
         assert!(none.count() >= 1);
     }
 
-    /// Through the cut, the homography and the rounding: labelled pixels of both views lie at corners of the plain figures.
+    /// After cutting, homography and rounding, labelled pixels of both views are at corners of the drawn figures.
     #[test]
     fn labels_follow_the_homography_into_both_views() {
         let plain = Look {
@@ -220,7 +220,7 @@ mod tests {
                     let label = usize::from(*label);
                     let at = [cell % 20 * 8 + label % 8, cell / 20 * 8 + label / 8];
                     let at = at.map(|v| v as f64);
-                    // The structure tensor says nothing near the edge.
+                    // The structure tensor is not defined near the edge.
                     if at.iter().all(|v| (6.0..154.0).contains(v)) {
                         all += 1;
                         near += i32::from(nearest(at, &found) < 4.0);

@@ -86,6 +86,17 @@ impl Affine {
         })
     }
 
+    /// The same transform with coordinates in another unit: all multiplied by `factor`.
+    ///
+    /// # Errors
+    /// Returns [`GeoError::SingularTransform`] if the result has no inverse.
+    pub(crate) fn scaled(self, factor: f64) -> Result<Self, GeoError> {
+        if factor == 1.0 {
+            return Ok(self);
+        }
+        Self::from_gdal(self.to_gdal().map(|v| v * factor))
+    }
+
     /// As GDAL's geotransform.
     pub const fn to_gdal(self) -> [f64; 6] {
         let c = self.coefficients;

@@ -8,6 +8,7 @@ use proj4rs::adaptors::transform_vertex_2d;
 use serde::{Deserialize, Serialize};
 
 use crate::metres::wrap_longitude_deg;
+use crate::units::degrees_per_unit_of_epsg;
 use crate::{GeoError, LonLat};
 
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
@@ -55,6 +56,11 @@ impl Crs {
             crs: definition.clone(),
             reason: reason.to_string(),
         };
+        if degrees_per_unit_of_epsg(code) != 1.0 {
+            return Err(unknown(
+                "its coordinates are in grads, not in degrees; reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT",
+            ));
+        }
         let def = u16::try_from(code)
             .ok()
             .and_then(crs_definitions::from_code)
@@ -150,6 +156,11 @@ impl Crs {
     /// Whether coordinates are degrees of longitude and latitude.
     pub fn is_geographic(&self) -> bool {
         self.proj.is_latlong()
+    }
+
+    /// Metres per unit of projected coordinates.
+    pub(crate) fn metres_per_unit(&self) -> f64 {
+        self.proj.to_meter()
     }
 
     /// What limits the accuracy, if something does: a datum whose shift to WGS 84 is not in the

@@ -4,6 +4,9 @@ use std::path::Path;
 
 use geotiff_core::geokeys::{self as ids, GeoKeyDirectory, GeoKeyValue};
 
+use crate::units::{
+    degrees_per_angular_unit, degrees_per_unit_of_epsg, is_same_unit, metres_per_linear_unit,
+};
 use crate::{Crs, GeoError};
 
 /// OGC GeoTIFF 1.1: the value that means "described by parameters".
@@ -21,7 +24,6 @@ const KEY_SEMI_MINOR_AXIS: u16 = 2058;
 const KEY_INVERSE_FLATTENING: u16 = 2059;
 const KEY_PRIME_MERIDIAN_LONGITUDE: u16 = 2061;
 const KEY_TO_WGS84: u16 = 2062;
-const KEY_LINEAR_UNIT_SIZE: u16 = 3077;
 const KEY_STD_PARALLEL_1: u16 = 3078;
 const KEY_STD_PARALLEL_2: u16 = 3079;
 const KEY_NATURAL_ORIGIN_LON: u16 = 3080;
@@ -40,8 +42,26 @@ const KEY_SCALE_AT_NATURAL_ORIGIN: u16 = 3092;
 const KEY_SCALE_AT_CENTER: u16 = 3093;
 const KEY_STRAIGHT_VERTICAL_POLE_LON: u16 = 3095;
 
+/// The CRS of a file and the unit of the file's coordinates in it.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct FileCrs {
+    pub crs: Crs,
+    /// Units of the CRS (degrees or the linear unit) per unit of the file's coordinates: not 1 for geographic
+    /// coordinates in another angular unit.
+    pub crs_units_per_file_unit: f64,
+}
+
+impl From<Crs> for FileCrs {
+    fn from(crs: Crs) -> Self {
+        Self {
+            crs,
+            crs_units_per_file_unit: 1.0,
+        }
+    }
+}
+
 /// The CRS of a file's GeoKeys.
-pub(crate) fn crs_from_geokeys(keys: &GeoKeyDirectory, path: &Path) -> Result<Crs, GeoError> {
+pub(crate) fn crs_from_geokeys(keys: &GeoKeyDirectory, path: &Path) -> Result<FileCrs, GeoError> {
     let result = match keys.get_short(ids::GT_MODEL_TYPE) {
         Some(MODEL_GEOGRAPHIC) => geographic(keys),
         Some(MODEL_PROJECTED) | None => projected(keys),
@@ -95,30 +115,41 @@ fn citation(keys: &GeoKeyDirectory) -> String {
         )
 }
 
-fn geographic(keys: &GeoKeyDirectory) -> Result<Crs, Problem> {
+fn geographic(keys: &GeoKeyDirectory) -> Result<FileCrs, Problem> {
+    let unit_deg = degrees_per_angular_unit(keys).map_err(Problem::Unsupported)?;
     if let Some(code) = code(keys, ids::GEODETIC_CRS_TYPE) {
-        return Ok(Crs::from_epsg(u32::from(code))?);
+        let code = u32::from(code);
+        let own_deg = degrees_per_unit_of_epsg(code);
+        if unit_deg.is_some_and(|unit_deg| !is_same_unit(unit_deg, own_deg)) {
+            return Err(Problem::Unsupported(format!(
+                "EPSG:{code} has coordinates of {own_deg} degrees per unit, and GeogAngularUnitsGeoKey says {} degrees",
+                unit_deg.unwrap_or_default()
+            )));
+        }
+        return Ok(Crs::from_epsg(code)?.into());
     }
-    let unit = keys
-        .get_short(ids::GEOG_ANGULAR_UNITS)
-        .unwrap_or(ANGLE_DEGREE);
-    if unit != ANGLE_DEGREE {
-        return Err(Problem::Unsupported(format!(
-            "coordinates in angular unit {unit}"
-        )));
-    }
-    Ok(Crs::from_proj_string(&format!(
-        "+proj=longlat {} +no_defs",
-        datum(keys)?
-    ))?)
+    let crs = Crs::from_proj_string(&format!("+proj=longlat {} +no_defs", datum(keys)?))?;
+    Ok(FileCrs {
+        crs,
+        crs_units_per_file_unit: unit_deg.unwrap_or(1.0),
+    })
 }
 
-fn projected(keys: &GeoKeyDirectory) -> Result<Crs, Problem> {
+fn projected(keys: &GeoKeyDirectory) -> Result<FileCrs, Problem> {
+    let unit_m = metres_per_linear_unit(keys).map_err(Problem::Unsupported)?;
     if let Some(code) = code(keys, ids::PROJECTED_CRS_TYPE) {
-        return Ok(Crs::from_epsg(u32::from(code))?);
+        let crs = Crs::from_epsg(u32::from(code))?;
+        let own_m = crs.metres_per_unit();
+        if !crs.is_geographic() && unit_m.is_some_and(|unit_m| !is_same_unit(unit_m, own_m)) {
+            return Err(Problem::Unsupported(format!(
+                "EPSG:{code} has coordinates of {own_m} m per unit, and ProjLinearUnitsGeoKey says {} m",
+                unit_m.unwrap_or_default()
+            )));
+        }
+        return Ok(crs.into());
     }
     let datum = datum(keys)?;
-    let units = linear_unit(keys)?;
+    let units = proj_units(unit_m.unwrap_or(1.0));
     let projection = match code(keys, ids::PROJECTION) {
         // EPSG's UTM conversions: 16001 to 16060 north, 16101 to 16160 south.
         Some(c @ 16001..=16060) => format!("+proj=utm +zone={}", c - 16000),
@@ -128,13 +159,32 @@ fn projected(keys: &GeoKeyDirectory) -> Result<Crs, Problem> {
         }
         None => projection(keys)?,
     };
-    Ok(Crs::from_proj_string(&format!(
-        "{projection} {datum} {units} +no_defs"
-    ))?)
+    Ok(Crs::from_proj_string(&format!("{projection} {datum} {units} +no_defs"))?.into())
 }
 
-/// EPSG unit code of the degree.
-const ANGLE_DEGREE: u16 = 9102;
+/// An angle parameter, degrees: it is stored in the unit of GeogAngularUnitsGeoKey.
+fn angle_deg(keys: &GeoKeyDirectory, key: u16) -> Result<Option<f64>, Problem> {
+    let Some(value) = number(keys, key) else {
+        return Ok(None);
+    };
+    let unit_deg = degrees_per_angular_unit(keys)
+        .map_err(Problem::Unsupported)?
+        .unwrap_or(1.0);
+    Ok(Some(if unit_deg == 1.0 {
+        value
+    } else {
+        value * unit_deg
+    }))
+}
+
+fn first_angle_deg(keys: &GeoKeyDirectory, choices: &[u16]) -> Result<f64, Problem> {
+    for &key in choices {
+        if let Some(angle) = angle_deg(keys, key)? {
+            return Ok(angle);
+        }
+    }
+    Ok(0.0)
+}
 
 fn number(keys: &GeoKeyDirectory, key: u16) -> Option<f64> {
     match &keys.get(key)?.value {
@@ -177,7 +227,7 @@ fn datum(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     }
     match (
         code(keys, KEY_PRIME_MERIDIAN),
-        number(keys, KEY_PRIME_MERIDIAN_LONGITUDE),
+        angle_deg(keys, KEY_PRIME_MERIDIAN_LONGITUDE)?,
     ) {
         (Some(8901) | None, None) => {}
         (_, Some(lon)) => text.push_str(&format!(" +pm={lon}")),
@@ -213,16 +263,16 @@ fn ellipsoid(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     }
 }
 
-fn linear_unit(keys: &GeoKeyDirectory) -> Result<String, Problem> {
-    // EPSG units: metre, foot, US survey foot.
-    match keys.get_short(ids::PROJ_LINEAR_UNITS) {
-        None | Some(9001) => Ok("+units=m".to_string()),
-        Some(9002) => Ok("+units=ft".to_string()),
-        Some(9003) => Ok("+units=us-ft".to_string()),
-        Some(USER_DEFINED) => number(keys, KEY_LINEAR_UNIT_SIZE)
-            .map(|size| format!("+to_meter={size}"))
-            .ok_or_else(|| Problem::Unsupported("a linear unit without size".to_string())),
-        Some(other) => Err(Problem::Unsupported(format!("linear unit {other}"))),
+/// A linear unit as a PROJ parameter.
+fn proj_units(unit_m: f64) -> String {
+    if unit_m == 1.0 {
+        "+units=m".to_string()
+    } else if is_same_unit(unit_m, 0.3048) {
+        "+units=ft".to_string()
+    } else if is_same_unit(unit_m, 1200.0 / 3937.0) {
+        "+units=us-ft".to_string()
+    } else {
+        format!("+to_meter={unit_m}")
     }
 }
 
@@ -234,20 +284,22 @@ fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
         .ok_or(Problem::Missing)?;
     // Angles are in the unit of GeogAngularUnits; offsets in that of ProjLinearUnits.
     let any = |choices: &[u16]| choices.iter().find_map(|&key| number(keys, key));
-    let lat_0 = any(&[KEY_NATURAL_ORIGIN_LAT, KEY_FALSE_ORIGIN_LAT, KEY_CENTER_LAT]).unwrap_or(0.0);
-    let lon_0 = any(&[
-        KEY_NATURAL_ORIGIN_LON,
-        KEY_FALSE_ORIGIN_LON,
-        KEY_CENTER_LON,
-        KEY_STRAIGHT_VERTICAL_POLE_LON,
-    ])
-    .unwrap_or(0.0);
-    let unit_m = match keys.get_short(ids::PROJ_LINEAR_UNITS) {
-        Some(9002) => 0.3048,
-        Some(9003) => 1200.0 / 3937.0,
-        Some(USER_DEFINED) => number(keys, KEY_LINEAR_UNIT_SIZE).unwrap_or(1.0),
-        _ => 1.0,
-    };
+    let lat_0 = first_angle_deg(
+        keys,
+        &[KEY_NATURAL_ORIGIN_LAT, KEY_FALSE_ORIGIN_LAT, KEY_CENTER_LAT],
+    )?;
+    let lon_0 = first_angle_deg(
+        keys,
+        &[
+            KEY_NATURAL_ORIGIN_LON,
+            KEY_FALSE_ORIGIN_LON,
+            KEY_CENTER_LON,
+            KEY_STRAIGHT_VERTICAL_POLE_LON,
+        ],
+    )?;
+    let unit_m = metres_per_linear_unit(keys)
+        .map_err(Problem::Unsupported)?
+        .unwrap_or(1.0);
     let x_0 = any(&[
         KEY_FALSE_EASTING,
         KEY_FALSE_ORIGIN_EASTING,
@@ -263,8 +315,8 @@ fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     .unwrap_or(0.0)
         * unit_m;
     let k = any(&[KEY_SCALE_AT_NATURAL_ORIGIN, KEY_SCALE_AT_CENTER]).unwrap_or(1.0);
-    let lat_1 = number(keys, KEY_STD_PARALLEL_1);
-    let lat_2 = number(keys, KEY_STD_PARALLEL_2);
+    let lat_1 = angle_deg(keys, KEY_STD_PARALLEL_1)?;
+    let lat_2 = angle_deg(keys, KEY_STD_PARALLEL_2)?;
     let parallels = || match (lat_1, lat_2) {
         (Some(a), Some(b)) => Ok(format!("+lat_1={a} +lat_2={b}")),
         _ => Err(Problem::Unsupported(

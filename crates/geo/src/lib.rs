@@ -48,6 +48,7 @@ mod samples;
 mod tiff;
 mod tiff_georeference;
 mod tiff_images;
+mod units;
 mod windowed;
 mod world_file;
 

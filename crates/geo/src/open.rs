@@ -8,7 +8,7 @@ use crate::block::BlockSource;
 use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
 use crate::csv_mosaic::open_mosaic;
-use crate::geokeys::crs_from_geokeys;
+use crate::geokeys::{FileCrs, crs_from_geokeys};
 use crate::picture::Picture;
 use crate::tiff::TiffMap;
 use crate::tiff_georeference::place_of;
@@ -78,7 +78,7 @@ pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, Ge
     let size_px = picture.size_px();
     let georeference = match corners_georeference(&crs, options, size_px)? {
         Some(georeference) => georeference,
-        None => world_georeference(path, crs, size_px)?.ok_or_else(|| {
+        None => world_georeference(path, crs.map(FileCrs::from), size_px)?.ok_or_else(|| {
             no_georeference(
                 path,
                 "a picture has none of its own, and there is no world file",
@@ -140,7 +140,7 @@ fn tiff_georeference(
     let Some(affine) = place.affine else {
         // Some writers store the CRS in the file and the transform beside it.
         let crs = match (crs, &place.geokeys) {
-            (Some(crs), _) => Some(crs),
+            (Some(crs), _) => Some(crs.into()),
             (None, Some(keys)) => Some(crs_from_geokeys(keys, path)?),
             (None, None) => None,
         };
@@ -151,7 +151,7 @@ fn tiff_georeference(
             .ok_or_else(|| no_georeference(path, reason));
     };
     let crs = match (crs, &place.geokeys) {
-        (Some(crs), _) => crs,
+        (Some(crs), _) => crs.into(),
         (None, Some(keys)) => crs_from_geokeys(keys, path)?,
         (None, None) => {
             return Err(GeoError::MissingCrs {
@@ -190,7 +190,7 @@ fn corners_georeference(
 
 fn world_georeference(
     path: &Path,
-    crs: Option<Crs>,
+    crs: Option<FileCrs>,
     size_px: (u64, u64),
 ) -> Result<Option<Georeference>, GeoError> {
     let Some(world_file) = find_world_file(path) else {
@@ -209,10 +209,13 @@ fn world_georeference(
 fn georeference(
     path: &Path,
     affine: Affine,
-    crs: Crs,
+    crs: FileCrs,
     size_px: (u64, u64),
 ) -> Result<Georeference, GeoError> {
-    let georeference = Georeference::new(affine, crs, size_px);
+    let affine = affine
+        .scaled(crs.crs_units_per_file_unit)
+        .map_err(|e| e.in_file(path))?;
+    let georeference = Georeference::new(affine, crs.crs, size_px);
     let (x, y) = affine.xy_from_map_px(georeference.centre_px());
     let crs = georeference.crs();
     if crs.is_geographic() && y.abs() > 90.0 && x.abs() <= 90.0 && y.abs() <= 180.0 {

@@ -1,24 +1,19 @@
-//! Maps of `../shared/data`, where that is present. These tests say so when they skip.
+//! Maps of `../shared/data`, which is not part of the repository: run with `cargo test -- --ignored`.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
-#![allow(clippy::print_stdout, reason = "a skipped test says so")]
 
 use std::path::{Path, PathBuf};
 
 use grimnet_geo::{LonLat, MapOptions, MapPx, WindowPx, distance_m, open_map};
 
-fn shared_data() -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data");
-    let found = path.is_dir();
-    if !found {
-        println!("skipped: {} is absent", path.display());
-    }
-    found.then_some(path)
+fn shared_data() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../shared/data")
 }
 
 #[test]
+#[ignore = "needs ../shared/data"]
 fn truth_of_fongyuan_agrees_with_its_map() {
-    let Some(data) = shared_data() else { return };
+    let data = shared_data();
     let map = open_map(&data.join("fongyuan/map.tif"), &MapOptions::default()).unwrap();
     assert_eq!(map.size_px(), (4103, 3894));
     assert_eq!(map.georeference().crs().definition(), "EPSG:4326");
@@ -55,8 +50,9 @@ fn truth_of_fongyuan_agrees_with_its_map() {
 }
 
 #[test]
+#[ignore = "needs ../shared/data"]
 fn finland_is_one_mosaic() {
-    let Some(data) = shared_data() else { return };
+    let data = shared_data();
     let map = open_map(&data.join("maps/finland/map.csv"), &MapOptions::default()).unwrap();
     let (w, h) = map.size_px();
     // Three columns and five rows of pictures of 1406 to 1486 by 1230 to 1291 px that cover the

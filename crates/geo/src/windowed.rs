@@ -11,6 +11,8 @@ use crate::{GeoError, RasterPatch, WindowPx};
 
 /// Most pixels that a patch may have.
 const MAX_OUTPUT_PX: u64 = 1 << 28;
+/// Longest side of a window, pixels: resampling evaluates the filter over all of it, also outside the map.
+const MAX_WINDOW_SIDE_PX: f64 = (1_u64 << 27) as f64;
 /// An overview may be coarser than asked for by this much (rounding of its size).
 const OVERVIEW_SLACK: f64 = 1.01;
 /// Windows this near to whole pixels are copied, pixels.
@@ -71,6 +73,12 @@ pub(crate) fn check(window: WindowPx, out_w: u32, out_h: u32) -> Result<(), GeoE
     let sides = [window.x, window.y, window.w, window.h];
     if sides.iter().any(|v| !v.is_finite() || v.abs() > 1e12) {
         return bad("its sides must be finite, below 1e12 pixels");
+    }
+    if window.w.max(window.h) > MAX_WINDOW_SIDE_PX {
+        return bad(&format!(
+            "it is {} pixels long, more than {MAX_WINDOW_SIDE_PX}; choose a finer ground resolution",
+            window.w.max(window.h)
+        ));
     }
     if window.w <= 0.0 || window.h <= 0.0 {
         return bad("it is empty");

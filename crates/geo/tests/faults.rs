@@ -450,6 +450,9 @@ fn windows_that_cannot_be_read_are_refused() {
         (WindowPx::new(0.0, 0.0, 5.0, 5.0), 0, 5),
         (WindowPx::new(0.0, 0.0, 5.0, 5.0), 100_000, 100_000),
         (WindowPx::new(1e300, 0.0, 5.0, 5.0), 5, 5),
+        // The filter would take hours to evaluate.
+        (WindowPx::new(-1e9, -1e9, 2e9, 2e9), 5, 5),
+        (WindowPx::new(0.0, 0.0, 5.0, 9e11), 640, 640),
     ] {
         let error = map.read(window, w, h).unwrap_err();
         assert!(matches!(error, GeoError::BadWindow { .. }), "{error}");

@@ -7,6 +7,7 @@
 pub(crate) mod adapt;
 pub(crate) mod assemble;
 pub(crate) mod cells;
+pub(crate) mod cost;
 pub(crate) mod frontier;
 pub(crate) mod index_build;
 pub(crate) mod journal;
@@ -31,6 +32,7 @@ use grimnet_net::Model;
 
 use self::assemble::write_pack;
 use self::cells::Cells;
+use self::cost::{check_cost, check_scale};
 use self::journal::Journal;
 use self::level_build::LevelBuild;
 use self::level_plan::LevelPlan;
@@ -40,6 +42,7 @@ use self::recipe::Recipe;
 use self::resume::Resume;
 use self::summary::new_manifest;
 use crate::error::{PackError, Result};
+use crate::limits::BuildLimits;
 use crate::manifest::LevelManifest;
 use crate::mode::Mode;
 use crate::options::BuildOptions;
@@ -52,9 +55,9 @@ use crate::paper::PaperTiles;
 /// on interruptions. Memory does not grow with the map except for a few bytes per tile.
 ///
 /// # Errors
-/// Returns an error if the options are invalid, the map cannot be read or has no usable tile, another process builds
-/// the same pack, the disk is full, or the folder cannot be written. What was computed is kept for the next run where
-/// that is possible.
+/// Returns an error if the options are invalid, the map cannot be read or has no usable tile, the plan exceeds a limit
+/// of [`BuildLimits`], another process builds the same pack, the disk is full, or the folder cannot be written. What
+/// was computed is kept for the next run where that is possible.
 pub fn build(
     raster: &dyn Raster,
     model: &Model,
@@ -62,6 +65,30 @@ pub fn build(
     out: &Path,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> Result<BuildReport> {
+    build_with_limits(
+        raster,
+        model,
+        options,
+        &BuildLimits::default(),
+        out,
+        on_progress,
+    )
+}
+
+/// [`build`] with other limits than the default ones.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_with_limits(
+    raster: &dyn Raster,
+    model: &Model,
+    options: &BuildOptions,
+    limits: &BuildLimits,
+    out: &Path,
+    on_progress: &mut dyn FnMut(&Progress),
+) -> Result<BuildReport> {
+    check_output(out)?;
+    check_scale(raster, limits)?;
     let recipe = recipe(options);
     let recipe = recipe.as_ref();
     let plans = plan_levels(
@@ -71,6 +98,7 @@ pub fn build(
         recipe,
         model.spec(),
     )?;
+    check_cost(&plans, model.spec(), options, recipe, limits)?;
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {
@@ -101,10 +129,13 @@ pub fn build(
     }
     if levels.iter().all(|level| level.tiles.is_empty()) {
         journal.remove()?;
-        let why = format!("{} of nodata or black", meter.progress.tiles_skipped);
         return Err(PackError::Empty {
-            path: out.to_path_buf(),
-            why,
+            map: raster.describe(),
+            why: format!(
+                "all {} tiles are without data or black; check that the map is not blank, and that its coordinate \
+                 system and scale are right",
+                meter.progress.tiles_skipped
+            ),
         });
     }
     meter.progress.phase = Phase::Writing;
@@ -120,6 +151,16 @@ pub fn build(
     sync_folder(out);
     journal.remove()?;
     Ok(report(&Pack::open(out)?, &meter, false))
+}
+
+/// Refuses an output that is a folder or device before hours of work.
+fn check_output(out: &Path) -> Result<()> {
+    match std::fs::metadata(out) {
+        Ok(metadata) if !metadata.is_file() => Err(PackError::NotAFile {
+            path: out.to_path_buf(),
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// What the options' mode does differently.

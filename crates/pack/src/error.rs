@@ -1,35 +1,42 @@
-//! What can go wrong with a pack, said so that the reader knows what to do next.
+//! The errors of this crate.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// Any failure of building, opening or searching a pack.
+/// An error of building, opening or searching a pack. It says what is wrong, what was expected, and what to do.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum PackError {
     /// The operating system refused a file operation.
     #[error("cannot {action} {}: {source}{hint}", path.display())]
     Io {
-        /// What was tried, as an infinitive ("read", "write").
+        /// What was attempted, as an infinitive ("read", "write").
         action: &'static str,
-        /// The file or folder concerned.
+        /// The file or folder.
         path: PathBuf,
-        /// The system's own words.
+        /// The error of the operating system.
         source: io::Error,
         /// What to do, empty or starting with "; ".
         hint: &'static str,
     },
     /// The file does not start like a pack.
-    #[error(
-        "{} is not a grimnet pack; make one with `grim map build MAP -o AREA.grim`",
-        path.display()
-    )]
+    #[error("{} is not a grimnet pack; build one from a map", path.display())]
     NotAPack {
         /// The file.
         path: PathBuf,
     },
+    /// The output of a build is not a regular file.
+    #[error(
+        "{} is a folder or a device; expected the path of a file to write the pack to",
+        path.display()
+    )]
+    NotAFile {
+        /// The path.
+        path: PathBuf,
+    },
     /// The file ends before its contents do.
     #[error(
-        "{} is cut short: {found} of {expected} bytes are there; copy it again or run `grim map build` again",
+        "{} is truncated: it has {found} bytes, expected {expected}; copy it again or build it again",
         path.display()
     )]
     Truncated {
@@ -42,7 +49,7 @@ pub enum PackError {
     },
     /// The pack was written in another format version.
     #[error(
-        "{} has pack format {found}, this program reads format {supported}; run `grim map build` again with this program",
+        "{} has pack format {found}, this program reads format {supported}; build the pack again with this program",
         path.display()
     )]
     Version {
@@ -54,31 +61,67 @@ pub enum PackError {
         supported: u32,
     },
     /// A checksum or an internal reference does not hold.
-    #[error(
-        "{} is damaged ({what}); copy it again or run `grim map build` again",
-        path.display()
-    )]
+    #[error("{} is damaged ({what}); copy it again or build it again", path.display())]
     Corrupt {
         /// The file.
         path: PathBuf,
         /// Which part, and how it was noticed.
         what: String,
     },
-    /// The pack, or the map it would be built from, has no usable tile.
+    /// The file was truncated or overwritten while it was open.
     #[error(
-        "{} has no usable tile ({why}); check that the map is not blank and covers more than a few pixels",
+        "{} was changed while it was in use: it had {expected} bytes and now has {found}; open it again, and replace \
+         packs by renaming a new file",
         path.display()
     )]
-    Empty {
-        /// The pack.
+    Changed {
+        /// The file.
         path: PathBuf,
-        /// Counts of what was skipped.
+        /// Bytes on opening.
+        expected: u64,
+        /// Bytes now.
+        found: u64,
+    },
+    /// A part of the pack exceeds a limit of [`crate::PackLimits`].
+    #[error("{}: its {what} have {found} bytes, more than the limit of {limit}", path.display())]
+    TooLarge {
+        /// The file.
+        path: PathBuf,
+        /// Which part.
+        what: &'static str,
+        /// Its size, bytes.
+        found: u64,
+        /// The limit, bytes.
+        limit: u64,
+    },
+    /// The map has no usable tile.
+    #[error("the map has no usable tile: {map}: {why}")]
+    Empty {
+        /// The map, as it describes itself.
+        map: String,
+        /// What was found, and the likely cause.
         why: String,
+    },
+    /// What a build would cost exceeds a limit of [`crate::BuildLimits`].
+    #[error(
+        "the pack would be too large: {what}; choose coarser ground resolutions or a smaller map"
+    )]
+    TooCostly {
+        /// The number that exceeds its limit.
+        what: String,
+    },
+    /// The map's scale on the ground is implausible.
+    #[error("the map cannot be used: {map}: {what}; check its coordinate system and scale")]
+    Scale {
+        /// The map, as it describes itself.
+        map: String,
+        /// The number that is out of range.
+        what: String,
     },
     /// The pack was built with another model.
     #[error(
-        "{} was built with model {pack_model} ({pack_hash}), not with {model} ({model_hash}); \
-         give that model with --model, or run `grim map build` again with this one",
+        "{} was built with model {pack_model} ({pack_hash}), not with {model} ({model_hash}); use that model, or build \
+         the pack again with this one",
         path.display()
     )]
     ModelMismatch {
@@ -88,34 +131,31 @@ pub enum PackError {
         pack_model: String,
         /// Its hash, shortened.
         pack_hash: String,
-        /// Name of the model at hand.
+        /// Name of the model in use.
         model: String,
         /// Its hash, shortened.
         model_hash: String,
     },
     /// Another process builds the same pack.
-    #[error(
-        "another `grim map build` is writing {}; wait for it, or choose another output",
-        path.display()
-    )]
+    #[error("another process is building {}; wait for it, or choose another output", path.display())]
     Busy {
         /// The pack that is being built.
         path: PathBuf,
     },
-    /// An index cannot be trained on so few tiles, or not with these dimensions.
+    /// An index cannot be trained on so few tiles, or with these dimensions, or the level does not have it.
     #[error(
-        "no IVF-PQ index: {0}; use the exact index, which is also faster below some 100,000 tiles"
+        "no IVF-PQ index: {0}; use exact search, which is also faster below about 100,000 tiles"
     )]
     Index(String),
-    /// The options contradict each other or the map.
+    /// The options are invalid, or do not fit the map.
     #[error("{0}")]
     Options(String),
     /// A query does not have the pack's dimension.
     #[error(
-        "a query descriptor has {found} numbers, the pack's have {expected}; it comes from another model"
+        "a query descriptor has {found} numbers, expected a multiple of {expected}; it comes from another model"
     )]
     Dimension {
-        /// Length of a row in the pack.
+        /// Dimension of the pack's tile descriptors.
         expected: usize,
         /// Length that was given.
         found: usize,
@@ -128,17 +168,17 @@ pub enum PackError {
     Net(#[from] grimnet_net::NetError),
 }
 
-/// Shorthand for results of this crate.
+/// Result of this crate's functions.
 pub type Result<T> = std::result::Result<T, PackError>;
 
 impl PackError {
-    /// Wraps a system error with the file and advice for the kinds a user can do something about.
+    /// Wraps a system error with the file and advice for the kinds that a user can resolve.
     pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
         let hint = match source.kind() {
             io::ErrorKind::StorageFull
             | io::ErrorKind::QuotaExceeded
             | io::ErrorKind::FileTooLarge => {
-                "; free some space and run the same command again, it goes on where it stopped"
+                "; free some space and run the same command again, it continues where it stopped"
             }
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                 "; choose a folder that you may write to, or change its permissions"

@@ -2,7 +2,7 @@
 
 use half::f16;
 
-use crate::format::{BlobLayout, POSITION_STEPS_PER_PX};
+use crate::format::{ALIGNMENT, BlobLayout, POSITION_STEPS_PER_PX};
 
 /// Features of one cell or paper tile, borrowed from the mapped file, strongest keypoint first.
 #[derive(Clone, Copy, Debug)]
@@ -25,7 +25,7 @@ impl<'a> FeatureBlock<'a> {
         offset_px: [f32; 2],
         px_per_stored_px: f32,
     ) -> Option<Self> {
-        let layout = BlobLayout::new(keypoints, dim);
+        let layout = BlobLayout::new(keypoints, dim)?;
         let positions = blob.get(layout.positions..layout.scores)?;
         let scores = blob.get(layout.scores..layout.end)?;
         Some(Self {
@@ -129,22 +129,16 @@ pub(crate) fn encode_blob(
     scores: &[f32],
     descriptors: &[i8],
 ) -> Vec<u8> {
-    let n = positions_px.len();
-    let dim = descriptors.len().checked_div(n).unwrap_or(0);
-    let layout = BlobLayout::new(n, dim);
-    let mut blob = vec![0u8; layout.stored_len()];
-    blob[..n * dim].copy_from_slice(bytemuck::cast_slice(descriptors));
-    for (i, xy) in positions_px.iter().enumerate() {
-        for (a, &v) in xy.iter().enumerate() {
-            let stored = (v * POSITION_STEPS_PER_PX).round().clamp(0.0, 65535.0) as u16;
-            let at = layout.positions + 4 * i + 2 * a;
-            blob[at..at + 2].copy_from_slice(&stored.to_le_bytes());
-        }
+    let mut blob: Vec<u8> = bytemuck::cast_slice(descriptors).to_vec();
+    blob.resize(blob.len().next_multiple_of(4), 0);
+    for v in positions_px.iter().flatten() {
+        let stored = (v * POSITION_STEPS_PER_PX).round().clamp(0.0, 65535.0) as u16;
+        blob.extend_from_slice(&stored.to_le_bytes());
     }
-    for (i, &score) in scores.iter().enumerate() {
-        let at = layout.scores + 2 * i;
-        blob[at..at + 2].copy_from_slice(&f16::from_f32(score).to_le_bytes());
+    for &score in scores {
+        blob.extend_from_slice(&f16::from_f32(score).to_le_bytes());
     }
+    blob.resize(blob.len().next_multiple_of(ALIGNMENT as usize), 0);
     blob
 }
 

@@ -1,21 +1,25 @@
-//! The bytes of a pack: one little-endian file that is mapped into memory as it lies.
+//! The bytes of a pack: one little-endian file.
 //!
 //! ```text
 //! offset 0    header, 64 bytes: magic, version, manifest offset and length, blake3 of the manifest
 //! offset 64   sections, each starting at a multiple of 64 bytes, in the order of the manifest
 //! at the end  the manifest (JSON); the file ends with it
 //! ```
-//! The manifest names each section with offset, length and blake3. Sections of level `L`:
+//! The manifest lists each section with name, offset, length and blake3. Sections of level `L`:
 //!
 //! | section | content |
 //! |---|---|
 //! | `L/features` | blobs, each at a multiple of 64: descriptors `i8 [n][dim]`, padding to 4, positions `u16 [n][2]`, scores `f16 [n]` |
+//! | `L/features.blocks` | blake3 of each block of [`BLOCK_LEN`] bytes of the features, 32 bytes each |
 //! | `L/units` | one [`UnitEntry`] per feature unit (cell or paper tile), row by row |
 //! | `L/tiles` | one [`TileEntry`] per tile that has a descriptor, row by row |
-//! | `L/globals` | `i8 [tiles][global_dim]`, unit rows; default mode: without what the level's tiles have in common |
-//! | `L/global_scales` | `f32 [tiles]`, what one step of the row is worth |
+//! | `L/globals` | `i8 [tiles][global_dim]`, unit rows; default mode: the mean of the level subtracted |
+//! | `L/global_scales` | `f32 [tiles]`, the int8 quantisation scale of each row |
 //! | `L/statistics` | adapted normalisation statistics, if any |
 //! | `L/ivf.*` | the IVF-PQ index, if any |
+//!
+//! Checksums form a tree: header, manifest, sections, and for features their blocks, so that a part of the features can
+//! be verified without reading the rest.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -24,6 +28,17 @@ pub const MAGIC: [u8; 8] = *b"GRIMPACK";
 
 /// Version of the layout described above; another version is refused.
 pub const FORMAT_VERSION: u32 = 3;
+
+/// Length of the blocks in which features are hashed, bytes; the last one may be shorter.
+pub const BLOCK_LEN: u64 = 1 << 20;
+
+/// Maximum length of the manifest, bytes.
+pub(crate) const MAX_MANIFEST_LEN: u64 = 16 << 20;
+
+/// Name of the section that holds the block hashes of a section.
+pub(crate) fn blocks_name(section: &str) -> String {
+    format!("{section}.blocks")
+}
 
 /// Sections and feature blobs start at multiples of this many bytes (a cache line).
 pub const ALIGNMENT: u64 = 64;
@@ -96,15 +111,18 @@ pub struct BlobLayout {
 }
 
 impl BlobLayout {
-    /// Layout for `keypoints` keypoints with descriptors of `dim` numbers.
-    pub fn new(keypoints: usize, dim: usize) -> Self {
-        let positions = (keypoints * dim).next_multiple_of(4);
-        let scores = positions + 4 * keypoints;
-        Self {
+    /// Layout for `keypoints` keypoints with descriptors of `dim` numbers. `None` if it does not fit into memory.
+    pub fn new(keypoints: usize, dim: usize) -> Option<Self> {
+        let positions = keypoints.checked_mul(dim)?.checked_next_multiple_of(4)?;
+        let scores = positions.checked_add(keypoints.checked_mul(4)?)?;
+        let end = scores.checked_add(keypoints.checked_mul(2)?)?;
+        // The padding must fit as well.
+        end.checked_next_multiple_of(ALIGNMENT as usize)?;
+        Some(Self {
             positions,
             scores,
-            end: scores + 2 * keypoints,
-        }
+            end,
+        })
     }
 
     /// Bytes that the blob takes in the file, padding included.
@@ -124,7 +142,7 @@ mod tests {
 
     #[test]
     fn blob_of_a_full_cell() {
-        let layout = BlobLayout::new(256, 128);
+        let layout = BlobLayout::new(256, 128).unwrap();
         assert_eq!(
             layout,
             BlobLayout {
@@ -134,8 +152,9 @@ mod tests {
             }
         );
         assert_eq!(layout.stored_len(), 34304);
+        assert_eq!(BlobLayout::new(usize::MAX / 2, 128), None);
         assert_eq!(
-            BlobLayout::new(1, 3),
+            BlobLayout::new(1, 3).unwrap(),
             BlobLayout {
                 positions: 4,
                 scores: 8,

@@ -1,4 +1,4 @@
-//! What `grim map info` prints.
+//! A summary of a pack, for people and as JSON.
 
 use std::fmt;
 
@@ -7,6 +7,7 @@ use serde::Serialize;
 use crate::index::Index;
 use crate::mode::Mode;
 use crate::pack::Pack;
+use crate::printable::Printable;
 
 /// A pack in short.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -151,15 +152,22 @@ impl fmt::Display for PackInfo {
         writeln!(
             f,
             "model    {} ({}){random}",
-            self.model,
-            short(&self.model_hash)
+            Printable(&self.model),
+            Printable(&short(&self.model_hash))
         )?;
-        writeln!(f, "map      {} ({})", self.map, short(&self.map_hash))?;
+        writeln!(
+            f,
+            "map      {} ({})",
+            Printable(&self.map),
+            Printable(&short(&self.map_hash))
+        )?;
         let [w, h] = self.map_px;
         writeln!(
             f,
             "         {w} x {h} px, {:.0} x {:.0} m, {}",
-            self.map_m[0], self.map_m[1], self.crs
+            self.map_m[0],
+            self.map_m[1],
+            Printable(&self.crs)
         )?;
         if let Some([lon, lat]) = self.centre_lon_lat_deg {
             writeln!(f, "centre   {lat:.6}, {lon:.6} (lat, lon)")?;
@@ -201,7 +209,7 @@ impl fmt::Display for PackInfo {
                 write!(f, ", recall at 10 of {:.1} %", 100.0 * recall)?;
             }
             if !level.index_note.is_empty() {
-                write!(f, " ({})", level.index_note)?;
+                write!(f, " ({})", Printable(&level.index_note))?;
             }
             if level.adapted_from_tiles > 0 {
                 write!(

@@ -1,17 +1,20 @@
 //! One level of ground resolution: its tiles, their descriptors and features.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use grimnet_geo::{Georeference, LevelFrame, LevelPx, LonLat, MapPx};
 use grimnet_net::Statistics;
+use memmap2::Mmap;
 
 use crate::error::{PackError, Result};
+use crate::feature_store::FeatureStore;
 use crate::features::{FeatureBlock, TileFeatures};
-use crate::format::{TileEntry, UnitEntry, UnitState};
+use crate::file::{AlignedBytes, PackFile};
+use crate::format::{BlobLayout, TileEntry, UnitEntry, UnitState, blocks_name};
 use crate::index::Index;
-use crate::manifest::{LevelManifest, Manifest};
-use crate::mapped::Mapped;
+use crate::layout::copy_section;
+use crate::limits::PackLimits;
+use crate::manifest::{LevelManifest, Manifest, Section};
 use crate::search::ivf_pq::IvfPqView;
 
 /// Side of a cell, level pixels: half a tile.
@@ -23,34 +26,33 @@ pub const TILE_PX: u32 = 512;
 /// One level of a pack.
 #[derive(Clone, Debug)]
 pub struct Level {
-    file: Arc<Mapped>,
     georeference: Arc<Georeference>,
-    manifest: LevelManifest,
+    manifest: Arc<LevelManifest>,
     descriptor_dim: usize,
     global_dim: usize,
-    tiles: Part,
-    units: Part,
-    features: Part,
-    globals: Part,
-    global_scales: Part,
-    statistics: Option<Part>,
-    ivf_lists: Option<IvfParts>,
+    len_bytes: u64,
+    tables: Arc<Tables>,
+    features: Arc<FeatureStore>,
 }
 
-/// A section's place.
-#[derive(Clone, Copy, Debug)]
-struct Part {
-    offset: u64,
-    len: u64,
+/// The sections that are copied into memory.
+#[derive(Debug)]
+struct Tables {
+    tiles: AlignedBytes,
+    units: AlignedBytes,
+    globals: AlignedBytes,
+    global_scales: AlignedBytes,
+    statistics: Option<AlignedBytes>,
+    ivf_lists: Option<IvfTables>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct IvfParts {
-    centroids: Part,
-    codebooks: Part,
-    list_starts: Part,
-    ids: Part,
-    codes: Part,
+#[derive(Debug)]
+struct IvfTables {
+    centroids: AlignedBytes,
+    codebooks: AlignedBytes,
+    list_starts: AlignedBytes,
+    ids: AlignedBytes,
+    codes: AlignedBytes,
 }
 
 /// Where a tile lies.
@@ -69,127 +71,135 @@ pub struct TileInfo {
 }
 
 impl Level {
-    /// Views level `index`, checking that every reference inside it holds.
-    pub(crate) fn new(
-        path: &Path,
-        file: &Arc<Mapped>,
+    /// Opens level `index` and checks that every reference inside it holds, so that no accessor can fail later.
+    pub(crate) fn open(
+        file: &Arc<PackFile>,
+        map: Option<&Arc<Mmap>>,
         pack: &Manifest,
         georeference: &Arc<Georeference>,
         index: usize,
+        limits: &PackLimits,
     ) -> Result<Self> {
         let manifest = pack.levels[index].clone();
-        let find = |name: &str| {
+        let find = |name: &str| -> Result<&Section> {
             let name = format!("{index}/{name}");
-            let section = pack.sections.iter().find(|s| s.name == name);
-            section.map(|s| Part {
-                offset: s.offset,
-                len: s.len,
+            pack.section(&name).ok_or_else(|| {
+                PackError::corrupt(file.path(), format!("section {name} is missing"))
             })
         };
-        let need = |name: &str| {
-            find(name).ok_or_else(|| {
-                PackError::corrupt(path, format!("section {index}/{name} is missing"))
-            })
-        };
+        let table = |name: &str| copy_section(file, find(name)?);
         let ivf_lists = match manifest.index {
             Index::Exact => None,
-            Index::IvfPq { .. } => Some(IvfParts {
-                centroids: need("ivf.centroids")?,
-                codebooks: need("ivf.codebooks")?,
-                list_starts: need("ivf.list_starts")?,
-                ids: need("ivf.ids")?,
-                codes: need("ivf.codes")?,
+            Index::IvfPq { .. } => Some(IvfTables {
+                centroids: table("ivf.centroids")?,
+                codebooks: table("ivf.codebooks")?,
+                list_starts: table("ivf.list_starts")?,
+                ids: table("ivf.ids")?,
+                codes: table("ivf.codes")?,
             }),
         };
+        let has_statistics = pack.section(&format!("{index}/statistics")).is_some();
+        let tables = Tables {
+            tiles: table("tiles")?,
+            units: table("units")?,
+            globals: table("globals")?,
+            global_scales: table("global_scales")?,
+            statistics: has_statistics.then(|| table("statistics")).transpose()?,
+            ivf_lists,
+        };
+        let features = find("features")?;
+        let block_hashes = find(&blocks_name("features"))?;
+        if features.block_len.is_none() || features.blake3 != block_hashes.blake3 {
+            return Err(PackError::corrupt(
+                file.path(),
+                format!("level {index}: features without block hashes"),
+            ));
+        }
+        let block_hashes = copy_section(file, block_hashes)?;
+        let prefix = format!("{index}/");
+        let sections = pack.sections.iter();
         let level = Self {
-            file: Arc::clone(file),
             georeference: Arc::clone(georeference),
+            manifest: Arc::new(manifest),
             descriptor_dim: pack.model.descriptor_dim,
             global_dim: pack.model.global_dim,
-            tiles: need("tiles")?,
-            units: need("units")?,
-            features: need("features")?,
-            globals: need("globals")?,
-            global_scales: need("global_scales")?,
-            statistics: find("statistics"),
-            ivf_lists,
-            manifest,
+            len_bytes: sections
+                .filter(|s| s.name.starts_with(&prefix))
+                .map(|s| s.len)
+                .sum(),
+            tables: Arc::new(tables),
+            features: Arc::new(FeatureStore::open(
+                file,
+                map,
+                features,
+                block_hashes,
+                limits,
+            )?),
         };
-        level.check(path, index)?;
+        level
+            .check(features.len)
+            .map_err(|what| PackError::corrupt(file.path(), format!("level {index}: {what}")))?;
         Ok(level)
     }
 
-    /// Checks lengths and references, so that no accessor can leave the file later.
-    fn check(&self, path: &Path, index: usize) -> Result<()> {
+    /// Checks lengths and references.
+    fn check(&self, features_len: u64) -> std::result::Result<(), String> {
         let m = &self.manifest;
-        let wrong = |what: &str| Err(PackError::corrupt(path, format!("level {index}: {what}")));
-        let usable = |v: f64| v.is_finite() && v > 0.0;
-        if !(usable(m.frame.gsd_m)
-            && usable(m.frame.map_px_per_level_px_x)
-            && usable(m.frame.map_px_per_level_px_y))
-        {
-            return wrong("impossible resolution");
-        }
-        if self.descriptor_dim == 0 || self.global_dim == 0 || m.network_px == 0 || m.tile_px == 0 {
-            return wrong("impossible sizes");
-        }
-        let product = |a: u64, b: u64| a.checked_mul(b);
-        let expected = [
-            (self.tiles, product(m.tiles, size_of::<TileEntry>() as u64)),
-            (self.globals, product(m.tiles, self.global_dim as u64)),
-            (self.global_scales, product(m.tiles, 4)),
-            (
-                self.units,
-                product(u64::from(m.unit_grid[0]), u64::from(m.unit_grid[1]))
-                    .and_then(|n| product(n, size_of::<UnitEntry>() as u64)),
-            ),
-        ];
-        if expected.iter().any(|(part, len)| Some(part.len) != *len) {
+        let wrong = |what: &str| Err(what.to_owned());
+        let tiles = usize::try_from(m.tiles).unwrap_or(usize::MAX);
+        let units = m.unit_grid[0] as usize * m.unit_grid[1] as usize;
+        let is_expected = self.tile_entries().len() == tiles
+            && self.unit_entries().len() == units
+            && self.global_scales().len() == tiles
+            && Some(self.globals().len()) == tiles.checked_mul(self.global_dim);
+        if !is_expected {
             return wrong("sections of the wrong length");
         }
-        let Some(span) = m.units_per_tile_side.checked_sub(1) else {
-            return wrong("impossible sizes");
-        };
-        let fits = |tile: &TileEntry| {
-            tile.column < m.tile_grid[0]
-                && tile.row < m.tile_grid[1]
-                && tile.column + span < m.unit_grid[0]
-                && tile.row + span < m.unit_grid[1]
-        };
-        if !self.tile_entries().iter().all(fits) {
+        if !self.global_scales().iter().all(|s| s.is_finite()) {
+            return wrong("a quantisation scale that is not finite");
+        }
+        let in_grid = |t: &TileEntry| t.column < m.tile_grid[0] && t.row < m.tile_grid[1];
+        if !self.tile_entries().iter().all(in_grid) {
             return wrong("a tile outside the grid");
         }
+        let by_row = |t: &TileEntry| (t.row, t.column);
+        let is_sorted = |pair: &[TileEntry]| by_row(&pair[0]) < by_row(&pair[1]);
+        if !self.tile_entries().windows(2).all(is_sorted) {
+            return wrong("tiles that are not in order");
+        }
+        let mut keypoints = 0u64;
         for unit in self.unit_entries() {
-            let layout =
-                crate::format::BlobLayout::new(unit.keypoints as usize, self.descriptor_dim);
-            let end = unit.offset.checked_add(layout.stored_len() as u64);
-            if end.is_none_or(|end| end > self.features.len) || unit.offset % 64 != 0 {
+            if unit.keypoints > m.keypoints_per_unit {
+                return Err(format!(
+                    "a unit of {} keypoints, more than {}",
+                    unit.keypoints, m.keypoints_per_unit
+                ));
+            }
+            keypoints += u64::from(unit.keypoints);
+            let end = BlobLayout::new(unit.keypoints as usize, self.descriptor_dim)
+                .and_then(|layout| unit.offset.checked_add(layout.stored_len() as u64));
+            if end.is_none_or(|end| end > features_len) || unit.offset % 64 != 0 {
                 return wrong("features outside their section");
             }
         }
-        if let Some(parts) = &self.ivf_lists
-            && self.ivf_pq_of(parts).is_none()
-        {
+        if keypoints != m.keypoints {
+            return Err(format!(
+                "{keypoints} keypoints; the manifest says {}",
+                m.keypoints
+            ));
+        }
+        if self.tables.ivf_lists.is_some() && self.ivf_pq().is_none() {
             return wrong("the index does not fit the tiles");
         }
         Ok(())
     }
 
-    fn bytes(&self, part: Part) -> &[u8] {
-        self.file.section(part.offset, part.len)
-    }
-
-    /// A section as numbers; sections start at multiples of 64 in a page-aligned mapping.
-    fn slice<T: bytemuck::Pod>(&self, part: Part) -> &[T] {
-        bytemuck::try_cast_slice(self.bytes(part)).unwrap_or_default()
-    }
-
     fn tile_entries(&self) -> &[TileEntry] {
-        self.slice(self.tiles)
+        self.tables.tiles.numbers()
     }
 
-    pub(crate) fn unit_entries(&self) -> &[UnitEntry] {
-        self.slice(self.units)
+    fn unit_entries(&self) -> &[UnitEntry] {
+        self.tables.units.numbers()
     }
 
     /// Ground resolution, scale factors to map pixels and size.
@@ -197,17 +207,17 @@ impl Level {
         &self.manifest.frame
     }
 
-    /// What the pack says about this level.
+    /// The manifest of the level.
     pub fn manifest(&self) -> &LevelManifest {
         &self.manifest
     }
 
-    /// Metres a level pixel, at the map's centre.
+    /// Metres per level pixel, at the map's centre.
     pub fn gsd_m(&self) -> f64 {
         self.manifest.frame.gsd_m
     }
 
-    /// The map in level pixels.
+    /// Width and height of the map, level pixels.
     pub fn size_px(&self) -> [u64; 2] {
         [self.manifest.frame.width_px, self.manifest.frame.height_px]
     }
@@ -232,7 +242,7 @@ impl Level {
         self.global_dim
     }
 
-    /// What one step of a local descriptor is worth.
+    /// The int8 quantisation scale of local descriptors.
     pub fn descriptor_scale(&self) -> f32 {
         self.manifest.descriptor_scale
     }
@@ -273,9 +283,9 @@ impl Level {
         }
     }
 
-    /// Index of the tile at a place of the tile grid, if it has a descriptor.
+    /// Index of the tile at a column and row of the tile grid, if it has a descriptor.
     pub fn tile_at(&self, grid: [u32; 2]) -> Option<usize> {
-        // Tiles lie row by row.
+        // Tiles are stored row by row.
         self.tile_entries()
             .binary_search_by_key(&(grid[1], grid[0]), |t| (t.row, t.column))
             .ok()
@@ -311,64 +321,79 @@ impl Level {
 
     /// Features of tile `i` as they are stored: one block per cell, or a single one in paper mode.
     ///
+    /// # Errors
+    /// Returns [`PackError::Corrupt`] if the features differ from their checksum, [`PackError::Changed`] if the file
+    /// was truncated since it was opened.
+    ///
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
-    pub fn blocks(&self, i: usize) -> Vec<FeatureBlock<'_>> {
+    pub fn blocks(&self, i: usize) -> Result<Vec<FeatureBlock<'_>>> {
         let TileEntry { column, row } = self.tile_entries()[i];
         let m = &self.manifest;
         let px_per_stored_px = m.tile_px as f32 / m.network_px as f32;
         let side = m.units_per_tile_side;
-        let (units, features) = (self.unit_entries(), self.bytes(self.features));
-        let places = (0..side).flat_map(|dy| (0..side).map(move |dx| (dx, dy)));
-        places
-            .filter_map(|(dx, dy)| {
-                let at = (row + dy) as usize * m.unit_grid[0] as usize + (column + dx) as usize;
-                let unit = units.get(at).filter(|u| u.keypoints > 0)?;
-                let offset_px = [dx, dy].map(|d| (d * m.stride_px) as f32);
-                let blob = features.get(unit.offset as usize..)?;
-                FeatureBlock::new(
-                    blob,
-                    unit.keypoints as usize,
-                    self.descriptor_dim,
-                    offset_px,
-                    px_per_stored_px,
-                )
-            })
-            .collect()
+        let units = self.unit_entries();
+        let mut blocks = Vec::with_capacity((side * side) as usize);
+        for (dy, dx) in (0..side).flat_map(|dy| (0..side).map(move |dx| (dy, dx))) {
+            let at = (row + dy) as usize * m.unit_grid[0] as usize + (column + dx) as usize;
+            let Some(unit) = units.get(at).filter(|u| u.keypoints > 0) else {
+                continue;
+            };
+            let keypoints = unit.keypoints as usize;
+            let Some(layout) = BlobLayout::new(keypoints, self.descriptor_dim) else {
+                continue;
+            };
+            let start = unit.offset as usize;
+            let blob = self.features.get(start..start + layout.end)?;
+            blocks.extend(FeatureBlock::new(
+                blob,
+                keypoints,
+                self.descriptor_dim,
+                [dx, dy].map(|d| (d * m.stride_px) as f32),
+                px_per_stored_px,
+            ));
+        }
+        Ok(blocks)
     }
 
     /// Features of tile `i`, strongest first.
     ///
+    /// # Errors
+    /// As [`Level::blocks`].
+    ///
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
-    pub fn features(&self, i: usize) -> TileFeatures {
+    pub fn features(&self, i: usize) -> Result<TileFeatures> {
         self.strongest_features(i, usize::MAX)
     }
 
     /// The `most` strongest features of tile `i`, strongest first.
     ///
+    /// # Errors
+    /// As [`Level::blocks`].
+    ///
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
-    pub fn strongest_features(&self, i: usize, most: usize) -> TileFeatures {
-        TileFeatures::gather(
-            &self.blocks(i),
+    pub fn strongest_features(&self, i: usize, most: usize) -> Result<TileFeatures> {
+        Ok(TileFeatures::gather(
+            &self.blocks(i)?,
             self.descriptor_dim,
             self.manifest.descriptor_scale,
             most,
-        )
+        ))
     }
 
-    /// Tile descriptors, `tile_count x global_dim`, as bytes; row `i` is worth [`Level::global_scales`]`[i]` a step.
+    /// Tile descriptors, `tile_count x global_dim`, int8; row `i` has the scale [`Level::global_scales`]`[i]`.
     pub fn globals(&self) -> &[i8] {
-        self.slice(self.globals)
+        self.tables.globals.numbers()
     }
 
-    /// What one step of each tile descriptor is worth.
+    /// The int8 quantisation scale of each tile descriptor.
     pub fn global_scales(&self) -> &[f32] {
-        self.slice(self.global_scales)
+        self.tables.global_scales.numbers()
     }
 
-    /// Descriptor of tile `i`, a unit vector but for rounding.
+    /// Descriptor of tile `i`, a unit vector except for rounding.
     ///
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
@@ -378,18 +403,20 @@ impl Level {
         row.iter().map(|&v| f32::from(v) * scale).collect()
     }
 
-    /// Normalisation statistics that were adapted to the map at this level, if the pack was built so.
+    /// Normalisation statistics that were adapted to the map at this level, if the pack has them.
     ///
     /// # Errors
-    /// Where the stored statistics cannot be read.
+    /// Returns [`PackError::Net`] if the stored statistics cannot be read.
     pub fn statistics(&self) -> Result<Option<Statistics>> {
         Ok(self
+            .tables
             .statistics
-            .map(|part| Statistics::from_bytes(self.bytes(part)))
+            .as_ref()
+            .map(|bytes| Statistics::from_bytes(bytes.as_slice()))
             .transpose()?)
     }
 
-    /// Whether the place of feature unit (column, row) was computed.
+    /// Whether the feature unit at a column and row of the unit grid was computed.
     pub fn unit_is_computed(&self, unit: [u32; 2]) -> bool {
         let at = unit[1] as usize * self.manifest.unit_grid[0] as usize + unit[0] as usize;
         unit[0] < self.manifest.unit_grid[0]
@@ -399,32 +426,13 @@ impl Level {
                 .is_some_and(|u| u.state == UnitState::Computed as u32)
     }
 
-    /// Bytes of this level in the file, shared parts (manifest, statistics) left out.
+    /// Bytes of this level in the file, the manifest left out.
     pub fn len_bytes(&self) -> u64 {
-        let ivf = self.ivf_lists.map_or(0, |p| {
-            [p.centroids, p.codebooks, p.list_starts, p.ids, p.codes]
-                .iter()
-                .map(|part| part.len)
-                .sum()
-        });
-        let parts = [
-            self.tiles,
-            self.units,
-            self.features,
-            self.globals,
-            self.global_scales,
-        ];
-        parts.iter().map(|part| part.len).sum::<u64>() + ivf
+        self.len_bytes
     }
 
     /// The IVF-PQ index, if the level has one.
     pub(crate) fn ivf_pq(&self) -> Option<IvfPqView<'_>> {
-        self.ivf_lists
-            .as_ref()
-            .and_then(|parts| self.ivf_pq_of(parts))
-    }
-
-    fn ivf_pq_of(&self, parts: &IvfParts) -> Option<IvfPqView<'_>> {
         let Index::IvfPq {
             nlist,
             subquantisers,
@@ -433,16 +441,17 @@ impl Level {
         else {
             return None;
         };
+        let tables = self.tables.ivf_lists.as_ref()?;
         IvfPqView::new(
             self.global_dim,
             nlist as usize,
             subquantisers as usize,
             self.tile_count(),
-            self.slice(parts.centroids),
-            self.slice(parts.codebooks),
-            self.slice(parts.list_starts),
-            self.slice(parts.ids),
-            self.bytes(parts.codes),
+            tables.centroids.numbers(),
+            tables.codebooks.numbers(),
+            tables.list_starts.numbers(),
+            tables.ids.numbers(),
+            tables.codes.as_slice(),
         )
     }
 }

@@ -115,6 +115,17 @@ pub struct Section {
     pub offset: u64,
     /// Length, bytes.
     pub len: u64,
-    /// blake3 of the bytes, hex.
+    /// blake3 of the bytes, hex; with `block_len`, of the hashes of its blocks, one after the other, which section
+    /// `NAME.blocks` holds.
     pub blake3: String,
+    /// Length of the blocks that are hashed, bytes; `None` if the section is hashed as a whole.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub block_len: Option<u64>,
+}
+
+impl Manifest {
+    /// The section called `name`.
+    pub(crate) fn section(&self, name: &str) -> Option<&Section> {
+        self.sections.iter().find(|s| s.name == name)
+    }
 }

@@ -1,161 +1,137 @@
-//! Opens a pack: checks it, maps it into memory, hands out its levels.
+//! Opens a pack: checks it and gives access to its levels.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use fs_err::File;
 use grimnet_geo::Georeference;
 use grimnet_net::Model;
-use memmap2::Mmap;
 
 use crate::error::{PackError, Result};
-use crate::format::{ALIGNMENT, FORMAT_VERSION, HEADER_LEN, Header, MAGIC};
+use crate::file::PackFile;
+use crate::layout::{check_places, read_manifest};
 use crate::level::Level;
-use crate::manifest::{Manifest, Section};
-use crate::mapped::Mapped;
+use crate::limits::PackLimits;
+use crate::manifest::Manifest;
+use crate::manifest_check::check_manifest;
 use crate::mode::Mode;
+use crate::printable::Printable;
 
-/// Files up to this size are checked byte by byte when opened; larger ones are, but for their features section,
-/// and [`Pack::verify`] checks the rest.
-pub const FULL_CHECK_LEN: u64 = 512 << 20;
-
-/// How much of the file is compared with its checksums on opening.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Check {
-    /// Every byte.
-    Full,
-    /// Everything but the features sections. Whatever their bytes are, reading them is safe: a damaged
-    /// descriptor matches badly.
-    AllButFeatures,
-}
-
-/// A map pack, mapped into memory. Cheap to clone.
+/// A map pack. Cheap to clone.
+///
+/// Everything but large features is copied into memory when the pack is opened and compared with its checksums.
+/// Features above [`PackLimits::copy_features_bytes`] stay in the file, which is mapped: above
+/// [`PackLimits::verify_at_open_bytes`] they are verified block by block when they are first used. Replacing the file
+/// by renaming another one over it does not disturb an open pack. If a mapped file is truncated or overwritten in
+/// place, reading features returns [`PackError::Changed`] or [`PackError::Corrupt`]; only if this happens in the moment
+/// between the check and the access does the system end the process (SIGBUS).
 #[derive(Clone, Debug)]
 pub struct Pack {
-    path: PathBuf,
-    file: Arc<Mapped>,
+    file: Arc<PackFile>,
     manifest: Arc<Manifest>,
     levels: Arc<[Level]>,
 }
 
 impl Pack {
-    /// Opens a pack, checking every byte of files up to [`FULL_CHECK_LEN`].
+    /// Opens a pack with the default limits.
     ///
     /// # Errors
-    /// Files that cannot be read, are no pack, are truncated, damaged, empty or of another format version; the
-    /// message says what to do.
+    /// Returns an error if the file cannot be read, is not a pack, is truncated, damaged, empty or of another format
+    /// version; the message says what to do.
     pub fn open(path: impl AsRef<Path>) -> Result<Self> {
-        let path = path.as_ref();
-        let len = path
-            .metadata()
-            .map_err(|e| PackError::io("open", path, e))?
-            .len();
-        let check = if len <= FULL_CHECK_LEN {
-            Check::Full
-        } else {
-            Check::AllButFeatures
-        };
-        Self::open_checked(path, check)
+        Self::open_with(path, &PackLimits::default())
     }
 
-    /// Opens a pack, checking as much as asked for.
+    /// Opens a pack.
     ///
     /// # Errors
-    /// As [`Pack::open`].
-    pub fn open_checked(path: impl AsRef<Path>, check: Check) -> Result<Self> {
+    /// As [`Pack::open`], and [`PackError::TooLarge`] if a limit is exceeded.
+    pub fn open_with(path: impl AsRef<Path>, limits: &PackLimits) -> Result<Self> {
         let path = path.as_ref();
-        let error = |e| PackError::io("open", path, e);
-        let file = File::open(path).map_err(error)?;
-        let metadata = file.metadata().map_err(error)?;
-        if !metadata.is_file() {
-            return Err(PackError::NotAPack {
-                path: path.to_path_buf(),
-            });
-        }
-        let len = metadata.len();
-        if len == 0 {
-            return Err(PackError::Truncated {
-                path: path.to_path_buf(),
-                expected: HEADER_LEN,
-                found: 0,
-            });
-        }
-        // SAFETY: the mapping is read-only. Packs are never changed in place: the builder writes aside and
-        // renames, which leaves the mapped inode as it is. A user who truncates the file under a running
-        // program gets the system's bus error, as with any mapped file; SECURITY.md says so.
-        #[allow(unsafe_code)]
-        let map = unsafe { Mmap::map(file.file()) }.map_err(error)?;
-        let manifest = read_manifest(path, &map)?;
-        check_sections(path, &map, &manifest, check)?;
-        let file = Arc::new(Mapped(map));
+        let file = Arc::new(PackFile::open(path)?);
+        let manifest = read_manifest(&file)?;
+        check_places(&file, &manifest, limits)?;
+        check_manifest(path, &manifest)?;
+        let is_mapped = manifest
+            .sections
+            .iter()
+            .any(|s| s.block_len.is_some() && s.len > limits.copy_features_bytes);
+        let map = is_mapped.then(|| file.map()).transpose()?.map(Arc::new);
         let georeference = Arc::new(manifest.map.georeference.clone());
         let levels = (0..manifest.levels.len())
-            .map(|i| Level::new(path, &file, &manifest, &georeference, i))
+            .map(|i| Level::open(&file, map.as_ref(), &manifest, &georeference, i, limits))
             .collect::<Result<Vec<_>>>()?;
         if levels.iter().all(|level| level.tile_count() == 0) {
-            return Err(PackError::Empty {
-                path: path.to_path_buf(),
-                why: "all were skipped".into(),
-            });
+            return Err(PackError::corrupt(path, "it has no tiles"));
         }
         Ok(Self {
-            path: path.to_path_buf(),
             file,
             manifest: Arc::new(manifest),
             levels: levels.into(),
         })
     }
 
-    /// Compares every byte with its checksum.
+    /// Checks that the pack was built with `model`.
     ///
     /// # Errors
-    /// [`PackError::Corrupt`] names the first section that differs.
-    pub fn verify(&self) -> Result<()> {
-        check_sections(&self.path, &self.file.0, &self.manifest, Check::Full)
-    }
-
-    /// Refuses a model other than the one that the pack was built with.
-    ///
-    /// # Errors
-    /// [`PackError::ModelMismatch`].
+    /// Returns [`PackError::ModelMismatch`] for another model, [`PackError::Corrupt`] if the pack has the model's hash
+    /// and descriptors of other dimensions.
     pub fn check_model(&self, model: &Model) -> Result<()> {
         let hash = model.hash().to_string();
-        if hash == self.manifest.model.hash {
-            return Ok(());
+        let summary = &self.manifest.model;
+        if hash != summary.hash {
+            let short = |hash: &str| hash.chars().take(12).collect::<String>();
+            return Err(PackError::ModelMismatch {
+                path: self.path().to_path_buf(),
+                pack_model: Printable(&summary.preset).to_string(),
+                pack_hash: Printable(&short(&summary.hash)).to_string(),
+                model: model.spec().preset.clone(),
+                model_hash: short(&hash),
+            });
         }
-        let short = |hash: &str| hash.chars().take(12).collect::<String>();
-        Err(PackError::ModelMismatch {
-            path: self.path.clone(),
-            pack_model: self.manifest.model.preset.clone(),
-            pack_hash: short(&self.manifest.model.hash),
-            model: model.spec().preset.clone(),
-            model_hash: short(&hash),
-        })
+        let spec = model.spec();
+        let (expected, found) = (
+            [spec.descriptor_dim, spec.global_len()],
+            [summary.descriptor_dim, summary.global_dim],
+        );
+        if expected != found {
+            return Err(PackError::corrupt(
+                self.path(),
+                format!(
+                    "descriptors have {} and {} dimensions, those of its model {} and {}",
+                    found[0], found[1], expected[0], expected[1]
+                ),
+            ));
+        }
+        Ok(())
     }
 
-    /// Where the file lies.
+    pub(crate) fn file(&self) -> &PackFile {
+        &self.file
+    }
+
+    /// The path of the file.
     pub fn path(&self) -> &Path {
-        &self.path
+        self.file.path()
     }
 
     /// Bytes of the file.
     pub fn len_bytes(&self) -> u64 {
-        self.file.0.len() as u64
+        self.file.len()
     }
 
-    /// What the pack says about itself.
+    /// The manifest of the pack.
     pub fn manifest(&self) -> &Manifest {
         &self.manifest
     }
 
-    /// `paper` or `default`.
+    /// The mode that the pack was built in.
     pub fn mode(&self) -> Mode {
         self.manifest.mode
     }
 
     /// The map's affine transform and coordinate system.
     pub fn georeference(&self) -> &Georeference {
-        self.levels[0].georeference()
+        &self.manifest.map.georeference
     }
 
     /// Levels, finest first.
@@ -171,94 +147,4 @@ impl Pack {
             .min_by(|a, b| distance(a).total_cmp(&distance(b)))
             .unwrap_or(0)
     }
-}
-
-fn read_manifest(path: &Path, map: &[u8]) -> Result<Manifest> {
-    let found = map.len() as u64;
-    let truncated = |expected| PackError::Truncated {
-        path: path.to_path_buf(),
-        expected,
-        found,
-    };
-    if map.get(..MAGIC.len()).is_none_or(|start| start != MAGIC) {
-        return Err(PackError::NotAPack {
-            path: path.to_path_buf(),
-        });
-    }
-    let Some(header) = map.get(..HEADER_LEN as usize) else {
-        return Err(truncated(HEADER_LEN));
-    };
-    let header: Header = bytemuck::pod_read_unaligned(header);
-    if header.version != FORMAT_VERSION {
-        return Err(PackError::Version {
-            path: path.to_path_buf(),
-            found: header.version,
-            supported: FORMAT_VERSION,
-        });
-    }
-    let end = header
-        .manifest_offset
-        .checked_add(header.manifest_len)
-        .ok_or_else(|| PackError::corrupt(path, "header: impossible lengths"))?;
-    if end > found {
-        return Err(truncated(end));
-    }
-    if end < found || header.manifest_offset < HEADER_LEN || header.reserved != 0 {
-        return Err(PackError::corrupt(
-            path,
-            "header: the file is longer than its contents",
-        ));
-    }
-    let json = &map[header.manifest_offset as usize..end as usize];
-    if blake3::hash(json).as_bytes() != &header.manifest_blake3 {
-        return Err(PackError::corrupt(path, "manifest: checksum differs"));
-    }
-    serde_json::from_slice(json)
-        .map_err(|e| PackError::corrupt(path, format!("manifest: not readable ({e})")))
-}
-
-/// Checks that sections lie one after the other with nothing but zeros between, and their checksums.
-fn check_sections(path: &Path, map: &[u8], manifest: &Manifest, check: Check) -> Result<()> {
-    let mut end = HEADER_LEN;
-    for Section {
-        name, offset, len, ..
-    } in &manifest.sections
-    {
-        let next = offset
-            .checked_add(*len)
-            .filter(|next| *next <= map.len() as u64);
-        let (Some(next), true) = (next, *offset == end.next_multiple_of(ALIGNMENT)) else {
-            return Err(PackError::corrupt(
-                path,
-                format!("section {name}: impossible place"),
-            ));
-        };
-        if map[end as usize..*offset as usize].iter().any(|&b| b != 0) {
-            return Err(PackError::corrupt(
-                path,
-                format!("section {name}: padding differs"),
-            ));
-        }
-        end = next;
-    }
-    let tail = end.next_multiple_of(ALIGNMENT).min(map.len() as u64);
-    if map[end as usize..tail as usize].iter().any(|&b| b != 0) {
-        return Err(PackError::corrupt(path, "padding differs"));
-    }
-    manifest.sections.iter().try_for_each(|section| {
-        if check == Check::AllButFeatures && section.name.ends_with("/features") {
-            return Ok(());
-        }
-        let bytes = &map[section.offset as usize..(section.offset + section.len) as usize];
-        let mut hasher = blake3::Hasher::new();
-        hasher.update_rayon(bytes);
-        if hasher.finalize().to_hex().as_str() == section.blake3 {
-            Ok(())
-        } else {
-            Err(PackError::corrupt(
-                path,
-                format!("section {}: checksum differs", section.name),
-            ))
-        }
-    })
 }

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use fs_err::File;
 
 use crate::error::{PackError, Result};
-use crate::format::{ALIGNMENT, FORMAT_VERSION, HEADER_LEN, Header, MAGIC};
+use crate::format::{ALIGNMENT, BLOCK_LEN, FORMAT_VERSION, HEADER_LEN, Header, MAGIC, blocks_name};
 use crate::manifest::{Manifest, Section};
 
 /// Bytes gathered before they go to the system.
@@ -26,14 +26,54 @@ pub struct Writer {
 struct OpenSection {
     name: String,
     offset: u64,
-    hasher: blake3::Hasher,
+    checksum: Checksum,
+}
+
+#[derive(Debug)]
+enum Checksum {
+    /// Of the whole section.
+    Whole(blake3::Hasher),
+    /// Of each block.
+    Blocks {
+        block: blake3::Hasher,
+        block_bytes: u64,
+        hashes: Vec<u8>,
+    },
+}
+
+impl Checksum {
+    fn update(&mut self, mut bytes: &[u8]) {
+        match self {
+            Self::Whole(hasher) => {
+                hasher.update(bytes);
+            }
+            Self::Blocks {
+                block,
+                block_bytes,
+                hashes,
+            } => {
+                while !bytes.is_empty() {
+                    let room = (BLOCK_LEN - *block_bytes).min(bytes.len() as u64);
+                    let (now, rest) = bytes.split_at(room as usize);
+                    block.update(now);
+                    *block_bytes += room;
+                    bytes = rest;
+                    if *block_bytes == BLOCK_LEN {
+                        hashes.extend_from_slice(block.finalize().as_bytes());
+                        block.reset();
+                        *block_bytes = 0;
+                    }
+                }
+            }
+        }
+    }
 }
 
 impl Writer {
     /// Starts a file, replacing what is there.
     ///
     /// # Errors
-    /// Where the file cannot be made or written.
+    /// Returns an error if the file cannot be created or written.
     pub fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| PackError::io("create", path, e))?;
         let mut writer = Self {
@@ -50,14 +90,31 @@ impl Writer {
     /// Ends the current section, if any, and starts one called `name`.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn begin(&mut self, name: impl Into<String>) -> Result<()> {
+        self.begin_with(name.into(), Checksum::Whole(blake3::Hasher::new()))
+    }
+
+    /// As [`Writer::begin`], for a section that is hashed in blocks; section `NAME.blocks` is written after it.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be written.
+    pub fn begin_blocks(&mut self, name: impl Into<String>) -> Result<()> {
+        let checksum = Checksum::Blocks {
+            block: blake3::Hasher::new(),
+            block_bytes: 0,
+            hashes: Vec::new(),
+        };
+        self.begin_with(name.into(), checksum)
+    }
+
+    fn begin_with(&mut self, name: String, checksum: Checksum) -> Result<()> {
         self.end()?;
         self.pad()?;
         self.open = Some(OpenSection {
-            name: name.into(),
+            name,
             offset: self.position,
-            hasher: blake3::Hasher::new(),
+            checksum,
         });
         Ok(())
     }
@@ -65,10 +122,10 @@ impl Writer {
     /// Appends to the current section.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
         if let Some(open) = &mut self.open {
-            open.hasher.update(bytes);
+            open.checksum.update(bytes);
         }
         self.put(bytes)
     }
@@ -76,7 +133,7 @@ impl Writer {
     /// Writes a whole section.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn section(&mut self, name: impl Into<String>, bytes: &[u8]) -> Result<()> {
         self.begin(name)?;
         self.write(bytes)?;
@@ -93,7 +150,7 @@ impl Writer {
     /// Writes the manifest (its list of sections is filled in here) and the header, and waits for the disk.
     ///
     /// # Errors
-    /// Where the file cannot be written.
+    /// Returns an error if the file cannot be written.
     pub fn finish(mut self, mut manifest: Manifest) -> Result<Manifest> {
         self.end()?;
         self.pad()?;
@@ -123,15 +180,35 @@ impl Writer {
     }
 
     fn end(&mut self) -> Result<()> {
-        if let Some(open) = self.open.take() {
-            self.sections.push(Section {
-                name: open.name,
-                offset: open.offset,
-                len: self.position - open.offset,
-                blake3: open.hasher.finalize().to_hex().to_string(),
-            });
+        let Some(open) = self.open.take() else {
+            return Ok(());
+        };
+        let len = self.position - open.offset;
+        let (hash, blocks) = match open.checksum {
+            Checksum::Whole(hasher) => (hasher.finalize(), None),
+            Checksum::Blocks {
+                block,
+                block_bytes,
+                mut hashes,
+            } => {
+                if block_bytes > 0 {
+                    hashes.extend_from_slice(block.finalize().as_bytes());
+                }
+                (blake3::hash(&hashes), Some(hashes))
+            }
+        };
+        let name = open.name.clone();
+        self.sections.push(Section {
+            name: open.name,
+            offset: open.offset,
+            len,
+            blake3: hash.to_hex().to_string(),
+            block_len: blocks.is_some().then_some(BLOCK_LEN),
+        });
+        match blocks {
+            Some(hashes) => self.section(blocks_name(&name), &hashes),
+            None => Ok(()),
         }
-        Ok(())
     }
 
     fn pad(&mut self) -> Result<()> {

@@ -16,7 +16,11 @@ fn cosine(a: &[f32], b: &[f32]) -> f32 {
 fn tiles_and_features_lie_where_the_map_says() {
     let map = TestMap::new(1500, 1100);
     let pack = make_and_open(&map, &one_level());
-    pack.verify().unwrap();
+    let mut progress = Vec::new();
+    pack.verify(&mut |p| progress.push(p)).unwrap();
+    let last = progress.last().unwrap();
+    assert!(last.total_bytes > 0 && last.done_bytes == last.total_bytes);
+    assert!(progress.is_sorted_by_key(|p| p.done_bytes));
     assert_eq!((pack.levels().len(), pack.mode()), (1, Mode::Default));
     let level = &pack.levels()[0];
     // 0.25 m of UTM are 0.25 / 0.9996 m of ground: 1501 x 1101 px of 0.25 m, so 6 x 5 cells.
@@ -59,7 +63,7 @@ fn tiles_and_features_lie_where_the_map_says() {
         max_keypoints: 256,
         nms_radius_px: 2,
     };
-    let features = level.features(7);
+    let features = level.features(7).unwrap();
     assert!(features.scores.is_sorted_by(|a, b| a >= b));
     let mut matched = 0;
     for (cx, cy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -88,10 +92,10 @@ fn tiles_and_features_lie_where_the_map_says() {
         "{matched} of {}",
         features.len()
     );
-    let strongest = level.strongest_features(7, 50);
+    let strongest = level.strongest_features(7, 50).unwrap();
     assert_eq!(strongest.len(), 50);
     assert_eq!(strongest.xy_px[..], features.xy_px[..50]);
-    let blocks = level.blocks(7);
+    let blocks = level.blocks(7).unwrap();
     assert_eq!(
         blocks.iter().map(|b| b.len()).sum::<usize>(),
         features.len()
@@ -132,7 +136,7 @@ fn nothing_of_the_map_is_lost_and_small_maps_are_padded() {
             }
             // Keypoints lie on the map, not on the padding.
             let tile = level.tile(i);
-            for [x, y] in level.features(i).xy_px {
+            for [x, y] in level.features(i).unwrap().xy_px {
                 let place = level.map_px_from_level_px(LevelPx::new(
                     tile.origin_px[0] as f64 + f64::from(x) + 0.5,
                     tile.origin_px[1] as f64 + f64::from(y) + 0.5,
@@ -198,7 +202,7 @@ fn paper_mode_keeps_tiles_independent() {
     );
     let tile = level.tile(5);
     assert_eq!((tile.grid, tile.origin_px), ([1, 1], [256, 256]));
-    let features = level.features(5);
+    let features = level.features(5).unwrap();
     assert!(features.len() <= 64 && !features.is_empty());
     assert!(
         features
@@ -216,7 +220,7 @@ fn paper_mode_keeps_tiles_independent() {
             .flatten()
             .all(|&v| (network_px(v) - network_px(v).round()).abs() < 0.02)
     );
-    assert_eq!(level.blocks(5).len(), 1);
+    assert_eq!(level.blocks(5).unwrap().len(), 1);
     assert_eq!(
         level.search(&level.global(5), 1, None).unwrap()[0][0].tile,
         5

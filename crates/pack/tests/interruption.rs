@@ -168,7 +168,7 @@ fn a_second_writer_is_refused_and_the_first_goes_on() {
     )
     .unwrap();
     assert!(refused);
-    Pack::open(&out).unwrap().verify().unwrap();
+    Pack::open(&out).unwrap().verify(&mut |_| {}).unwrap();
 }
 
 #[test]

@@ -119,7 +119,7 @@ fn match_tile(
     options: &Options,
 ) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>)> {
     let estimation = options.estimation(max_rotation_rad);
-    let tile = level.features(tile);
+    let tile = level.features(tile)?;
     let tile_descriptors = Descriptors::I8 {
         values: &tile.descriptors,
         scale: tile.scale,

@@ -89,7 +89,7 @@ pub(crate) fn vote(
     };
     candidates.par_iter_mut().try_for_each(|candidate| {
         let query = &queries[candidate.query];
-        let tile = level.strongest_features(candidate.tile, vote.keypoints);
+        let tile = level.strongest_features(candidate.tile, vote.keypoints)?;
         scratch.with(|scratch| -> Result<()> {
             let tile_descriptors = Descriptors::I8 {
                 values: &tile.descriptors,

@@ -147,7 +147,7 @@ fn write_features(
         keypoints: 0,
     };
     let mut bytes = Vec::new();
-    writer.begin(format!("{number}/features"))?;
+    writer.begin_blocks(format!("{number}/features"))?;
     for (item, place) in &level.items {
         journal.read(place.offset, place.len as usize, &mut bytes)?;
         let record = Record::from_bytes(&bytes)

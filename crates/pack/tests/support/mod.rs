@@ -25,7 +25,13 @@ pub struct TestMap {
 
 impl TestMap {
     pub fn new(width: u64, height: u64) -> Self {
-        let affine = Affine::from_gdal([500_000.0, GSD_M, 0.0, 4_982_950.0, 0.0, -GSD_M]).unwrap();
+        Self::with_pixel(width, height, GSD_M)
+    }
+
+    /// A map with pixels of this many metres.
+    pub fn with_pixel(width: u64, height: u64, pixel_m: f64) -> Self {
+        let affine =
+            Affine::from_gdal([500_000.0, pixel_m, 0.0, 4_982_950.0, 0.0, -pixel_m]).unwrap();
         let crs = Crs::parse("EPSG:32632").unwrap();
         let georeference = Georeference::new(affine, crs, (width, height));
         Self {

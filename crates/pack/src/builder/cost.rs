@@ -1,0 +1,75 @@
+//! What a plan would cost, compared with the limits before work starts.
+
+use grimnet_geo::Raster;
+use grimnet_net::NetSpec;
+
+use crate::builder::level_plan::LevelPlan;
+use crate::builder::recipe::Recipe;
+use crate::error::{PackError, Result};
+use crate::limits::BuildLimits;
+use crate::options::BuildOptions;
+
+/// Checks that the pixels of a map have a plausible size on the ground.
+///
+/// # Errors
+/// Returns [`PackError::Scale`] if they have not, [`PackError::Map`] if the map has no position on Earth.
+pub fn check_scale(raster: &dyn Raster, limits: &BuildLimits) -> Result<()> {
+    let georeference = raster.georeference();
+    let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
+    let (min, max) = limits.map_pixel_m;
+    if [x_m, y_m].iter().all(|side| (min..=max).contains(side)) {
+        return Ok(());
+    }
+    Err(PackError::Scale {
+        map: raster.describe(),
+        what: format!(
+            "its pixels measure {x_m} x {y_m} m on the ground, expected {min} to {max} m"
+        ),
+    })
+}
+
+/// Compares tiles, size and resampling work of a plan with the limits.
+///
+/// # Errors
+/// Returns [`PackError::TooCostly`] or [`PackError::Options`] with the number that exceeds its limit.
+pub fn check_cost(
+    plans: &[LevelPlan],
+    spec: &NetSpec,
+    options: &BuildOptions,
+    recipe: &dyn Recipe,
+    limits: &BuildLimits,
+) -> Result<()> {
+    for plan in plans {
+        let [width, height] = plan.size_px();
+        let longer = width.max(height);
+        if longer < limits.min_level_px {
+            let finest_m = plan.frame.gsd_m * longer as f64 / limits.min_level_px as f64;
+            return Err(PackError::Options(format!(
+                "at {} m per pixel the map is {width} x {height} px, less than {} px along its longer side; choose a \
+                 ground resolution below {finest_m:.3} m, or check the map's coordinate system and scale",
+                plan.frame.gsd_m, limits.min_level_px
+            )));
+        }
+    }
+    let tiles = plans
+        .iter()
+        .fold(0u64, |sum, plan| sum.saturating_add(plan.grid_tiles()));
+    if tiles > limits.max_tiles {
+        return Err(PackError::TooCostly {
+            what: format!("{tiles} tiles, more than the limit of {}", limits.max_tiles),
+        });
+    }
+    let bytes_per_keypoint = spec.descriptor_dim as u64 + 6;
+    let bytes_per_tile = u64::from(recipe.max_keypoints(spec, options)) * bytes_per_keypoint
+        + spec.global_len() as u64;
+    let bytes = tiles.saturating_mul(bytes_per_tile);
+    if bytes > limits.max_pack_bytes {
+        return Err(PackError::TooCostly {
+            what: format!(
+                "about {bytes} bytes for {tiles} tiles, more than the limit of {}",
+                limits.max_pack_bytes
+            ),
+        });
+    }
+    Ok(())
+}

@@ -1,0 +1,163 @@
+//! The features of a level: in memory or mapped, and verified before use.
+
+use std::ops::Range;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use memmap2::Mmap;
+use rayon::prelude::*;
+
+use crate::error::{PackError, Result};
+use crate::file::{AlignedBytes, PackFile};
+use crate::format::BLOCK_LEN;
+use crate::limits::PackLimits;
+use crate::manifest::Section;
+
+/// Length of a block hash, bytes.
+const HASH_LEN: usize = blake3::OUT_LEN;
+
+/// The features section of a level.
+#[derive(Debug)]
+pub(crate) enum FeatureStore {
+    /// Copied and verified.
+    Copied(AlignedBytes),
+    /// In the mapped file.
+    Mapped(MappedFeatures),
+}
+
+impl FeatureStore {
+    /// Takes the section from the file as the limits say. `block_hashes` are verified.
+    ///
+    /// # Errors
+    /// Returns an error if the file cannot be read, or a block that is verified now is damaged.
+    pub fn open(
+        file: &Arc<PackFile>,
+        map: Option<&Arc<Mmap>>,
+        section: &Section,
+        block_hashes: AlignedBytes,
+        limits: &PackLimits,
+    ) -> Result<Self> {
+        let Some(map) = map.filter(|_| section.len > limits.copy_features_bytes) else {
+            let bytes = file.copy(section.offset, section.len)?;
+            check_blocks(file, section, bytes.as_slice(), block_hashes.as_slice())?;
+            return Ok(Self::Copied(bytes));
+        };
+        let blocks = section.len.div_ceil(BLOCK_LEN) as usize;
+        let features = MappedFeatures {
+            file: Arc::clone(file),
+            map: Arc::clone(map),
+            section: section.clone(),
+            block_hashes,
+            verified: (0..blocks).map(|_| AtomicBool::new(false)).collect(),
+        };
+        if section.len <= limits.verify_at_open_bytes {
+            features.verify(0..blocks)?;
+        }
+        Ok(Self::Mapped(features))
+    }
+
+    /// Some bytes of the section, verified.
+    ///
+    /// # Errors
+    /// Returns [`PackError::Corrupt`] if a block is damaged, [`PackError::Changed`] if the file was changed.
+    pub fn get(&self, range: Range<usize>) -> Result<&[u8]> {
+        match self {
+            Self::Copied(bytes) => Ok(bytes.as_slice().get(range).unwrap_or_default()),
+            Self::Mapped(features) => features.get(range),
+        }
+    }
+}
+
+/// Features that stay in the file.
+#[derive(Debug)]
+pub(crate) struct MappedFeatures {
+    file: Arc<PackFile>,
+    map: Arc<Mmap>,
+    section: Section,
+    block_hashes: AlignedBytes,
+    /// Which blocks were verified since the file was last modified.
+    verified: Box<[AtomicBool]>,
+}
+
+impl MappedFeatures {
+    fn get(&self, range: Range<usize>) -> Result<&[u8]> {
+        if range.is_empty() {
+            return Ok(&[]);
+        }
+        let block = BLOCK_LEN as usize;
+        self.verify(range.start / block..range.end.div_ceil(block))?;
+        let start = self.section.offset as usize;
+        Ok(self
+            .map
+            .get(start + range.start..start + range.end)
+            .unwrap_or_default())
+    }
+
+    /// Verifies those of some blocks that are not yet verified.
+    fn verify(&self, blocks: Range<usize>) -> Result<()> {
+        if self.file.check_unchanged()? {
+            self.verified
+                .iter()
+                .for_each(|v| v.store(false, Ordering::Relaxed));
+        }
+        blocks.into_par_iter().try_for_each(|i| {
+            let Some(verified) = self.verified.get(i) else {
+                return Ok(());
+            };
+            if verified.load(Ordering::Relaxed) {
+                return Ok(());
+            }
+            let first = i as u64 * BLOCK_LEN;
+            let len = BLOCK_LEN.min(self.section.len - first);
+            let start = (self.section.offset + first) as usize;
+            let bytes = self
+                .map
+                .get(start..start + len as usize)
+                .unwrap_or_default();
+            check_block(
+                &self.file,
+                &self.section,
+                i,
+                bytes,
+                self.block_hashes.as_slice(),
+            )?;
+            verified.store(true, Ordering::Relaxed);
+            Ok(())
+        })
+    }
+}
+
+/// Compares all blocks of a section with their hashes.
+pub(crate) fn check_blocks(
+    file: &PackFile,
+    section: &Section,
+    bytes: &[u8],
+    hashes: &[u8],
+) -> Result<()> {
+    bytes
+        .par_chunks(BLOCK_LEN as usize)
+        .enumerate()
+        .try_for_each(|(i, block)| check_block(file, section, i, block, hashes))
+}
+
+/// Compares block `i` of a section with its hash.
+pub(crate) fn check_block(
+    file: &PackFile,
+    section: &Section,
+    i: usize,
+    bytes: &[u8],
+    hashes: &[u8],
+) -> Result<()> {
+    let expected = hashes.get(i * HASH_LEN..(i + 1) * HASH_LEN);
+    if expected == Some(blake3::hash(bytes).as_bytes()) {
+        return Ok(());
+    }
+    Err(PackError::corrupt(
+        file.path(),
+        format!(
+            "section {}: checksum of the block at byte {} differs",
+            section.name,
+            section.offset + i as u64 * BLOCK_LEN
+        ),
+    ))
+}

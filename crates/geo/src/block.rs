@@ -1,4 +1,4 @@
-//! Blocks: the pieces in which the pixels of a map come out of its files.
+//! Blocks: the units in which the pixels of a map are decoded.
 
 use crate::GeoError;
 
@@ -36,12 +36,12 @@ pub(crate) enum Validity {
     All,
     /// None; the block has no colours either (`rgb` is empty).
     None,
-    /// 255 where there is data, 0 where not; row-major.
+    /// 255 where there is data, else 0; row-major.
     Mask(Vec<u8>),
 }
 
 impl Validity {
-    /// From a mask, in its cheapest form.
+    /// From a mask; the variants without a mask are preferred.
     pub fn from_mask(mask: Vec<u8>) -> Self {
         if mask.iter().all(|&v| v != 0) {
             Self::All
@@ -74,7 +74,7 @@ impl Block {
         }
     }
 
-    /// Bytes it holds in memory, about.
+    /// Approximate size in memory, bytes.
     pub fn bytes(&self) -> usize {
         let mask = match &self.validity {
             Validity::Mask(mask) => mask.len(),

@@ -1,4 +1,4 @@
-//! Decoded blocks, kept as long as a byte budget allows, least recently used first out.
+//! A cache of decoded blocks with a byte budget; the least recently used block is dropped first.
 
 use std::collections::{BTreeMap, HashMap};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::GeoError;
 use crate::block::{Block, BlockSource};
 
-/// Names a block among all sources that share a cache.
+/// Identifies a block among all sources that share a cache.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 struct Key {
     source: usize,

@@ -9,7 +9,7 @@ use crate::GeoError;
 /// Bytes read at a time.
 const CHUNK_BYTES: usize = 1 << 20;
 
-/// BLAKE3 over the files of a map, computed when it is first asked for.
+/// BLAKE3 over the files of a map, computed on first use.
 #[derive(Debug, Default)]
 pub(crate) struct ContentHash {
     files: Vec<PathBuf>,

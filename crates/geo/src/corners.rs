@@ -1,16 +1,16 @@
-//! Two corners that place a picture, linear in longitude and latitude (the paper's form).
+//! A georeference from two corners, linear in longitude and latitude (as in the paper).
 
 use serde::{Deserialize, Serialize};
 
 use crate::metres::metres_per_radian;
 use crate::{Affine, GeoError, LonLat};
 
-/// A pixel this far from square, as a ratio of its sides, is suspicious.
+/// Ratio of the sides of a pixel above which the corners may be swapped.
 const ODD_ASPECT: f64 = 1.6;
-/// A pixel this near to square is right.
+/// Ratio of the sides of a pixel below which it counts as square.
 const SQUARE_ASPECT: f64 = 1.15;
 
-/// The edges of a picture, degrees. Where it crosses the antimeridian, `east_deg` exceeds 180.
+/// The edges of a picture, degrees. If it crosses the antimeridian, `east_deg` exceeds 180.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Corners {
     /// Longitude of the left edge.
@@ -125,8 +125,8 @@ impl Corners {
         )
     }
 
-    /// Width over height of a pixel on the ground as given and with longitude and latitude
-    /// swapped, if that tells that they are swapped.
+    /// Width over height of a pixel on the ground as given and with longitude and latitude swapped, if these show that
+    /// they are swapped.
     fn swap_reveals(&self, size_px: (u64, u64)) -> Option<(f64, f64)> {
         let aspect = |lon_span: f64, lat_span: f64, lat: f64| {
             let (east_m, north_m) = metres_per_radian(lat);

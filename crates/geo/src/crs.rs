@@ -20,8 +20,7 @@ const S_JTSK_FINE: &str = "+towgs84=572.213,85.334,461.94,4.9732,1.529,5.2484,3.
 
 static WGS84_PROJ: LazyLock<Option<Proj>> = LazyLock::new(|| Proj::from_proj_string(WGS84).ok());
 
-/// A coordinate reference system. It is written as `EPSG:CODE` or as a PROJ string, and read back
-/// from that.
+/// A coordinate reference system. It is serialised as `EPSG:CODE` or as a PROJ string.
 ///
 /// Definitions come from the EPSG registry (`crs-definitions`), transformations from `proj4rs`.
 /// Datum shifts are those of the definition (`+towgs84`), good to some metres; a CRS whose shift is
@@ -40,7 +39,7 @@ impl Crs {
     /// Longitude and latitude on WGS 84, in degrees (x is the longitude).
     ///
     /// # Errors
-    /// None in practice; the definition goes the way of all others.
+    /// None in practice.
     pub fn wgs84() -> Result<Self, GeoError> {
         Self::from_epsg(4326)
     }
@@ -49,7 +48,7 @@ impl Crs {
     /// world files, whatever the registry's axis order.
     ///
     /// # Errors
-    /// [`GeoError::UnknownCrs`] if the code is not in the list or its projection is not supported.
+    /// Returns [`GeoError::UnknownCrs`] if the code is not in the list, or if its projection or unit is not supported.
     pub fn from_epsg(code: u32) -> Result<Self, GeoError> {
         let definition = format!("EPSG:{code}");
         let unknown = |reason: &str| GeoError::UnknownCrs {
@@ -74,16 +73,16 @@ impl Crs {
     /// By PROJ string (`+proj=...`).
     ///
     /// # Errors
-    /// [`GeoError::UnknownCrs`] if it cannot be parsed or is not supported.
+    /// Returns [`GeoError::UnknownCrs`] if it cannot be parsed or is not supported.
     pub fn from_proj_string(proj_string: &str) -> Result<Self, GeoError> {
         Self::from_parts(proj_string.to_string(), proj_string)
     }
 
-    /// From what a user writes: `EPSG:32651`, `epsg:32651`, `32651`,
+    /// Parses `EPSG:32651`, `epsg:32651`, `32651`,
     /// `urn:ogc:def:crs:EPSG::32651`, `OGC:CRS84`, or a PROJ string.
     ///
     /// # Errors
-    /// [`GeoError::UnknownCrs`] as above.
+    /// As [`Crs::from_epsg`] and [`Crs::from_proj_string`].
     pub fn parse(text: &str) -> Result<Self, GeoError> {
         let text = text.trim();
         if text.contains("+proj") {
@@ -120,13 +119,11 @@ impl Crs {
         })?;
         if proj.is_geocent() {
             return Err(unknown(
-                "geocentric coordinates are not those of a map".to_string(),
+                "geocentric coordinates cannot be those of a map".to_string(),
             ));
         }
         if !proj.has_inverse() || !proj.has_forward() {
-            return Err(unknown(
-                "the projection works in one direction only".to_string(),
-            ));
+            return Err(unknown("the projection has no inverse".to_string()));
         }
         let is_wgs84_lonlat = proj.is_latlong()
             && (proj_string.contains("+datum=WGS84") || proj_string.contains("+ellps=WGS84"))
@@ -143,7 +140,7 @@ impl Crs {
         })
     }
 
-    /// `EPSG:CODE` or the PROJ string: [`Crs::parse`] reads it back.
+    /// `EPSG:CODE` or the PROJ string; [`Crs::parse`] accepts it.
     pub fn definition(&self) -> &str {
         &self.definition
     }
@@ -163,13 +160,13 @@ impl Crs {
         self.proj.to_meter()
     }
 
-    /// What limits the accuracy, if something does: a datum whose shift to WGS 84 is not in the
-    /// definition can be off by hundreds of metres.
+    /// A warning about the accuracy, if there is a reason: without a datum shift to WGS 84 in the definition, positions
+    /// can be off by hundreds of metres.
     pub fn caveat(&self) -> Option<&str> {
         self.caveat.as_deref()
     }
 
-    /// Period of x, where the world repeats itself along x: 360 degrees, or the equator's length
+    /// Period of x if coordinates repeat around the world: 360 degrees, or the equator's length
     /// in a cylindrical projection.
     pub(crate) fn period_x(&self) -> Option<f64> {
         if self.is_geographic() {
@@ -180,7 +177,7 @@ impl Crs {
             self.proj.projname(),
             "merc" | "webmerc" | "eqc" | "mill" | "cea"
         );
-        // Of the cylindrical ones only Mercator's circumference is a * k without further ado.
+        // Only for Mercator projections is the circumference simply a * k.
         (cylindrical && self.proj.projname().ends_with("merc"))
             .then(|| TAU * a_m * self.proj.scaling_factor() / self.proj.to_meter())
             .filter(|period| period.is_finite() && *period > 0.0)
@@ -189,7 +186,7 @@ impl Crs {
     /// Longitude and latitude of coordinates.
     ///
     /// # Errors
-    /// [`GeoError::OutsideDomain`] where the projection has no answer.
+    /// Returns [`GeoError::OutsideDomain`] outside the domain of the projection.
     pub fn lonlat_from_xy(&self, x: f64, y: f64) -> Result<LonLat, GeoError> {
         if !x.is_finite() || !y.is_finite() {
             return Err(self.outside(x, y, "not finite"));
@@ -219,7 +216,7 @@ impl Crs {
     /// Coordinates of a longitude and latitude.
     ///
     /// # Errors
-    /// [`GeoError::OutsideDomain`] where the projection has no answer.
+    /// Returns [`GeoError::OutsideDomain`] outside the domain of the projection.
     pub fn xy_from_lonlat(&self, place: LonLat) -> Result<(f64, f64), GeoError> {
         let (lon, lat) = (place.lon_deg, place.lat_deg);
         if !place.is_valid() {
@@ -255,11 +252,11 @@ impl Crs {
     }
 }
 
-/// Says what is known to be inexact about a definition.
+/// A warning about the accuracy of a definition.
 fn caveat_of(proj_string: &str) -> Option<String> {
     let has = |key: &str| proj_string.contains(key);
     let shift_known = has("+datum=") || has("+towgs84=") || has("+nadgrids=@null");
-    // GRS 80 without a shift is a frame that moves with a continent: within a metre or two.
+    // GRS 80 without a shift: a plate-fixed frame, within one or two metres of WGS 84.
     let modern = has("+ellps=GRS80") || has("+ellps=WGS84");
     (!shift_known && !modern).then(|| {
         "its definition has no shift to WGS 84: positions can be off by hundreds of metres"

@@ -11,7 +11,7 @@ use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, Raster
 
 const ORDER: &str = "the columns are latitude and longitude of two corners, in degrees";
 
-/// Pictures that lie side by side. Where they overlap, the one that comes first in the table shows.
+/// Pictures side by side. Where they overlap, the first one in the table is used.
 pub(crate) struct Mosaic {
     pictures: Vec<Placed>,
     size_px: (u64, u64),
@@ -42,7 +42,7 @@ const LOWER_LEFT_LON: usize = 5;
 const UPPER_RIGHT_LAT: usize = 6;
 const UPPER_RIGHT_LON: usize = 7;
 
-/// Opens a table of pictures. Pictures are read from the table's own folder.
+/// Opens a table of pictures. File names are relative to the folder of the table.
 pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic, GeoError> {
     let rows = read_table(path)?;
     let mut placed = Vec::with_capacity(rows.len());
@@ -54,7 +54,7 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic,
         placed.push((picture, corners));
     }
     let Some((_, first)) = placed.first() else {
-        return Err(bad(path, 1, "it lists no pictures"));
+        return Err(bad(path, 1, "the table lists no pictures"));
     };
     // All longitudes on the same side of the antimeridian as the first picture's.
     let reference = 0.5 * (first.west_deg + first.east_deg);

@@ -1,8 +1,9 @@
-//! What can go wrong with a map, and what to do about it.
+//! The errors of this crate.
 
 use std::path::{Path, PathBuf};
 
-/// An error of this crate. Each variant that concerns a file names it and says what to do.
+/// An error of opening or reading a map, or of a coordinate system. Variants about a file name it; messages say what
+/// is wrong, what was expected, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GeoError {
@@ -11,13 +12,13 @@ pub enum GeoError {
     Io {
         /// The file.
         path: PathBuf,
-        /// What the operating system said.
+        /// The error of the operating system.
         source: std::io::Error,
     },
 
-    /// The file is none of the formats a map can have.
+    /// The file has none of the supported formats.
     #[error(
-        "{}: not a map: {reason}; give a GeoTIFF, a JPEG/PNG/WebP/TIFF picture, or a .csv that lists pictures and their corners",
+        "{}: not a map: {reason}; expected a GeoTIFF, a JPEG, PNG, WebP or TIFF picture, or a .csv that lists pictures and their corners",
         path.display()
     )]
     NotAMap {
@@ -27,20 +28,20 @@ pub enum GeoError {
         reason: String,
     },
 
-    /// Nothing says where on Earth the picture lies.
+    /// The position of the picture on Earth is unknown.
     #[error(
-        "{}: no georeference: {reason}; give --corners LL_LON,LL_LAT,UR_LON,UR_LAT, or put a world file (.tfw, .jgw, .pgw, .wld) beside it and give --crs",
+        "{}: no georeference: {reason}; give the longitude and latitude of its lower left and upper right corners, or put a world file (.tfw, .jgw, .pgw, .wld) beside it and give its coordinate system",
         path.display()
     )]
     NoGeoreference {
         /// The file.
         path: PathBuf,
-        /// What was looked for, or what was found that cannot be used.
+        /// What is missing, or what was found that cannot be used.
         reason: String,
     },
 
-    /// There is a transform, but nothing says in which coordinate system.
-    #[error("{}: no coordinate system: {reason}; give --crs EPSG:CODE or --crs '+proj=...'", path.display())]
+    /// There is a transform to coordinates, but their coordinate system is unknown.
+    #[error("{}: no coordinate system: {reason}; give it as EPSG:CODE or as a PROJ string ('+proj=...')", path.display())]
     MissingCrs {
         /// The file.
         path: PathBuf,
@@ -48,19 +49,19 @@ pub enum GeoError {
         reason: String,
     },
 
-    /// A coordinate system that is not known or not supported.
+    /// A coordinate system that is unknown or not supported.
     #[error(
         "unknown coordinate system '{crs}': {reason}; give EPSG:CODE (for example EPSG:32651) or a PROJ string ('+proj=utm +zone=51 +datum=WGS84')"
     )]
     UnknownCrs {
-        /// As it was written.
+        /// The coordinate system as given.
         crs: String,
         /// Why it cannot be used.
         reason: String,
     },
 
-    /// The file's own coordinate system is not known or not supported.
-    #[error("{}: unknown coordinate system '{crs}': {reason}; give --crs EPSG:CODE, or reproject: gdalwarp -t_srs EPSG:4326 IN OUT", path.display())]
+    /// The coordinate system in the file is unknown or not supported.
+    #[error("{}: unknown coordinate system '{crs}': {reason}; give the coordinate system as EPSG:CODE, or reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT", path.display())]
     UnsupportedCrs {
         /// The file.
         path: PathBuf,
@@ -70,19 +71,19 @@ pub enum GeoError {
         reason: String,
     },
 
-    /// Longitude and latitude have changed places.
+    /// Longitude and latitude are probably swapped.
     #[error("{location}: longitude and latitude look swapped: {reason}; {order}")]
     SwappedLonLat {
         /// The file and line, or the option.
         location: String,
-        /// What gave it away.
+        /// How this was detected.
         reason: String,
         /// The order that is expected.
         order: &'static str,
     },
 
     /// Corners that do not span a map.
-    #[error("{location}: corners cannot be used: {reason}")]
+    #[error("{location}: invalid corners: {reason}")]
     BadCorners {
         /// The file and line, or the option.
         location: String,
@@ -110,7 +111,7 @@ pub enum GeoError {
         coefficients: [f64; 6],
     },
 
-    /// A table of pictures that cannot be read.
+    /// A table of pictures that is invalid.
     #[error("{}: line {line}: {reason}; the columns are filename, top_left_lat, top_left_lon, bottom_right_lat, bottom_right_lon (or LL_lon, LL_lat, UR_lon, UR_lat)", path.display())]
     BadTable {
         /// The table.
@@ -126,7 +127,7 @@ pub enum GeoError {
     Truncated {
         /// The file.
         path: PathBuf,
-        /// Where the last block should end.
+        /// Where the last block ends, bytes from the start of the file.
         needed_bytes: u64,
         /// The file's size.
         found_bytes: u64,
@@ -137,22 +138,22 @@ pub enum GeoError {
     Damaged {
         /// The file.
         path: PathBuf,
-        /// What the decoder said.
+        /// The message of the decoder.
         reason: String,
     },
 
-    /// The file is sound, but of a kind that is not read here.
+    /// The file is valid, but uses a feature that is not supported.
     #[error("{}: not supported: {what}; {advice}", path.display())]
     Unsupported {
         /// The file.
         path: PathBuf,
-        /// What it has.
+        /// The feature.
         what: String,
         /// What to do.
         advice: &'static str,
     },
 
-    /// A place that the coordinate system cannot express.
+    /// A position outside the domain of the coordinate system.
     #[error("({x}, {y}) cannot be transformed in {crs}: {reason}")]
     OutsideDomain {
         /// The coordinate system.
@@ -161,11 +162,11 @@ pub enum GeoError {
         x: f64,
         /// y or latitude.
         y: f64,
-        /// What the projection said.
+        /// Why it cannot be transformed.
         reason: String,
     },
 
-    /// A window that is not finite, is empty, or asks for no pixels or too many.
+    /// A window that is not finite, is empty or too large, or whose output has no pixels or too many.
     #[error("cannot read window {window}: {reason}")]
     BadWindow {
         /// The window.
@@ -174,9 +175,12 @@ pub enum GeoError {
         reason: String,
     },
 
-    /// A tile grid that cannot be laid.
-    #[error("cannot lay tiles: {0}")]
-    BadGrid(String),
+    /// A ground resolution that is not a positive number.
+    #[error("{gsd_m} m per pixel is not a ground resolution; expected a positive number")]
+    BadResolution {
+        /// As given, metres per pixel.
+        gsd_m: f64,
+    },
 }
 
 /// How to make a file that can be read, for the errors that need it.

@@ -6,15 +6,15 @@ use serde::{Deserialize, Serialize};
 use crate::metres::{metres_per_radian, wrap_longitude_deg};
 use crate::{Affine, Crs, GeoError, LonLat, MapPx};
 
-/// Half the step of the central differences that make the Jacobian, pixels.
+/// Half the step of the central differences of the Jacobian, pixels.
 const JACOBIAN_STEP_PX: f64 = 64.0;
 
-/// Where a map lies: an affine transform to the coordinates of a CRS, and the CRS.
+/// The georeference of a map: an affine transform from pixels to the coordinates of a CRS, and the CRS.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Georeference {
     affine: Affine,
     crs: Crs,
-    /// The map's centre: of the repetitions of the world, coordinates are taken nearest to it.
+    /// The map's centre. Coordinates that repeat around the world are taken nearest to it.
     #[serde(rename = "center_px")]
     centre_px: MapPx,
 }
@@ -49,17 +49,17 @@ impl Georeference {
     /// crosses the antimeridian.
     ///
     /// # Errors
-    /// [`GeoError::OutsideDomain`] where the projection has no answer.
+    /// Returns [`GeoError::OutsideDomain`] outside the domain of the projection.
     pub fn lonlat_from_map_px(&self, place: MapPx) -> Result<LonLat, GeoError> {
         let (x, y) = self.affine.xy_from_map_px(place);
         self.crs.lonlat_from_xy(x, y)
     }
 
-    /// Map pixel of a longitude and latitude; outside the map's bounds if the place is. On a map
-    /// that crosses the antimeridian the nearer way round is taken.
+    /// Map pixel of a longitude and latitude; it lies outside the map if the position does. On a map
+    /// that crosses the antimeridian the position is taken on the side nearer to the map's centre.
     ///
     /// # Errors
-    /// [`GeoError::OutsideDomain`] where the projection has no answer.
+    /// Returns [`GeoError::OutsideDomain`] outside the domain of the projection.
     pub fn map_px_from_lonlat(&self, place: LonLat) -> Result<MapPx, GeoError> {
         let (mut x, y) = self.crs.xy_from_lonlat(place)?;
         if let Some(period) = self.crs.period_x() {
@@ -78,7 +78,7 @@ impl Georeference {
         Ok((j[(0, 0)].hypot(j[(1, 0)]), j[(0, 1)].hypot(j[(1, 1)])))
     }
 
-    /// The direction in which the map's top lies, degrees clockwise from true north in `[0, 360)`:
+    /// The bearing of the map's upward direction, degrees clockwise from true north in `[0, 360)`:
     /// 0 on a north-up map, plus the meridian convergence of its projection.
     ///
     /// # Errors
@@ -89,12 +89,12 @@ impl Georeference {
             .atan2(-j[(1, 1)])
             .to_degrees()
             .rem_euclid(360.0);
-        // A whole turn less one rounding error is north.
+        // Rounding may give 360.
         Ok(if degrees >= 360.0 { 0.0 } else { degrees })
     }
 
     /// Metres east (first row) and north (second row) per map pixel to the right (first column)
-    /// and down (second column), at a place. North-up: `[[gsd, 0], [0, -gsd]]`.
+    /// and down (second column), at a point. North-up: `[[gsd, 0], [0, -gsd]]`.
     ///
     /// Central differences over 128 px, in metres of the ellipsoid's radii of curvature there.
     ///

@@ -4,9 +4,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{GeoError, Georeference, LevelPx, MapPx, WindowPx};
 
-/// The frame of a level of the map at a given ground resolution. Its axes are the map's own; x and
-/// y have their own scale, so that a geographic CRS, whose degrees are unequal on the ground, comes
-/// out square at the map's centre.
+/// The frame of a level: the map at a given ground resolution. Its axes are those of the map. x and y have different
+/// scales, so that pixels are square on the ground at the map's centre also if the map's are not (a geographic CRS).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LevelFrame {
     /// Metres per level pixel at the map's centre.
@@ -15,7 +14,7 @@ pub struct LevelFrame {
     pub map_px_per_level_px_x: f64,
     /// Map pixels per level pixel along y.
     pub map_px_per_level_px_y: f64,
-    /// Width of the level, pixels: the last one may reach beyond the map.
+    /// Width of the level, pixels; the last column may reach beyond the map.
     pub width_px: u64,
     /// Height of the level, pixels.
     pub height_px: u64,
@@ -25,22 +24,20 @@ impl LevelFrame {
     /// The level of `gsd_m` metres per pixel over a map of `size_px`.
     ///
     /// # Errors
-    /// [`GeoError::BadGrid`] if `gsd_m` is not a positive number; [`GeoError::OutsideDomain`] if the
-    /// map's centre has no place on Earth.
+    /// Returns [`GeoError::BadResolution`] if `gsd_m` is not a positive number, [`GeoError::OutsideDomain`] if the map's
+    /// centre has no position on Earth.
     pub fn new(
         georeference: &Georeference,
         size_px: (u64, u64),
         gsd_m: f64,
     ) -> Result<Self, GeoError> {
         if !(gsd_m.is_finite() && gsd_m > 0.0) {
-            return Err(GeoError::BadGrid(format!(
-                "{gsd_m} m is not a ground resolution"
-            )));
+            return Err(GeoError::BadResolution { gsd_m });
         }
         let centre = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
         let (x_m, y_m) = georeference.ground_resolution_m(centre)?;
         let (scale_x, scale_y) = (gsd_m / x_m, gsd_m / y_m);
-        // A sliver below a thousandth of a pixel is rounding, not ground.
+        // A remainder below a thousandth of a pixel is a rounding error.
         let count = |side: u64, scale: f64| ((side as f64 / scale - 1e-3).ceil() as u64).max(1);
         Ok(Self {
             gsd_m,

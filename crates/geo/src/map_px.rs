@@ -1,8 +1,8 @@
-//! Places and windows on the full-resolution map, in pixels.
+//! Points and windows of the full-resolution map, in pixels.
 
 use serde::{Deserialize, Serialize};
 
-/// A continuous place on the full-resolution map, in pixels: `(0, 0)` is the outer corner of the
+/// A continuous point of the full-resolution map, in pixels: `(0, 0)` is the outer corner of the
 /// top-left pixel (GDAL's convention), `x` grows to the right and `y` downwards.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MapPx {
@@ -13,7 +13,7 @@ pub struct MapPx {
 }
 
 impl MapPx {
-    /// The place `x` columns from the left edge and `y` rows from the top edge.
+    /// The point `x` columns from the left edge and `y` rows from the top edge.
     pub const fn new(x: f64, y: f64) -> Self {
         Self { x, y }
     }

@@ -11,7 +11,7 @@ pub(crate) const WGS84_A_M: f64 = 6_378_137.0;
 /// Flattening of WGS 84 (EPSG:7030).
 pub(crate) const WGS84_F: f64 = 1.0 / 298.257_223_563;
 
-/// A place in degrees of longitude and latitude on WGS 84.
+/// A position in degrees of longitude and latitude on WGS 84.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LonLat {
     /// Degrees east of Greenwich.
@@ -21,7 +21,7 @@ pub struct LonLat {
 }
 
 impl LonLat {
-    /// The place at `lon_deg` east and `lat_deg` north.
+    /// The position at `lon_deg` east and `lat_deg` north.
     pub const fn new(lon_deg: f64, lat_deg: f64) -> Self {
         Self { lon_deg, lat_deg }
     }
@@ -32,7 +32,7 @@ impl LonLat {
     }
 }
 
-/// The same longitude in `[-180, 180)`. Not finite stays not finite.
+/// The same longitude in `[-180, 180)`. NaN and infinities give NaN.
 ///
 /// ```
 /// assert_eq!(grimnet_geo::wrap_longitude_deg(181.5), -178.5);
@@ -52,7 +52,7 @@ pub fn wrap_longitude_deg(lon_deg: f64) -> f64 {
     }
 }
 
-/// Length of the geodesic between two places, metres.
+/// Length of the geodesic between two positions, metres.
 ///
 /// ```
 /// use grimnet_geo::{LonLat, distance_m};
@@ -70,24 +70,24 @@ pub fn bearing_deg(from: LonLat, to: LonLat) -> f64 {
     azimuth_deg.rem_euclid(360.0)
 }
 
-/// Metres east and north from one place to another, along the geodesic at `from`.
+/// Metres east and north from one position to another: the length of the geodesic, split by its bearing at `from`.
 ///
-/// Meant for the small distances of a map: the pair is the geodesic's length split by its bearing.
+/// Meant for distances within a map.
 pub fn offset_en_m(from: LonLat, to: LonLat) -> (f64, f64) {
     let (length_m, azimuth_deg, _) = length_and_azimuths(from, to);
     let (sin, cos) = azimuth_deg.to_radians().sin_cos();
     (length_m * sin, length_m * cos)
 }
 
-/// Where one arrives from `from` going `length_m` metres along the geodesic that starts at
-/// `bearing_deg` degrees clockwise from true north.
+/// The position at `length_m` metres from `from` along the geodesic that starts at `bearing_deg` degrees clockwise
+/// from true north.
 pub fn destination(from: LonLat, bearing_deg: f64, length_m: f64) -> LonLat {
     let (lat_deg, lon_deg) =
         Geodesic::wgs84().direct(from.lat_deg, from.lon_deg, bearing_deg, length_m);
     LonLat::new(wrap_longitude_deg(lon_deg), lat_deg)
 }
 
-/// Where one arrives `east_m` and `north_m` metres from `from`: the inverse of [`offset_en_m`].
+/// The position `east_m` metres east and `north_m` metres north of `from`: the inverse of [`offset_en_m`].
 pub fn destination_en_m(from: LonLat, east_m: f64, north_m: f64) -> LonLat {
     destination(
         from,

@@ -1,4 +1,4 @@
-//! Opening a map, whatever its form.
+//! Opens a map of any supported form.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -17,19 +17,19 @@ use crate::world_file::{find_world_file, read_world_file};
 use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, RasterPatch, WindowPx};
 
 const CORNERS_ORDER: &str = "the order is LL_LON,LL_LAT,UR_LON,UR_LAT";
-/// Decoded blocks that are kept, bytes, unless a window needs more.
+/// Size of the cache of decoded blocks, bytes, unless a window needs more.
 const DEFAULT_CACHE_BYTES: usize = 192 << 20;
 
-/// What a user may say about a map.
+/// Options for opening a map.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MapOptions {
-    /// The CRS, if the file does not say it or says it wrongly: see [`Crs::parse`].
+    /// The CRS, if the file does not give it or gives a wrong one; see [`Crs::parse`].
     pub crs: Option<String>,
     /// Longitude and latitude of the lower left and the upper right corner, degrees:
-    /// `[LL_LON, LL_LAT, UR_LON, UR_LAT]`. They take the place of any georeference in the file.
+    /// `[LL_LON, LL_LAT, UR_LON, UR_LAT]`. They override any georeference in the file.
     pub corners: Option<[f64; 4]>,
-    /// Bytes of decoded pixels to keep; 192 MiB by default. It grows, to at most 512 MiB, if one
-    /// window needs more.
+    /// Size of the cache of decoded pixels, bytes; 192 MiB by default. It grows to at most 512 MiB if a window needs
+    /// more.
     pub cache_bytes: Option<usize>,
 }
 
@@ -41,8 +41,7 @@ pub struct MapOptions {
 /// world file; the CRS is `options.crs`, else the file's own.
 ///
 /// # Errors
-/// See [`GeoError`]: the file cannot be read, is no map, is truncated or damaged, has no
-/// georeference or one that cannot be used. A map without georeference is never given a made-up one.
+/// Returns an error if the file cannot be read, is not a map, is truncated or damaged, or has no valid georeference.
 pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, GeoError> {
     let crs = options.crs.as_deref().map(Crs::parse).transpose()?;
     let cache = Arc::new(BlockCache::new(
@@ -54,8 +53,8 @@ pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, Ge
     if is_table {
         if options.corners.is_some() {
             return Err(GeoError::BadCorners {
-                location: "--corners".to_string(),
-                reason: "a table of pictures has corners of its own".to_string(),
+                location: "corners".to_string(),
+                reason: "a table of pictures already has corners; give none".to_string(),
             });
         }
         return Ok(Box::new(open_mosaic(path, cache)?));
@@ -79,10 +78,7 @@ pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, Ge
     let georeference = match corners_georeference(&crs, options, size_px)? {
         Some(georeference) => georeference,
         None => world_georeference(path, crs.map(FileCrs::from), size_px)?.ok_or_else(|| {
-            no_georeference(
-                path,
-                "a picture has none of its own, and there is no world file",
-            )
+            no_georeference(path, "the picture has none, and there is no world file")
         })?,
     };
     let kind = picture.kind().to_string();
@@ -156,7 +152,7 @@ fn tiff_georeference(
         (None, None) => {
             return Err(GeoError::MissingCrs {
                 path: path.to_path_buf(),
-                reason: "the file has a transform and no GeoKeys".to_string(),
+                reason: "the file has a transform but no GeoKeys".to_string(),
             });
         }
     };
@@ -171,14 +167,16 @@ fn corners_georeference(
     let Some([ll_lon, ll_lat, ur_lon, ur_lat]) = options.corners else {
         return Ok(None);
     };
-    let location = "--corners";
+    let location = "corners";
     let crs = match crs {
         None => Crs::wgs84()?,
         Some(crs) if crs.is_geographic() => crs.clone(),
         Some(crs) => {
             return Err(GeoError::BadCorners {
                 location: location.to_string(),
-                reason: format!("they are longitude and latitude, which {crs} does not have"),
+                reason: format!(
+                    "they are longitude and latitude, and {crs} is projected; give no coordinate system or a geographic one"
+                ),
             });
         }
     };
@@ -199,13 +197,12 @@ fn world_georeference(
     let affine = read_world_file(&world_file)?;
     let crs = crs.ok_or_else(|| GeoError::MissingCrs {
         path: path.to_path_buf(),
-        reason: format!("{} does not say which", world_file.display()),
+        reason: format!("the world file {} does not give it", world_file.display()),
     })?;
     georeference(&world_file, affine, crs, size_px).map(Some)
 }
 
-/// Checks that the map lies on Earth: that catches a CRS that does not fit the transform, and
-/// swapped axes.
+/// Checks that the map lies on Earth. This detects a CRS that does not fit the transform, and swapped axes.
 fn georeference(
     path: &Path,
     affine: Affine,
@@ -229,7 +226,7 @@ fn georeference(
         return Err(GeoError::UnsupportedCrs {
             path: path.to_path_buf(),
             crs: crs.to_string(),
-            reason: format!("the map's centre has no place in it ({error})"),
+            reason: format!("the map's centre lies outside it ({error})"),
         });
     }
     if let Some(caveat) = crs.caveat() {
@@ -295,7 +292,7 @@ impl Raster for SingleMap {
             .georeference
             .ground_resolution_m(self.georeference.centre_px())
         {
-            Ok((x, y)) => format!("{x:.3} x {y:.3} m a pixel"),
+            Ok((x, y)) => format!("{x:.3} x {y:.3} m per pixel"),
             Err(_) => "resolution unknown".to_string(),
         };
         format!(

@@ -31,8 +31,12 @@ impl Picture {
         };
         let format = match reader.format() {
             Some(f @ (ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::WebP)) => f,
-            Some(other) => return Err(not_a_map(format!("{other:?} pictures are not read"))),
-            None => return Err(not_a_map("it is not a picture of a known kind".to_string())),
+            Some(other) => return Err(not_a_map(format!("{other:?} pictures are not supported"))),
+            None => {
+                return Err(not_a_map(
+                    "it is not a picture in a known format".to_string(),
+                ));
+            }
         };
         let (width, height) = reader
             .into_dimensions()
@@ -69,7 +73,7 @@ impl Picture {
         (self.layout[0].width, self.layout[0].height)
     }
 
-    /// Its format, for people.
+    /// The name of its format.
     pub fn kind(&self) -> &'static str {
         match self.format {
             ImageFormat::Jpeg => "JPEG",
@@ -82,7 +86,10 @@ impl Picture {
         let damaged = |e: image::ImageError| GeoError::damaged(&self.path, e);
         let bytes = std::fs::read(&self.path).map_err(|e| GeoError::io(&self.path, e))?;
         if self.format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
-            return Err(GeoError::damaged(&self.path, "the JPEG data breaks off"));
+            return Err(GeoError::damaged(
+                &self.path,
+                "the JPEG data ends before the picture is complete",
+            ));
         }
         let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
         // 16-bit RGBA, and as much again for the decoder.
@@ -132,7 +139,7 @@ impl BlockSource for Picture {
 }
 
 /// Whether the last scan of a JPEG is followed by an end marker. The decoder fills what is missing
-/// with grey and says nothing.
+/// with grey without an error.
 fn jpeg_is_complete(bytes: &[u8]) -> bool {
     let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
     match (last([0xFF, 0xDA]), last([0xFF, 0xD9])) {

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::RasterPatch;
 
-/// Least share of an output pixel's weight that must fall on data.
+/// Minimum share of the weight of an output pixel that must be on data.
 const MIN_VALID_WEIGHT: f32 = 0.5 - 1e-4;
 
 /// Weights of the source pixels `start..start + weights.len()` in one output pixel.
@@ -116,7 +116,7 @@ pub(crate) struct Resampler {
     across: Axis,
     down: Axis,
     patch: RasterPatch,
-    /// Sums of output rows that source rows still to come belong to.
+    /// Sums of output rows that need further source rows.
     open: HashMap<usize, RowSum>,
 }
 

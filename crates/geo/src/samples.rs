@@ -52,7 +52,7 @@ impl SampleKind {
         matches!(self, Self::U8 | Self::U16 | Self::U32 | Self::U64)
     }
 
-    /// Name, for people.
+    /// Name for messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::U8 => "8-bit",
@@ -101,12 +101,12 @@ pub(crate) struct Bands {
     pub rgb: [usize; 3],
     /// The alpha band.
     pub alpha: Option<usize>,
-    /// Small numbers are bright (MinIsWhite).
+    /// Small values are bright (MinIsWhite).
     pub inverted: bool,
 }
 
 impl Bands {
-    /// One band thrice, or the first three.
+    /// Grey from the first band, or colour from the first three.
     pub fn first(count: usize, color_bands: usize, alpha: Option<usize>) -> Self {
         let rgb = if color_bands >= 3 {
             [0, 1, 2]
@@ -136,7 +136,7 @@ pub(crate) struct Stretch {
 }
 
 impl Stretch {
-    /// Nothing to do: 8-bit samples.
+    /// No stretch: 8-bit samples.
     pub const IDENTITY: Self = Self {
         low: [0.0; 3],
         high: [255.0; 3],

@@ -15,9 +15,9 @@ use crate::tiff_images::{TiffImage, TiffImages, TiffLevel, open_images};
 const TAG_GDAL_NODATA: u16 = 42113;
 /// TIFF 6.0: no compression.
 const COMPRESSION_NONE: u16 = 1;
-/// Rows that thin strips are gathered to.
+/// Number of rows that thin strips are combined to.
 const BAND_ROWS: u64 = 64;
-/// Most bytes of a band of strips, as RGB.
+/// Maximum size of combined strips as RGB, bytes.
 const MAX_BAND_BYTES: u64 = 32 << 20;
 /// Side of the blocks in which uncompressed strips are read.
 const DIRECT_BLOCK_PX: u64 = 512;
@@ -91,7 +91,7 @@ impl TiffMap {
         (self.layouts[0].width, self.layouts[0].height)
     }
 
-    /// What the file is, for people.
+    /// Description of the file for messages.
     pub fn kind(&self) -> String {
         let (level, layout) = (&self.levels[0], self.layouts[0]);
         let ifd = &level.image.ifd;

@@ -1,4 +1,4 @@
-//! Where a GeoTIFF lies.
+//! The georeference tags of a TIFF file.
 
 use geotiff_core::crs::RasterType;
 use geotiff_core::geokeys::{self, GeoKeyDirectory};
@@ -15,13 +15,13 @@ use crate::{Affine, GeoError};
 /// GDAL's tag for rational polynomial coefficients.
 const TAG_RPC: u16 = 50844;
 
-/// What a TIFF file says about its place. Either may be absent.
+/// The georeference in a TIFF file. Each part may be absent.
 pub(crate) struct TiffPlace {
     /// Transform from pixels, at pixel corners.
     pub affine: Option<Affine>,
     /// Keys that describe the CRS.
     pub geokeys: Option<GeoKeyDirectory>,
-    /// Something that is not a transform but was meant as one.
+    /// Advice, if the file has a kind of georeference that is not supported.
     pub other: Option<&'static str>,
 }
 

@@ -66,7 +66,7 @@ pub(crate) fn open_images(path: &Path) -> Result<TiffImages, GeoError> {
         .cloned()
         .ok_or_else(|| GeoError::NotAMap {
             path: path.to_path_buf(),
-            reason: "the TIFF file holds no picture".to_string(),
+            reason: "the TIFF file contains no picture".to_string(),
         })?;
     let mut overviews: Vec<TiffImage> = main
         .iter()

@@ -9,17 +9,17 @@ use crate::block_cache::BlockCache;
 use crate::resample::{Axis, Resampler, SourceRows};
 use crate::{GeoError, RasterPatch, WindowPx};
 
-/// Most pixels that a patch may have.
+/// Maximum number of pixels of a patch.
 const MAX_OUTPUT_PX: u64 = 1 << 28;
 /// Longest side of a window, pixels: resampling evaluates the filter over all of it, also outside the map.
 const MAX_WINDOW_SIDE_PX: f64 = (1_u64 << 27) as f64;
-/// An overview may be coarser than asked for by this much (rounding of its size).
+/// An overview may be coarser than requested by this factor (rounding of its size).
 const OVERVIEW_SLACK: f64 = 1.01;
-/// Windows this near to whole pixels are copied, pixels.
+/// Windows within this distance of whole pixels are copied, pixels.
 const WHOLE_PIXEL_TOLERANCE: f64 = 1e-6;
-/// Source bytes that are filtered at a time, about.
+/// Approximate number of source bytes that are filtered at a time.
 const BYTES_AT_A_TIME: usize = 4 << 20;
-/// The cache grows to hold what two neighbouring windows share, up to this.
+/// The cache grows to this size to hold the blocks that two neighbouring windows share.
 const MAX_BUDGET_BYTES: usize = 512 << 20;
 
 /// Reads a window of a source through a cache. Semantics: [`crate::Raster::read`].
@@ -72,7 +72,7 @@ pub(crate) fn check(window: WindowPx, out_w: u32, out_h: u32) -> Result<(), GeoE
     };
     let sides = [window.x, window.y, window.w, window.h];
     if sides.iter().any(|v| !v.is_finite() || v.abs() > 1e12) {
-        return bad("its sides must be finite, below 1e12 pixels");
+        return bad("its position and size must be finite and below 1e12 pixels");
     }
     if window.w.max(window.h) > MAX_WINDOW_SIDE_PX {
         return bad(&format!(
@@ -84,7 +84,7 @@ pub(crate) fn check(window: WindowPx, out_w: u32, out_h: u32) -> Result<(), GeoE
         return bad("it is empty");
     }
     if out_w == 0 || out_h == 0 || u64::from(out_w) * u64::from(out_h) > MAX_OUTPUT_PX {
-        return bad("between 1 and 2^28 pixels can be read at a time");
+        return bad("the output must have 1 to 2^28 pixels");
     }
     Ok(())
 }
@@ -96,7 +96,7 @@ pub(crate) fn empty_patch(out_w: u32, out_h: u32) -> RasterPatch {
     }
 }
 
-/// The coarsest level that is not coarser than the reduction asked for.
+/// The coarsest level that is not coarser than the requested reduction.
 fn choose_level(levels: &[BlockLayout], reduction: f64) -> (usize, BlockLayout) {
     let full = levels[0];
     let mut best = (0, full);
@@ -152,7 +152,7 @@ impl Reader<'_> {
                 }
             })?;
         }
-        // Colours where there is no data are black, as everywhere.
+        // Pixels without data are black.
         for (pixel, seen) in rgb.chunks_exact_mut(3).zip(valid.iter()) {
             if *seen == 0 {
                 pixel.fill(0);

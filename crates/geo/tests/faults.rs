@@ -77,12 +77,12 @@ fn a_picture_without_georeference_is_refused() {
     for name in ["map.png", "map.jpg"] {
         let path = dir.path().join(name);
         picture(&path, 20, 10);
-        let error = refused(open(&path), &path, &["--corners", "--crs"]);
+        let error = refused(open(&path), &path, &["corners", "coordinate system"]);
         assert!(matches!(error, GeoError::NoGeoreference { .. }));
     }
     // A CRS alone is not a place.
     let path = dir.path().join("map.png");
-    let error = refused(with_crs(&path, "EPSG:32651"), &path, &["--corners"]);
+    let error = refused(with_crs(&path, "EPSG:32651"), &path, &["corners"]);
     assert!(matches!(error, GeoError::NoGeoreference { .. }));
 }
 
@@ -91,7 +91,7 @@ fn a_tiff_without_georeference_is_refused() {
     let dir = folder();
     let path = dir.path().join("plain.tif");
     write_map(&path, (20, 10), vec![], colours);
-    let error = refused(open(&path), &path, &["--corners"]);
+    let error = refused(open(&path), &path, &["corners"]);
     assert!(matches!(error, GeoError::NoGeoreference { .. }));
     let map = with_corners(&path, [120.0, 24.0, 120.002, 24.001]).unwrap();
     let centre = map
@@ -120,7 +120,7 @@ fn a_transform_without_crs_is_refused_until_it_is_given() {
     let mut tags = geo_tags(32651);
     tags.pop();
     write_map(&path, (20, 10), tags, colours);
-    let error = refused(open(&path), &path, &["--crs"]);
+    let error = refused(open(&path), &path, &["coordinate system"]);
     assert!(matches!(error, GeoError::MissingCrs { .. }));
     let map = with_crs(&path, "EPSG:32651").unwrap();
     assert_eq!(map.georeference().crs().definition(), "EPSG:32651");
@@ -132,7 +132,7 @@ fn a_transform_without_crs_is_refused_until_it_is_given() {
         "0.5\n0\n0\n-0.5\n300000.25\n2699999.75\n",
     )
     .unwrap();
-    let error = refused(open(&png), &png, &["--crs"]);
+    let error = refused(open(&png), &png, &["coordinate system"]);
     assert!(matches!(error, GeoError::MissingCrs { .. }));
     let map = with_crs(&png, "32651").unwrap();
     assert_eq!(
@@ -146,7 +146,7 @@ fn an_unknown_crs_is_refused() {
     let dir = folder();
     let path = dir.path().join("unknown.tif");
     write_map(&path, (20, 10), geo_tags(9999), colours);
-    let error = refused(open(&path), &path, &["EPSG:9999", "--crs", "gdalwarp"]);
+    let error = refused(open(&path), &path, &["EPSG:9999", "EPSG:CODE", "gdalwarp"]);
     assert!(matches!(error, GeoError::UnsupportedCrs { .. }));
     for crs in [
         "EPSG:9999",
@@ -174,7 +174,11 @@ fn a_crs_that_does_not_fit_is_refused() {
     let path = dir.path().join("utm.tif");
     write_map(&path, (20, 10), geo_tags(32651), colours);
     // Metres taken for degrees.
-    let error = refused(with_crs(&path, "EPSG:4326"), &path, &["EPSG:4326", "--crs"]);
+    let error = refused(
+        with_crs(&path, "EPSG:4326"),
+        &path,
+        &["EPSG:4326", "EPSG:CODE"],
+    );
     assert!(matches!(error, GeoError::UnsupportedCrs { .. }));
 }
 

@@ -13,12 +13,12 @@ const LONGER_SIDE_PX: f64 = 1600.0;
 const TILE_COLOUR: Rgb<u8> = Rgb([255, 200, 40]);
 const SKIPPED_COLOUR: Rgb<u8> = Rgb([230, 40, 60]);
 
-/// The map, made small, with the tiles of level `level`: each tile's middle quarter is outlined (whole tiles overlap
-/// by half, their middles do not), skipped ones are crossed out.
+/// The map at a reduced size with the tiles of level `level`: the middle quarter of each tile is outlined (whole tiles
+/// overlap by half, their middles do not), skipped ones are crossed out.
 ///
 /// # Errors
-/// [`PackError::Options`] where there is no such level or the map is not the pack's; otherwise where the map cannot be
-/// read.
+/// Returns [`PackError::Options`] if there is no such level or the map has another size than the pack's, and
+/// [`PackError::Map`] if the map cannot be read.
 pub fn draw(pack: &Pack, level: usize, raster: &dyn Raster) -> Result<RgbImage> {
     let count = pack.levels().len();
     let Some(level) = pack.levels().get(level) else {

@@ -1,10 +1,10 @@
-//! Keypoints and local descriptors as they lie in the pack, and gathered for one tile.
+//! Keypoints and local descriptors as stored in the pack, and collected for one tile.
 
 use half::f16;
 
 use crate::format::{ALIGNMENT, BlobLayout, POSITION_STEPS_PER_PX};
 
-/// Features of one cell or paper tile, borrowed from the mapped file, strongest keypoint first.
+/// Features of one cell or paper tile, borrowed from the pack, strongest keypoint first.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureBlock<'a> {
     positions: &'a [[u16; 2]],
@@ -12,12 +12,12 @@ pub struct FeatureBlock<'a> {
     descriptors: &'a [i8],
     /// Tile pixel of stored position (0, 0): x, y.
     offset_px: [f32; 2],
-    /// Tile pixels a stored pixel (1 but in paper mode).
+    /// Tile pixels per stored pixel (1 except in paper mode).
     px_per_stored_px: f32,
 }
 
 impl<'a> FeatureBlock<'a> {
-    /// Views a blob. `None` where its parts do not fit.
+    /// Views a blob. `None` if its parts do not fit.
     pub(crate) fn new(
         blob: &'a [u8],
         keypoints: usize,
@@ -42,7 +42,7 @@ impl<'a> FeatureBlock<'a> {
         self.positions.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no keypoints.
     pub fn is_empty(&self) -> bool {
         self.positions.is_empty()
     }
@@ -51,7 +51,7 @@ impl<'a> FeatureBlock<'a> {
     pub fn xy_px(&self, i: usize) -> [f32; 2] {
         let stored = self.positions[i];
         std::array::from_fn(|a| {
-            // Between integers at centres and integers at corners lies half a pixel, in either scale.
+            // Pixel centres are at integers, corners half a pixel away, in both scales.
             (f32::from(stored[a]) / POSITION_STEPS_PER_PX + 0.5) * self.px_per_stored_px - 0.5
                 + self.offset_px[a]
         })
@@ -68,7 +68,7 @@ impl<'a> FeatureBlock<'a> {
     }
 }
 
-/// Features of one tile, gathered from its cells.
+/// Features of one tile, collected from its cells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TileFeatures {
     /// Positions in the tile, level pixels from its top-left pixel, pixel centres at integers.
@@ -79,7 +79,7 @@ pub struct TileFeatures {
     pub descriptors: Vec<i8>,
     /// Numbers in a descriptor.
     pub descriptor_dim: usize,
-    /// What one step of a descriptor is worth; cosine = integer product x scale x the query's scale.
+    /// int8 quantisation scale of the descriptors; cosine = integer product x scale x scale of the query.
     pub scale: f32,
 }
 
@@ -89,7 +89,7 @@ impl TileFeatures {
         self.xy_px.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no keypoints.
     pub fn is_empty(&self) -> bool {
         self.xy_px.is_empty()
     }

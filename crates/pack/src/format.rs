@@ -83,9 +83,9 @@ pub struct UnitEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum UnitState {
-    /// Nodata or near-black, nothing computed.
+    /// No data or nearly black; nothing is computed.
     Skipped = 0,
-    /// Computed (it may still have no keypoint).
+    /// Computed; it may have no keypoints.
     Computed = 1,
 }
 

@@ -9,7 +9,7 @@ use crate::mode::Mode;
 use crate::pack::Pack;
 use crate::printable::Printable;
 
-/// A pack in short.
+/// Summary of a pack.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PackInfo {
     /// Bytes of the file.
@@ -24,11 +24,11 @@ pub struct PackInfo {
     pub model_hash: String,
     /// Preset and name of the model.
     pub model: String,
-    /// Whether the model's numbers are random, so that the pack localises nothing.
+    /// Whether the weights of the model are random, so that the pack cannot be used to localise.
     pub model_is_random: bool,
     /// Hash of the map, hex.
     pub map_hash: String,
-    /// The map, in words.
+    /// Description of the map.
     pub map: String,
     /// Width and height of the map, pixels.
     pub map_px: [u64; 2],
@@ -45,28 +45,28 @@ pub struct PackInfo {
     pub levels: Vec<LevelInfo>,
 }
 
-/// A level in short.
+/// Summary of a level.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct LevelInfo {
-    /// Metres a pixel.
+    /// Metres per pixel.
     pub gsd_m: f64,
     /// Side of a tile, metres.
     pub tile_m: f64,
     /// Tiles with a descriptor.
     pub tiles: u64,
-    /// Tiles without.
+    /// Tiles without a descriptor.
     pub tiles_skipped: u64,
     /// Cells (default mode) or tiles (paper mode) with features.
     pub units: u64,
-    /// Those without.
+    /// Units without features.
     pub units_skipped: u64,
-    /// Mean number of keypoints of a unit.
+    /// Mean number of keypoints per unit.
     pub keypoints_per_unit: f64,
     /// Bytes of the level in the file.
     pub len_bytes: u64,
-    /// The same for each unit with features.
+    /// Bytes of the level per unit with features.
     pub bytes_per_unit: f64,
-    /// Tiles that adapted statistics were taken from; 0 where the model's own were used.
+    /// Tiles that adapted statistics were computed from; 0 if the model's own were used.
     pub adapted_from_tiles: u32,
     /// Units along the side of a tile: 2 cells, or 1 in paper mode.
     pub units_per_tile_side: u32,
@@ -79,7 +79,7 @@ pub struct LevelInfo {
 }
 
 impl Pack {
-    /// The pack in short.
+    /// Summary of the pack.
     pub fn info(&self) -> PackInfo {
         let manifest = self.manifest();
         let map = &manifest.map;
@@ -145,7 +145,7 @@ impl fmt::Display for PackInfo {
             Bytes(self.len_bytes as f64)
         )?;
         let random = if self.model_is_random {
-            " - RANDOM numbers: this pack localises nothing"
+            " - RANDOM weights: this pack cannot be used to localise"
         } else {
             ""
         };
@@ -181,7 +181,7 @@ impl fmt::Display for PackInfo {
             write!(
                 f,
                 "level    {:.3} m/px: {} tiles of {:.0} m ({} skipped), {} {unit}s ({} skipped), \
-                 {:.0} keypoints and {} a {unit}, ",
+                 {:.0} keypoints and {} per {unit}, ",
                 level.gsd_m,
                 level.tiles,
                 level.tile_m,
@@ -224,7 +224,7 @@ impl fmt::Display for PackInfo {
     }
 }
 
-/// A number of bytes for people.
+/// A number of bytes with a unit.
 struct Bytes(f64);
 
 impl fmt::Display for Bytes {

@@ -1,4 +1,4 @@
-//! The map pack: a map's tiles as a network sees them, in one file that is mapped into memory.
+//! The map pack: descriptors and local features of a map's tiles in one file.
 //!
 //! A pack holds *levels* of ground resolution. A level is cut into *tiles* of 512 px that overlap by half; each has a
 //! descriptor, which [`Level::search`] compares, and keypoints with local descriptors. In the default [`Mode`] features are
@@ -8,7 +8,7 @@
 //! fit.
 
 #[cfg(target_endian = "big")]
-compile_error!("packs are little-endian and mapped into memory as they are");
+compile_error!("packs are little-endian and read without conversion");
 
 mod builder;
 mod draw;

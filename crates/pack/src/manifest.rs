@@ -1,4 +1,4 @@
-//! What a pack says about itself: the JSON at its end.
+//! The manifest: the JSON at the end of a pack.
 
 use serde::{Deserialize, Serialize};
 
@@ -6,7 +6,7 @@ use crate::index::Index;
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 
-/// Everything about a pack but its numbers.
+/// Everything about a pack except its numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Manifest {
     /// The pack format, see [`crate::format::FORMAT_VERSION`].
@@ -15,17 +15,17 @@ pub struct Manifest {
     pub created_by: String,
     /// blake3 (hex) over model, map, options and format: equal for packs that are built from the same things.
     pub fingerprint: String,
-    /// `paper` or `default`.
+    /// Default or paper mode.
     pub mode: Mode,
-    /// The model whose features these are.
+    /// The model that computed the features.
     pub model: ModelSummary,
-    /// The map they were computed from.
+    /// The map that they were computed from.
     pub map: MapSummary,
     /// How it was built.
     pub options: BuildOptions,
     /// Levels of ground resolution, finest first.
     pub levels: Vec<LevelManifest>,
-    /// Where the numbers lie.
+    /// The parts of the file.
     pub sections: Vec<Section>,
 }
 
@@ -49,13 +49,13 @@ pub struct ModelSummary {
 pub struct MapSummary {
     /// Hash of its content, hex.
     pub hash: String,
-    /// What it is, in words.
+    /// Description.
     pub description: String,
     /// Width and height, map pixels.
     pub size_px: [u64; 2],
     /// Affine transform and coordinate system.
     pub georeference: grimnet_geo::Georeference,
-    /// Metres a map pixel at the map's centre, x and y.
+    /// Metres per map pixel at the map's centre, x and y.
     pub ground_resolution_m: [f64; 2],
 }
 
@@ -73,7 +73,7 @@ pub struct LevelManifest {
     pub tile_px: u32,
     /// Distance between neighbouring tiles, level pixels.
     pub stride_px: u32,
-    /// Side of the picture that the network sees for one tile; equal to `tile_px` where it sees level pixels.
+    /// Side of the picture that the network sees for one tile; equal to `tile_px` if it sees level pixels.
     pub network_px: u32,
     /// Columns and rows of the tile grid, skipped tiles included.
     pub tile_grid: [u32; 2],
@@ -92,11 +92,11 @@ pub struct LevelManifest {
     pub units_skipped: u64,
     /// Keypoints in all units.
     pub keypoints: u64,
-    /// Most keypoints that a unit may keep.
+    /// Maximum number of keypoints of a unit.
     pub keypoints_per_unit: u32,
-    /// What one step of a local descriptor is worth.
+    /// int8 quantisation scale of local descriptors.
     pub descriptor_scale: f32,
-    /// Tiles that adapted statistics were taken from; 0 where the model's own were used.
+    /// Tiles that adapted statistics were computed from; 0 if the model's own were used.
     pub adapted_from_tiles: u32,
     /// How tile descriptors are searched.
     pub index: Index,

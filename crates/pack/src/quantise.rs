@@ -7,12 +7,12 @@
 /// Largest representable entry of a local descriptor, in units of `1/sqrt(dim)`.
 pub const DESCRIPTOR_RANGE: f32 = 4.0;
 
-/// What one step of a quantised local descriptor of `dim` numbers is worth.
+/// The int8 quantisation scale of local descriptors of `dim` numbers: the value of one step.
 pub fn descriptor_scale(dim: usize) -> f32 {
     DESCRIPTOR_RANGE / (127.0 * (dim.max(1) as f32).sqrt())
 }
 
-/// Quantises local descriptors (`n x dim`, unit rows) to bytes of [`descriptor_scale`] each.
+/// Quantises local descriptors (`n x dim`, unit rows) to int8 with the scale [`descriptor_scale`].
 ///
 /// The cosine of two of them is their integer product times the square of the scale.
 pub fn quantise_descriptors(descriptors: &[f32], dim: usize) -> Vec<i8> {
@@ -22,8 +22,8 @@ pub fn quantise_descriptors(descriptors: &[f32], dim: usize) -> Vec<i8> {
 
 /// Quantises one vector so that its largest entry becomes 127.
 ///
-/// Returns the bytes and what one step is worth (0 for a zero vector). The step is chosen so that the length is kept
-/// exactly: products of quantised unit vectors are cosines, and nothing is more similar to a vector than itself.
+/// Returns the bytes and the quantisation scale (0 for a zero vector). The scale is chosen so that the length is kept
+/// exactly: products of quantised unit vectors are cosines, and no vector is more similar to a vector than itself.
 pub fn quantise_row(row: &[f32]) -> (Vec<i8>, f32) {
     let largest = row.iter().fold(0.0f32, |m, x| m.max(x.abs()));
     if !(largest > 0.0 && largest.is_finite()) {

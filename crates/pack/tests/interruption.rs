@@ -1,4 +1,4 @@
-//! A build that is stopped at any moment goes on where it was, and ends with the same bytes.
+//! A build that is stopped at any moment continues where it was, and ends with the same bytes.
 
 #![allow(clippy::unwrap_used)] // helpers outside of test functions fail the test that calls them
 
@@ -172,7 +172,7 @@ fn a_second_writer_is_refused_and_the_first_goes_on() {
 }
 
 #[test]
-fn another_map_model_or_option_starts_anew() {
+fn another_map_model_or_option_starts_from_the_beginning() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("area.grim");
     die_after(6, &options(), &out);

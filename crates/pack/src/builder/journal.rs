@@ -1,8 +1,8 @@
-//! What was computed so far, in a file beside the pack that is only ever appended to.
+//! The results so far, in a file beside the pack that is only appended to.
 //!
-//! Each record carries a checksum over its kind, length and content. A killed build leaves a whole number of good
-//! records and perhaps a piece of one, which is cut off when the build goes on. Nothing waits for the disk: after a
-//! power cut some records are lost or damaged, which the checksum shows as well.
+//! Each record carries a checksum over its kind, length and content. A killed build leaves complete records and
+//! possibly a part of one, which is cut off when the build continues. Records are not synced to disk: after a power cut
+//! some may be lost or damaged, which the checksums detect as well.
 
 use std::fs::{File, TryLockError};
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
@@ -13,7 +13,7 @@ use crate::error::{PackError, Result};
 const MAGIC: [u8; 4] = *b"GJR1";
 const HEAD_LEN: usize = 32;
 
-/// What a record holds.
+/// The kind of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Kind {
@@ -21,11 +21,11 @@ pub enum Kind {
     Start = 1,
     /// Adapted statistics of one level.
     Statistics = 2,
-    /// A finished piece of work.
+    /// A finished item.
     Item = 3,
 }
 
-/// Where a record's content lies.
+/// The place of a record's content in the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Place {
     /// Start of the content, bytes.
@@ -43,13 +43,13 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens or starts the journal at `path`, locks it, and hands each good record of the same build to `each`
-    /// until that returns `false`, where the rest is cut off. A journal of another build (other fingerprint) is
-    /// emptied.
+    /// Opens or creates the journal at `path`, locks it, and calls `each` for each valid record of the same build. If
+    /// `each` returns `false`, this record and the rest are cut off. A journal of another build (another fingerprint)
+    /// is emptied.
     ///
     /// # Errors
-    /// [`PackError::Busy`] where another process holds it (`output` names the pack in the message), and whatever
-    /// the system refuses.
+    /// Returns [`PackError::Busy`] if another process holds the journal (`output` names the pack in the message), and
+    /// [`PackError::Io`] for errors of the system.
     pub fn open(
         path: &Path,
         output: &Path,
@@ -79,7 +79,7 @@ impl Journal {
                 if is_first {
                     tracing::warn!(
                         journal = %path.display(),
-                        "an unfinished build with another map, model or options was left here; starting anew"
+                        "the unfinished build here has another map, model or other options; starting from the beginning"
                     );
                 }
                 break;
@@ -104,7 +104,7 @@ impl Journal {
     /// Appends a record.
     ///
     /// # Errors
-    /// Whatever the system refuses; the journal stays good up to the record before.
+    /// Returns [`PackError::Io`] for errors of the system; the journal stays valid up to the record before.
     pub fn append(&mut self, kind: Kind, content: &[u8]) -> Result<Place> {
         let mut record = Vec::with_capacity(HEAD_LEN + content.len());
         record.extend_from_slice(&head(kind as u32, content));
@@ -120,10 +120,10 @@ impl Journal {
         Ok(place)
     }
 
-    /// Reads `len` bytes at `offset`, as given by a [`Place`]. Afterwards nothing may be appended.
+    /// Reads `len` bytes at `offset`, as given by a [`Place`]. Nothing may be appended afterwards.
     ///
     /// # Errors
-    /// Whatever the system refuses.
+    /// Returns [`PackError::Io`] for errors of the system.
     pub fn read(&mut self, offset: u64, len: usize, into: &mut Vec<u8>) -> Result<()> {
         into.resize(len, 0);
         self.file
@@ -135,13 +135,13 @@ impl Journal {
     /// Deletes the journal, once the pack is in place.
     ///
     /// # Errors
-    /// Whatever the system refuses.
+    /// Returns [`PackError::Io`] for errors of the system.
     pub fn remove(self) -> Result<()> {
         fs_err::remove_file(&self.path).map_err(|e| PackError::io("delete", &self.path, e))
     }
 }
 
-/// Opens `path`, making it where it is missing, and locks it without waiting.
+/// Opens `path`, creating it if it is missing, and locks it without waiting.
 fn lock(path: &Path, output: &Path) -> Result<File> {
     loop {
         let file = File::options()
@@ -158,14 +158,14 @@ fn lock(path: &Path, output: &Path) -> Result<File> {
                     path: output.to_path_buf(),
                 });
             }
-            // Some network file systems know no locks.
+            // Some network file systems do not support locks.
             Err(TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {
-                tracing::warn!(path = %path.display(), "this file system cannot lock files; start no second build");
+                tracing::warn!(path = %path.display(), "this file system cannot lock files; do not start a second build of the same pack");
             }
             Err(TryLockError::Error(e)) => return Err(PackError::io("lock", path, e)),
         }
-        // Between opening and locking the holder may have finished and deleted it: then this is a file without a
-        // name, and the next process would not see the lock.
+        // The holder may have finished and deleted the file between opening and locking: then this is a file without
+        // a name, and the next process would not see the lock.
         if is_at(&file, path) {
             return Ok(file);
         }
@@ -181,7 +181,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     }
 }
 
-/// Elsewhere an open file cannot be deleted.
+/// On other systems an open file cannot be deleted.
 #[cfg(not(unix))]
 fn is_at(_file: &File, _path: &Path) -> bool {
     true
@@ -199,7 +199,7 @@ fn head(kind: u32, content: &[u8]) -> [u8; HEAD_LEN] {
     head
 }
 
-/// The next record, or `None` where what follows is not a whole good one.
+/// The next record, or `None` if what follows is not a complete valid record.
 fn next_record(reader: &mut impl Read, left: u64, content: &mut Vec<u8>) -> Option<Kind> {
     let mut found = [0; HEAD_LEN];
     reader.read_exact(&mut found).ok()?;
@@ -274,7 +274,7 @@ mod tests {
     }
 
     #[test]
-    fn another_build_starts_anew() {
+    fn another_build_starts_from_the_beginning() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("j");
         filled(&path);
@@ -283,7 +283,7 @@ mod tests {
     }
 
     #[test]
-    fn goes_on_after_a_torn_record_and_reads_back() {
+    fn continues_after_an_incomplete_record_and_reads_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("j");
         filled(&path);

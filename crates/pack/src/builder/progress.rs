@@ -1,46 +1,46 @@
-//! How far a build is, and what it made.
+//! Progress and result of a build.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-/// What a build is doing.
+/// The phase of a build.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
-    /// Taking normalisation statistics from the map.
+    /// Computing normalisation statistics on the map.
     Adapting,
     /// Computing features of tiles.
     Tiles,
-    /// Putting the file together, training indexes on the way.
+    /// Assembling the file and training indexes.
     Writing,
 }
 
-/// How far a build is.
+/// Progress of a build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Progress {
-    /// What it is doing.
+    /// Current phase.
     pub phase: Phase,
-    /// Index of the level at work, and its ground resolution in metres.
+    /// Index of the current level.
     pub level: usize,
-    /// Metres a pixel of that level.
+    /// Ground resolution of that level, metres per pixel.
     pub gsd_m: f64,
-    /// Tiles of all levels that are finished, skipped ones and those of an earlier run included.
+    /// Finished tiles of all levels, skipped ones and those of an earlier run included.
     pub tiles_done: u64,
     /// Tiles of all levels.
     pub tiles_total: u64,
     /// Tiles that were skipped so far.
     pub tiles_skipped: u64,
-    /// Tiles that an earlier, interrupted run had finished.
+    /// Tiles that an earlier, interrupted run finished.
     pub tiles_resumed: u64,
-    /// Tiles a second of this run, skipped ones left out.
+    /// Tiles per second in this run, skipped ones left out.
     pub tiles_per_s: f64,
     /// Estimated time to the end of [`Phase::Tiles`].
     pub time_left: Option<Duration>,
 }
 
-/// What a build made.
+/// Result of a build.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BuildReport {
-    /// The pack.
+    /// Path of the pack.
     pub path: PathBuf,
     /// Its size, bytes.
     pub len_bytes: u64,
@@ -48,11 +48,11 @@ pub struct BuildReport {
     pub tiles: u64,
     /// Tiles that were skipped.
     pub tiles_skipped: u64,
-    /// Tiles that an earlier, interrupted run had finished.
+    /// Tiles that an earlier, interrupted run finished.
     pub tiles_resumed: u64,
-    /// Whether a finished pack of the same map, model and options was there already, so that nothing was done.
+    /// Whether a complete pack of the same map, model and options existed already, so that nothing was done.
     pub was_complete: bool,
-    /// How long it took.
+    /// Duration of this run.
     pub duration: Duration,
 }
 
@@ -87,7 +87,7 @@ impl Meter {
         }
     }
 
-    /// Counts tiles that an earlier run had finished.
+    /// Counts tiles that an earlier run finished.
     pub fn resume(&mut self, places: u64, skipped: u64) {
         self.progress.tiles_done += places;
         self.progress.tiles_skipped += skipped;

@@ -1,4 +1,4 @@
-//! A finished piece of work as bytes of the journal.
+//! A finished item as bytes of the journal.
 //!
 //! ```text
 //! 8 x u32      level, units, tiles, floats a tile descriptor, kept sums, floats a sum, zero, zero
@@ -14,7 +14,7 @@ use bytemuck::{Pod, Zeroable};
 
 use crate::format::TileEntry;
 
-/// What is known about one unit.
+/// Counts and state of one unit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct UnitHead {
@@ -30,14 +30,14 @@ pub struct UnitHead {
     pub blob_len: u64,
 }
 
-/// A finished piece of work.
+/// A finished item.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Record {
     /// Level it belongs to.
     pub level: u32,
     /// Units of the item, row by row.
     pub units: Vec<UnitHead>,
-    /// Tiles whose descriptor became complete.
+    /// Tiles whose descriptor is complete with this item.
     pub tiles: Vec<TileEntry>,
     /// Their descriptors, one after the other.
     pub globals: Vec<f32>,
@@ -77,7 +77,7 @@ impl Record {
         .concat()
     }
 
-    /// From [`Record::to_bytes`]; `None` where lengths do not fit.
+    /// From [`Record::to_bytes`]; `None` if lengths do not fit.
     pub fn from_bytes(bytes: &[u8]) -> Option<Self> {
         let (head, mut rest) = bytes.split_at_checked(HEAD_LEN)?;
         let head: [u32; 8] = bytemuck::pod_read_unaligned(head);
@@ -99,7 +99,7 @@ impl Record {
         (blob_len == rest.len() as u64).then_some(record)
     }
 
-    /// Where tile descriptors start in the bytes.
+    /// Offset of the tile descriptors in the bytes.
     pub fn globals_offset(&self) -> u64 {
         (HEAD_LEN
             + self.units.len() * size_of::<UnitHead>()

@@ -1,4 +1,4 @@
-//! Bilinear resizing as the paper's tiles have it: four neighbours, no averaging (OpenCV `INTER_LINEAR`).
+//! Bilinear resizing of the paper's tiles: four neighbours, no averaging (OpenCV `INTER_LINEAR`).
 
 use image::{Rgb, RgbImage};
 

@@ -1,4 +1,4 @@
-//! Exact cosine search: every row of the mapped descriptors against every query.
+//! Exact cosine search: every tile descriptor against every query.
 
 use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt_i8};
 use rayon::prelude::*;
@@ -9,13 +9,13 @@ use crate::quantise::quantise_row;
 /// Bytes of the rows that a task takes: half a level-2 cache.
 const BYTES_PER_TASK: usize = 512 << 10;
 
-/// Which tiles may be found.
+/// Returns whether a tile may be found.
 pub type Filter<'a> = &'a (dyn Fn(usize) -> bool + Sync);
 
 /// Queries (`q x dim`) against rows (`n x dim` bytes, one scale each): the `k` best rows of each query.
 ///
 /// Queries are quantised as the rows are and compared by integer products, so the answer is the same on every
-/// processor. A row whose filter says no is left out.
+/// processor. Rows for which the filter returns `false` are left out.
 pub(crate) fn search(
     rows: &[i8],
     scales: &[f32],

@@ -14,13 +14,13 @@ use crate::error::{PackError, Result};
 /// Codewords of a subquantiser: one byte.
 pub const CODEWORDS: usize = 256;
 
-/// Training vectors below which faiss warns, for each centroid (`Clustering::min_points_per_centroid`).
+/// Training vectors per centroid below which faiss warns (`Clustering::min_points_per_centroid`).
 pub const FEW_POINTS_PER_CENTROID: usize = 39;
 
-/// Most training vectors for each coarse centroid (faiss: `max_points_per_centroid`).
+/// Maximum number of training vectors per coarse centroid (faiss: `max_points_per_centroid`).
 const COARSE_POINTS_PER_CENTROID: usize = 256;
 
-/// Most training vectors for the codebooks.
+/// Maximum number of training vectors for the codebooks.
 const CODEBOOK_POINTS: usize = 64 * CODEWORDS;
 
 /// Lloyd iterations for the coarse centroids and the codebooks (faiss: 10 and 25).
@@ -38,7 +38,7 @@ pub struct IvfPqCodec {
     pub centroids: Vec<f32>,
     /// Codewords, `subquantisers x 256 x (dim / subquantisers)`.
     pub codebooks: Vec<f32>,
-    /// Bytes a vector.
+    /// Bytes per vector.
     pub subquantisers: usize,
 }
 
@@ -57,7 +57,7 @@ impl IvfPqCodec {
     /// Checks that an index can be trained.
     ///
     /// # Errors
-    /// [`PackError::Index`] says what is missing.
+    /// Returns [`PackError::Index`] with the reason if it cannot.
     pub fn check(vectors: usize, dim: usize, nlist: usize, subquantisers: usize) -> Result<()> {
         if nlist == 0 || subquantisers == 0 || !dim.is_multiple_of(subquantisers.max(1)) {
             return Err(PackError::Index(format!(
@@ -202,7 +202,7 @@ pub struct IvfPqView<'a> {
 }
 
 impl<'a> IvfPqView<'a> {
-    /// Checks that the parts fit each other; `None` where they do not.
+    /// Checks that the parts fit each other; `None` if they do not.
     #[allow(clippy::too_many_arguments)] // nine numbers and slices of one file; a struct would repeat this one
     pub fn new(
         dim: usize,

@@ -1,4 +1,4 @@
-//! The K best of a stream of candidates, the same whatever their order.
+//! The K best of a stream of candidates, independent of their order.
 
 use std::cmp::Ordering;
 
@@ -7,7 +7,7 @@ use std::cmp::Ordering;
 pub struct Hit {
     /// Index of the tile in its level.
     pub tile: usize,
-    /// Cosine similarity of the descriptors (an estimate of it where IVF-PQ is not re-ranked).
+    /// Cosine similarity of the descriptors (an estimate if IVF-PQ is not re-ranked).
     pub similarity: f32,
 }
 

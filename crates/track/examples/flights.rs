@@ -2,6 +2,8 @@
 //!
 //! `cargo run --release -p grimnet-track --features simulation --example flights -- [FLIGHTS] [SCENARIO]`
 
+#![allow(clippy::print_stdout)]
+
 use grimnet_track::{
     TrackOptions, Vehicle,
     measure::{Measure, TrackSummary, time_to_locate_s},
@@ -13,7 +15,7 @@ fn scenarios() -> Vec<(&'static str, FlightOptions)> {
     let gaps_30 = Some(Gaps {
         shortest_s: 30.0,
         longest_s: 30.0,
-        apart_s: 60.0,
+        apart_s: 120.0,
     });
     let gaps_120 = Some(Gaps {
         shortest_s: 10.0,
@@ -105,6 +107,22 @@ fn scenarios() -> Vec<(&'static str, FlightOptions)> {
             "elsewhere",
             FlightOptions {
                 put_elsewhere_s: Some(300.0),
+                ..base.clone()
+            },
+        ),
+        (
+            "elsewhere-clean",
+            FlightOptions {
+                put_elsewhere_s: Some(300.0),
+                alias_share: 0.0,
+                ..base.clone()
+            },
+        ),
+        (
+            "elsewhere-single",
+            FlightOptions {
+                put_elsewhere_s: Some(300.0),
+                alias_frames: 1.0,
                 ..base.clone()
             },
         ),
@@ -230,12 +248,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             line(run, &measure.summary());
         }
         first_s.sort_by(f64::total_cmp);
-        println!(
-            "  first fix: median {:.1} s, longest {:.1} s, in {} flights",
-            first_s[first_s.len() / 2],
-            first_s[first_s.len() - 1],
-            first_s.len()
-        );
+        let last = first_s.len().saturating_sub(1);
+        if let (Some(median_s), Some(longest_s)) = (first_s.get(last / 2), first_s.last()) {
+            println!(
+                "  first fix: median {median_s:.1} s, longest {longest_s:.1} s, in {} flights",
+                first_s.len()
+            );
+        }
         if base.put_elsewhere_s.is_some() {
             again_frames.sort_by(f64::total_cmp);
             let at = |share: f64| again_frames[((again_frames.len() - 1) as f64 * share) as usize];

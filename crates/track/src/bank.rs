@@ -9,6 +9,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::{
+    alias_rate::AliasRate,
     hypothesis::Hypothesis,
     input::PositionFix,
     observation::Innovation,
@@ -28,7 +29,14 @@ const SPLIT_DETERMINANT_RATIO: f64 = 25.0;
 /// Density of wrong fixes within the gate of a hypothesis that is split, relative to the hypothesis's own density.
 const ALIAS_WITHIN_GATE: f64 = 0.2;
 /// How fast a leader that no fix supports may turn out to be wrong, per second.
-const JUMP_RATE_WHILE_COASTING: f64 = 1e-4;
+const JUMP_RATE_WHILE_COASTING: f64 = 1e-5;
+/// A fix of no confidence counts as this part of one.
+const LEAST_PART: f64 = 0.05;
+/// Share of wrong fixes after a wrong one that lie where another hypothesis sees them.
+const ALIAS_REPEATS: f64 = 0.95;
+/// Two hypotheses with a squared Mahalanobis distance below this are of one place: chi-square with two degrees of freedom,
+/// 99.9 %.
+const ONE_PLACE_CHI2: f64 = 13.8;
 
 /// Hypotheses, and the weight of the case that none of them is right. The weights sum to one.
 #[derive(Debug, Clone, PartialEq)]
@@ -43,6 +51,26 @@ pub(crate) struct Bank {
 pub(crate) struct FixEffect {
     /// Whether the hypothesis that led before the fix accepted it. `None` without a hypothesis.
     pub leader_accepted: Option<bool>,
+    /// Whether it leads no more.
+    pub leader_changed: bool,
+}
+
+/// The leading hypothesis and those of the same place.
+#[derive(Debug, Clone)]
+pub(crate) struct Place<'a> {
+    pub leader: &'a Hypothesis,
+    pub members: Vec<&'a Hypothesis>,
+    /// Weight of all of them.
+    pub weight: f64,
+    pub position_m: Vector2<f64>,
+    pub covariance_m2: Matrix2<f64>,
+}
+
+fn is_one_place(a: &Hypothesis, b: &Hypothesis) -> bool {
+    let apart = a.position_m() - b.position_m();
+    (a.position_covariance_m2() + b.position_covariance_m2())
+        .try_inverse()
+        .is_some_and(|inverse| (apart.transpose() * inverse * apart)[(0, 0)] < ONE_PLACE_CHI2)
 }
 
 /// One hypothesis and what a fix says of it.
@@ -68,49 +96,48 @@ impl Bank {
         self.next_id
     }
 
-    /// The heaviest hypothesis of the heaviest family, and the family's weight.
-    pub fn leader(&self) -> Option<(&Hypothesis, f64)> {
-        let mut best: Option<(&Hypothesis, f64)> = None;
-        for candidate in &self.hypotheses {
-            let family = self.family_weight(candidate.family);
-            let better = best.is_none_or(|(leader, weight)| {
-                family > weight
-                    || (candidate.family == leader.family && candidate.weight > leader.weight)
-            });
-            if better {
-                best = Some((candidate, family));
+    /// The heaviest hypothesis.
+    pub fn leader(&self) -> Option<&Hypothesis> {
+        self.hypotheses.iter().reduce(|best, other| {
+            if other.weight > best.weight {
+                other
+            } else {
+                best
             }
-        }
-        best
+        })
     }
 
-    /// The sum of the weights of a family.
-    pub fn family_weight(&self, family: u64) -> f64 {
-        self.family(family).map(|h| h.weight).sum()
-    }
-
-    /// The members of a family.
-    pub fn family(&self, family: u64) -> impl Iterator<Item = &Hypothesis> {
-        self.hypotheses.iter().filter(move |h| h.family == family)
-    }
-
-    /// Mean and covariance of the position of a family, as of one normal distribution. The members must be at one time.
-    pub fn family_position(&self, family: u64) -> Option<(Vector2<f64>, Matrix2<f64>)> {
-        let weight = self.family_weight(family);
+    /// The heaviest hypothesis and all of the same place, as one normal distribution. The hypotheses must be at one time.
+    pub fn leading_place(&self) -> Option<Place<'_>> {
+        let leader = self.leader()?;
+        let members: Vec<&Hypothesis> = self
+            .hypotheses
+            .iter()
+            .filter(|other| other.id == leader.id || is_one_place(leader, other))
+            .collect();
+        let weight: f64 = members.iter().map(|member| member.weight).sum();
         if weight <= 0.0 {
             return None;
         }
-        let mut mean = Vector2::zeros();
-        for member in self.family(family) {
-            mean += member.position_m() * (member.weight / weight);
-        }
-        let mut covariance = Matrix2::zeros();
-        for member in self.family(family) {
-            let apart = member.position_m() - mean;
-            covariance += (member.position_covariance_m2() + apart * apart.transpose())
-                * (member.weight / weight);
-        }
-        Some((mean, covariance))
+        let position_m: Vector2<f64> = members
+            .iter()
+            .map(|member| member.position_m() * (member.weight / weight))
+            .sum();
+        let covariance_m2 = members
+            .iter()
+            .map(|member| {
+                let apart = member.position_m() - position_m;
+                (member.position_covariance_m2() + apart * apart.transpose())
+                    * (member.weight / weight)
+            })
+            .sum();
+        Some(Place {
+            leader,
+            members,
+            weight,
+            position_m,
+            covariance_m2,
+        })
     }
 
     /// Carries all hypotheses to a later time.
@@ -120,47 +147,65 @@ impl Bank {
         }
     }
 
-    /// Takes in a fix that is believed with probability `confidence`.
+    /// Takes in a fix.
     pub fn fix(
         &mut self,
         fix: &PositionFix,
         measured_m: Vector2<f64>,
-        confidence: f64,
+        rate: &AliasRate,
         sensors: &Sensors,
         options: &TrackOptions,
     ) -> FixEffect {
         self.propagate(fix.time_s, options);
         let view = sensors.view_of(fix, options);
-        let leader = self.leader().map(|(leader, _)| leader.id);
+        let leader = self.leader().map(|leader| leader.id);
         let judged = self.judge(fix, measured_m, view, options);
         let leader_accepted = judged
             .iter()
             .find(|j| Some(j.hypothesis.id) == leader)
             .map(|j| j.density_m2.is_some());
         let anywhere_m2 = 1.0 / options.search_area_m2;
-        let persistence = options.alias_persistence;
-        // Density of the fix if it is wrong, for a hypothesis other than those at `but`.
-        let alias_m2 = |but: Option<u64>| {
+        // Density of a wrong fix: anywhere, or where another hypothesis sees it, which then repeats an offset.
+        let alias_m2 = |but: Option<u64>, repeats: f64| {
             let repeated_m2 = judged
                 .iter()
                 .filter(|j| Some(j.hypothesis.id) != but)
                 .filter_map(|j| j.density_m2)
                 .fold(0.0, f64::max);
-            (1.0 - persistence) * anywhere_m2 + persistence * repeated_m2
+            (1.0 - repeats) * anywhere_m2 + repeats * repeated_m2
         };
-        let aliases_m2: Vec<f64> = judged
+        // Probability that the fix is wrong and its density then, for each hypothesis.
+        let wrong: Vec<(f64, f64)> = judged
             .iter()
-            .map(|j| alias_m2(Some(j.hypothesis.id)))
+            .map(|j| {
+                let after_wrong = j.hypothesis.last_was_wrong;
+                let repeats = if after_wrong {
+                    ALIAS_REPEATS
+                } else {
+                    options.alias_persistence
+                };
+                (
+                    rate.wrong(after_wrong),
+                    alias_m2(Some(j.hypothesis.id), repeats),
+                )
+            })
             .collect();
-        let wrong = 1.0 - confidence;
+        let wrong_elsewhere = rate.wrong(true);
+        let part = part_of_a_fix(fix.confidence, options.full_confidence);
         let elsewhere_before = self.elsewhere;
-        self.elsewhere *= wrong * alias_m2(None);
+        let repeats = if judged.is_empty() {
+            0.0
+        } else {
+            ALIAS_REPEATS
+        };
+        self.elsewhere *= (wrong_elsewhere * alias_m2(None, repeats)).powf(part);
         let founds_one = judged.iter().all(|j| j.density_m2.is_none());
-        for (mut judged, alias_m2) in judged.into_iter().zip(aliases_m2) {
+        for (mut judged, (wrong, alias_m2)) in judged.into_iter().zip(wrong) {
             let before = judged.hypothesis.weight;
             let (Some(innovation), Some(density_m2)) = (judged.innovation, judged.density_m2)
             else {
-                judged.hypothesis.weight = before * wrong * alias_m2;
+                judged.hypothesis.weight = before * (wrong * alias_m2).powf(part);
+                judged.hypothesis.last_was_wrong = true;
                 self.hypotheses.push(judged.hypothesis);
                 continue;
             };
@@ -169,23 +214,30 @@ impl Bank {
             if much_more_certain && before > LEAST_WEIGHT_TO_SPLIT {
                 let mut without = judged.hypothesis.clone();
                 without.id = self.new_id();
-                without.weight = before * wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2);
+                without.last_was_wrong = true;
+                without.weight =
+                    before * (wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2)).powf(part);
                 self.hypotheses.push(without);
-                judged.hypothesis.weight = before * confidence * density_m2;
+                judged.hypothesis.weight = before * ((1.0 - wrong) * density_m2).powf(part);
             } else {
-                judged.hypothesis.weight = before * (confidence * density_m2 + wrong * alias_m2);
+                judged.hypothesis.weight =
+                    before * ((1.0 - wrong) * density_m2 + wrong * alias_m2).powf(part);
             }
+            judged.hypothesis.last_was_wrong = false;
             judged.hypothesis.accept(fix, &innovation, options);
             self.hypotheses.push(judged.hypothesis);
         }
         if founds_one {
             let id = self.new_id();
             let mut new = Hypothesis::from_fix(id, fix, measured_m, sensors, options);
-            new.weight = elsewhere_before * confidence * anywhere_m2;
+            new.weight = elsewhere_before * ((1.0 - wrong_elsewhere) * anywhere_m2).powf(part);
             self.hypotheses.push(new);
         }
         self.tidy();
-        FixEffect { leader_accepted }
+        FixEffect {
+            leader_accepted,
+            leader_changed: self.leader().map(|new| new.id) != leader,
+        }
     }
 
     /// Takes all hypotheses out and compares them with the fix.
@@ -220,7 +272,7 @@ impl Bank {
     pub fn keep_open(&mut self, time_s: f64, options: &TrackOptions) {
         let age_s = self
             .leader()
-            .and_then(|(leader, _)| leader.last_fix_s)
+            .and_then(|leader| leader.last_fix_s)
             .map_or(0.0, |fix_s| time_s - fix_s);
         self.at_least_elsewhere(options.jump_probability + JUMP_RATE_WHILE_COASTING * age_s);
     }
@@ -271,4 +323,11 @@ impl Bank {
             self.elsewhere = 1.0;
         }
     }
+}
+
+/// A fix of low confidence counts as a part of one: its likelihoods are raised to this power. It is the ratio of the
+/// logarithms of the odds to those of the confidence that counts in full.
+fn part_of_a_fix(confidence: f64, full: f64) -> f64 {
+    let log_odds = |p: f64| (p / (1.0 - p)).ln();
+    (log_odds(confidence.clamp(0.01, full)) / log_odds(full)).clamp(LEAST_PART, 1.0)
 }

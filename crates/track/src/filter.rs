@@ -3,7 +3,8 @@
 use grimnet_geo::LonLat;
 
 use crate::{
-    bank::Bank,
+    alias_rate::AliasRate,
+    bank::{Bank, Place},
     hypothesis::Hypothesis,
     input::{Input, PositionFix},
     options::TrackOptions,
@@ -12,11 +13,8 @@ use crate::{
     sensors::Sensors,
 };
 
-/// Fixes over which the share of wrong ones is estimated.
-const FIXES_REMEMBERED: f64 = 100.0;
-/// What is assumed of that share before any fix, as counts: one wrong of twenty.
-const PRIOR_WRONG: f64 = 1.0;
-const PRIOR_FIXES: f64 = 20.0;
+/// Weight of the case that no hypothesis is right, while none is believed.
+const LEAST_ELSEWHERE: f64 = 1e-7;
 /// A standard deviation per axis for a 95 % radius of a circular normal distribution: `1 / sqrt(-2 ln 0.05)`.
 const SIGMA_PER_RADIUS95: f64 = 0.408_508_6;
 
@@ -28,15 +26,13 @@ pub(crate) struct Filter {
     pub plane: Option<LocalPlane>,
     pub bank: Bank,
     pub sensors: Sensors,
-    /// Whether the leader is believed.
-    pub acquired: bool,
+    /// The hypothesis that was last believed.
+    pub believed: Option<u64>,
     /// Whether it was believed at any time.
-    pub was_acquired: bool,
+    pub was_believed: bool,
     /// Frames without a fix since the last one.
     pub misses: u32,
-    /// Fixes that the leader rejected, and all, weighted by recency.
-    rejected: f64,
-    tested: f64,
+    rate: AliasRate,
 }
 
 impl Filter {
@@ -47,11 +43,10 @@ impl Filter {
             plane: None,
             bank: Bank::new(),
             sensors: Sensors::default(),
-            acquired: false,
-            was_acquired: false,
+            believed: None,
+            was_believed: false,
             misses: 0,
-            rejected: 0.0,
-            tested: 0.0,
+            rate: AliasRate::default(),
         }
     }
 
@@ -116,45 +111,74 @@ impl Filter {
         let plane = *self.plane.get_or_insert(LocalPlane::new(fix.lonlat));
         self.bank.propagate(fix.time_s, options);
         self.lose_if_too_wide(options);
-        self.bank.keep_open(fix.time_s, options);
-        let share_wrong = (self.rejected + PRIOR_WRONG) / (self.tested + PRIOR_FIXES);
-        let confidence = fix
-            .confidence
-            .min(options.most_confidence)
-            .min(1.0 - share_wrong);
+        self.keep_open(options);
         let measured_m = plane.en_from_lonlat(fix.lonlat);
         let effect = self
             .bank
-            .fix(fix, measured_m, confidence, &self.sensors, options);
+            .fix(fix, measured_m, &self.rate, &self.sensors, options);
         self.misses = 0;
-        if let Some(accepted) = effect.leader_accepted.filter(|_| self.acquired) {
-            let remain = 1.0 - 1.0 / FIXES_REMEMBERED;
-            self.tested = self.tested * remain + 1.0;
-            self.rejected = self.rejected * remain + f64::from(u8::from(!accepted));
+        if self.believed.is_some() {
+            if effect.leader_changed {
+                self.rate.forget_run();
+            } else if let Some(accepted) = effect.leader_accepted {
+                self.rate.count(accepted);
+            }
         }
-        if let Some((leader, weight)) = self.bank.leader()
-            && !self.acquired
-            && weight >= options.acquire_weight
-            && leader.fixes >= options.acquire_fixes
-        {
-            self.acquired = true;
-            self.was_acquired = true;
-        }
+        self.believe(options);
         self.re_anchor();
+    }
+
+    /// While a hypothesis is believed, the case that none is right keeps some weight.
+    fn keep_open(&mut self, options: &TrackOptions) {
+        if self.believed.is_some() {
+            self.bank.keep_open(self.time_s, options);
+        } else {
+            self.bank.at_least_elsewhere(LEAST_ELSEWHERE);
+        }
+    }
+
+    /// Decides which hypothesis is believed.
+    fn believe(&mut self, options: &TrackOptions) {
+        let Some(place) = self.bank.leading_place() else {
+            return;
+        };
+        let needed = if self.believed.is_none() {
+            options.acquire_weight
+        } else if place
+            .members
+            .iter()
+            .any(|member| Some(member.id) == self.believed)
+        {
+            0.0
+        } else {
+            options.change_weight
+        };
+        if place.weight >= needed && place.leader.fixes >= options.acquire_fixes {
+            self.believed = Some(place.leader.id);
+            self.was_believed = true;
+        }
+    }
+
+    /// Whether a place is the one that is believed.
+    pub fn believes(&self, place: &Place<'_>, options: &TrackOptions) -> bool {
+        place.weight >= options.keep_weight
+            && place
+                .members
+                .iter()
+                .any(|member| Some(member.id) == self.believed)
     }
 
     /// A leader that became too uncertain has to be found again.
     fn lose_if_too_wide(&mut self, options: &TrackOptions) {
-        if !self.acquired {
+        if self.believed.is_none() {
             return;
         }
         let radius_m = self
             .bank
-            .leader()
-            .and_then(|(leader, _)| self.bank.family_position(leader.family))
-            .map_or(f64::INFINITY, |(_, covariance)| radius95_m(&covariance));
+            .leading_place()
+            .map_or(f64::INFINITY, |place| radius95_m(&place.covariance_m2));
         if radius_m > options.lost_radius_m {
-            self.acquired = false;
+            self.believed = None;
             self.bank.at_least_elsewhere(0.5);
             for hypothesis in &mut self.bank.hypotheses {
                 hypothesis.fixes = 0;
@@ -164,7 +188,7 @@ impl Filter {
 
     /// Moves the plane where the leader went far from its origin.
     fn re_anchor(&mut self) {
-        let (Some(plane), Some((leader, _))) = (self.plane, self.bank.leader()) else {
+        let (Some(plane), Some(leader)) = (self.plane, self.bank.leader()) else {
             return;
         };
         if leader.position_m().norm() < REANCHOR_M {

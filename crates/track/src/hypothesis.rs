@@ -39,8 +39,6 @@ pub enum PositionOf {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Hypothesis {
     pub id: u64,
-    /// Hypotheses that were split from one another have the family in common.
-    pub family: u64,
     pub weight: f64,
     pub time_s: f64,
     pub mean: State,
@@ -54,6 +52,8 @@ pub(crate) struct Hypothesis {
     pub fixes: u32,
     pub last_fix_s: Option<f64>,
     pub distance_since_fix_m: f64,
+    /// Whether the last fix was of another place, according to this hypothesis.
+    pub last_was_wrong: bool,
     /// Squared Mahalanobis distance of the last fix that was tested, over the gate.
     pub test_ratio: f64,
 }
@@ -83,6 +83,10 @@ impl Hypothesis {
     ) -> Self {
         let mut new = Self::unplaced(id, fix.time_s, options);
         set_diagonal(&mut new.covariance, MAP, fix.map_error_m.powi(2));
+        if let Some(yaw_deg) = sensors.yaw_deg(fix.time_s) {
+            new.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
+        }
+        new.take_heading_and_gsd(fix, options);
         let view = sensors.view_of(fix, options);
         new.look(view, options);
         let (predicted_m, observation, noise) = new.measurement(fix, view, options);
@@ -112,10 +116,6 @@ impl Hypothesis {
                 options,
             );
         }
-        if let Some(yaw_deg) = sensors.yaw_deg(fix.time_s) {
-            new.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
-        }
-        new.take_heading_and_gsd(fix, options);
         new.fixes = 1;
         new.last_fix_s = Some(fix.time_s);
         new
@@ -132,7 +132,6 @@ impl Hypothesis {
         set_diagonal(&mut covariance, BORESIGHT, boresight_rad.powi(2));
         Self {
             id,
-            family: id,
             weight: 0.0,
             time_s,
             mean: State::zeros(),
@@ -145,6 +144,7 @@ impl Hypothesis {
             fixes: 0,
             last_fix_s: None,
             distance_since_fix_m: 0.0,
+            last_was_wrong: false,
             test_ratio: 0.0,
         }
     }

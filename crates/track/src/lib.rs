@@ -18,6 +18,7 @@
 //! Positions are metres east and north in a local plane, angles degrees, headings clockwise from true north, times seconds on
 //! one clock that all inputs share.
 
+mod alias_rate;
 mod bank;
 mod dead_reckoning;
 mod error;
@@ -36,7 +37,7 @@ mod radius;
 mod reference;
 mod scalar;
 mod sensors;
-#[cfg(feature = "simulation")]
+#[cfg(any(test, feature = "simulation"))]
 pub mod simulation;
 mod tilt;
 mod tracker;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     hypothesis::{Hypothesis, PositionOf},
-    input::PositionFix,
+    input::{Attitude, PositionFix},
     kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal, update},
     options::TrackOptions,
     scalar::{GsdFilter, HeadingFilter},
@@ -106,10 +106,20 @@ impl Hypothesis {
                 sigma_deg,
             } => {
                 let boresight_rad = self.mean.fixed_rows::<2>(BORESIGHT).into_owned();
+                // The heading from fixes is better than a compass.
+                let heading = self.heading_at(attitude.time_s);
+                let attitude = Attitude {
+                    yaw_deg: heading.map_or(attitude.yaw_deg, |heading| heading.heading_deg),
+                    ..attitude
+                };
+                let yaw_sigma_deg =
+                    heading.map_or(options.compass_sigma_deg, |heading| heading.sigma_deg());
                 if let Some(centre) = CentreOffset::new(&attitude, boresight_rad, height_agl_m) {
                     set(BORESIGHT, &centre.by_boresight_m);
                     set(TILT, &centre.by_tilt_m);
                     predicted_m += centre.offset_en_m;
+                    let by_yaw_m = Vector2::new(centre.offset_en_m.y, -centre.offset_en_m.x);
+                    noise += by_yaw_m * by_yaw_m.transpose() * yaw_sigma_deg.to_radians().powi(2);
                     noise += centre.offset_en_m
                         * centre.offset_en_m.transpose()
                         * options.height_sigma.powi(2);

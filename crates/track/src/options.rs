@@ -61,9 +61,9 @@ pub struct TrackOptions {
 
     /// Area that is searched for the aircraft, square metres: a wrong fix lies anywhere in it.
     pub search_area_m2: f64,
-    /// No fix is believed more than this, however confident it says it is.
-    pub most_confidence: f64,
-    /// Probability that a wrong fix repeats the offset of an earlier wrong one, as places that look alike do.
+    /// A fix of this confidence or more counts in full. It is above 1/2.
+    pub full_confidence: f64,
+    /// Probability that the first wrong fix after a right one repeats an earlier offset, as places that look alike do.
     pub alias_persistence: f64,
     /// Probability, at the time of a fix, that the leading hypothesis is wrong although fixes support it.
     pub jump_probability: f64,
@@ -71,6 +71,8 @@ pub struct TrackOptions {
     pub gate_chi2: f64,
     /// Weight that the leading hypothesis needs to be believed for the first time, and again after it was lost.
     pub acquire_weight: f64,
+    /// Weight that a hypothesis needs to be believed in place of another one.
+    pub change_weight: f64,
     /// Weight that the leading hypothesis needs to stay believed.
     pub keep_weight: f64,
     /// Fixes that must support a hypothesis before it is believed.
@@ -119,11 +121,12 @@ impl Default for TrackOptions {
             lag_s: 30.0,
             clock_jump_s: 300.0,
             search_area_m2: 4.0e6,
-            most_confidence: 0.9,
+            full_confidence: 0.95,
             alias_persistence: 0.5,
-            jump_probability: 1e-6,
+            jump_probability: 2e-4,
             gate_chi2: GATE_99_9_PERCENT,
             acquire_weight: 0.9999,
+            change_weight: 0.999,
             keep_weight: 0.95,
             acquire_fixes: 3,
             coasting_after_s: 2.0,
@@ -192,10 +195,11 @@ impl TrackOptions {
             )?;
         }
         let probabilities = [
-            ("most_confidence", self.most_confidence),
+            ("full_confidence", self.full_confidence),
             ("alias_persistence", self.alias_persistence),
             ("jump_probability", self.jump_probability),
             ("acquire_weight", self.acquire_weight),
+            ("change_weight", self.change_weight),
             ("keep_weight", self.keep_weight),
         ];
         for (name, value) in probabilities {
@@ -206,6 +210,12 @@ impl TrackOptions {
                 "between 0 and 1, neither included",
             )?;
         }
+        require(
+            "full_confidence",
+            self.full_confidence,
+            self.full_confidence > 0.5,
+            "above 1/2",
+        )?;
         if let Some(start) = self.start {
             require(
                 "start.lonlat",

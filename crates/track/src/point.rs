@@ -103,36 +103,29 @@ impl TrackPoint {
     pub(crate) fn of(filter: &Filter, time_s: f64, options: &TrackOptions) -> Self {
         let nothing = Self {
             time_s,
-            state: if filter.was_acquired {
+            state: if filter.was_believed {
                 TrackState::Lost
             } else {
                 TrackState::Searching
             },
             estimate: None,
         };
-        let Some((leader, weight)) = filter.bank.leader() else {
-            return nothing;
-        };
-        let (family, leader_id) = (leader.family, leader.id);
         let mut ahead = filter.bank.clone();
-        ahead.hypotheses.retain(|h| h.family == family);
         ahead.propagate(time_s, options);
-        let Some((position_m, covariance_m2)) = ahead.family_position(family) else {
+        let Some(at) = ahead.leading_place() else {
             return nothing;
         };
-        let (Some(leader), Some(place)) = (
-            ahead.hypotheses.iter().find(|h| h.id == leader_id),
-            filter.lonlat_from_en(position_m),
-        ) else {
+        let (leader, weight, covariance_m2) = (at.leader, at.weight, at.covariance_m2);
+        let Some(place) = filter.lonlat_from_en(at.position_m) else {
             return nothing;
         };
         let radius_m = radius95_m(&covariance_m2);
         let age_s = leader.last_fix_s.map(|fix_s| time_s - fix_s);
-        let state = if !filter.acquired {
+        let state = if filter.believed.is_none() {
             nothing.state
         } else if radius_m > options.lost_radius_m {
             TrackState::Lost
-        } else if weight < options.keep_weight {
+        } else if !filter.believes(&at, options) {
             TrackState::Ambiguous
         } else if age_s.is_none_or(|age_s| age_s > options.coasting_after_s) {
             TrackState::Coasting

@@ -124,11 +124,11 @@ impl Sensors {
 
     fn extrapolated(&self, latest: Attitude, time_s: f64) -> Attitude {
         let Some(before) = self.previous_attitude else {
-            return latest;
+            return Attitude { time_s, ..latest };
         };
         let interval_s = latest.time_s - before.time_s;
         if interval_s <= 0.0 || interval_s > ATTITUDE_HOLD_S {
-            return latest;
+            return Attitude { time_s, ..latest };
         }
         let share = (time_s - latest.time_s) / interval_s;
         let ahead = |from_deg: f64, to_deg: f64| to_deg + share * signed_turn_deg(from_deg, to_deg);

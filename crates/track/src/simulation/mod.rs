@@ -13,3 +13,135 @@ pub use errors::Confidence;
 pub use path::Camera;
 pub use report::{Delivered, Flight, FlightOptions, Gaps};
 pub use runs::{Runs, fixes_only, motion_only, run_filter};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        measure::{Measure, TrackSummary, time_to_locate_s},
+        options::{TrackOptions, Vehicle},
+    };
+
+    const GAPS: Option<Gaps> = Some(Gaps {
+        shortest_s: 30.0,
+        longest_s: 30.0,
+        apart_s: 120.0,
+    });
+
+    /// Figures of the three runs over some flights.
+    fn measured(flights: u64, base: &FlightOptions) -> [TrackSummary; 3] {
+        let track = TrackOptions {
+            vehicle: base.vehicle,
+            ..TrackOptions::default()
+        };
+        let mut measures = [Measure::default(), Measure::default(), Measure::default()];
+        for seed in 1..=flights {
+            let runs = Runs::new(
+                &Flight::new(FlightOptions {
+                    seed,
+                    ..base.clone()
+                }),
+                &track,
+            )
+            .unwrap();
+            measures[0].add_flight(&runs.fixes_only);
+            measures[1].add_flight(&runs.motion_only);
+            measures[2].add_flight(&runs.filter);
+        }
+        measures.map(|measure| measure.summary())
+    }
+
+    #[test]
+    fn gaps_of_half_a_minute_are_bridged_with_the_autopilots_velocity() {
+        for vehicle in [Vehicle::Multirotor, Vehicle::Plane] {
+            let [fixes, motion, filter] = measured(
+                30,
+                &FlightOptions {
+                    vehicle,
+                    gaps: GAPS,
+                    alias_share: 0.2,
+                    ..FlightOptions::default()
+                },
+            );
+            assert!(filter.median_m.unwrap() <= 3.0, "{filter:?}");
+            assert!(filter.p99_m.unwrap() <= 12.0, "{filter:?}");
+            assert!(filter.availability_25m >= 0.985, "{filter:?}");
+            assert_eq!(filter.confidently_wrong, 0, "{filter:?}");
+            let held = filter.ellipse95_holds.unwrap();
+            assert!((0.92..=0.98).contains(&held), "{filter:?}");
+            // Neither input does it alone.
+            assert!(
+                fixes.availability_25m < 0.9 && fixes.confidently_wrong > 0,
+                "{fixes:?}"
+            );
+            assert!(motion.median_m.unwrap() > 10.0, "{motion:?}");
+        }
+    }
+
+    #[test]
+    fn the_ellipses_hold_without_velocity_and_with_motion() {
+        for motion in [false, true] {
+            let base = FlightOptions {
+                velocity: false,
+                motion,
+                gaps: GAPS,
+                ..FlightOptions::default()
+            };
+            let [_, _, filter] = measured(20, &base);
+            assert!(filter.ellipse95_holds.unwrap() >= 0.92, "{filter:?}");
+            assert!(filter.median_m.unwrap() < 5.0, "{filter:?}");
+        }
+    }
+
+    #[test]
+    fn without_attitude_the_covariance_has_the_tilt_in_it() {
+        let [_, _, filter] = measured(
+            20,
+            &FlightOptions {
+                attitude: false,
+                ..FlightOptions::default()
+            },
+        );
+        assert!(filter.ellipse95_holds.unwrap() >= 0.95, "{filter:?}");
+        assert!(
+            filter.median_m.unwrap() > 5.0 && filter.availability_5m == 0.0,
+            "{filter:?}"
+        );
+    }
+
+    #[test]
+    fn late_and_swapped_fixes_cost_little() {
+        let base = FlightOptions {
+            gaps: GAPS,
+            latest_s: 5.0,
+            ..FlightOptions::default()
+        };
+        let [_, _, filter] = measured(10, &base);
+        assert!(
+            filter.median_m.unwrap() <= 3.0 && filter.p99_m.unwrap() <= 14.0,
+            "{filter:?}"
+        );
+        assert_eq!(filter.confidently_wrong, 0);
+    }
+
+    #[test]
+    fn put_elsewhere_it_is_found_again_within_ten_frames() {
+        let mut frames: Vec<f64> = (1..=20)
+            .map(|seed| {
+                let options = FlightOptions {
+                    seed,
+                    put_elsewhere_s: Some(100.0),
+                    duration_s: 150.0,
+                    alias_share: 0.0,
+                    ..FlightOptions::default()
+                };
+                let flight = Flight::new(options);
+                let track = run_filter(&flight, &TrackOptions::default()).unwrap();
+                time_to_locate_s(&track, 100.0).unwrap() * flight.options.frame_rate_hz
+            })
+            .collect();
+        frames.sort_by(f64::total_cmp);
+        assert!(frames[frames.len() / 2] <= 10.0, "{frames:?}");
+        assert!(frames[frames.len() - 1] <= 12.0, "{frames:?}");
+    }
+}

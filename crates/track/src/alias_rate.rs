@@ -1,0 +1,69 @@
+//! How often fixes are of another place, and how long that lasts, learned during the flight.
+
+/// Fixes over which the shares are remembered.
+const FIXES_REMEMBERED: f64 = 200.0;
+/// What is assumed before any fix, as counts: of twenty fixes after a right one, one is wrong.
+const PRIOR_STARTED: f64 = 1.0;
+const PRIOR_RIGHT: f64 = 20.0;
+/// Of four fixes after a wrong one, one is wrong at the same offset.
+const PRIOR_CONTINUED: f64 = 1.0;
+const PRIOR_WRONG: f64 = 4.0;
+
+/// However long runs of wrong fixes were, a new place is believed at last.
+const MOST_CONTINUED: f64 = 0.6;
+
+/// A two-state Markov chain of right and wrong fixes, with its transition probabilities counted.
+///
+/// A run of wrong fixes counts when it ended with a right one: a run that does not end is not of wrong fixes, the hypothesis
+/// is.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub(crate) struct AliasRate {
+    started: f64,
+    after_right: f64,
+    continued: f64,
+    after_wrong: f64,
+    /// Wrong fixes since the last right one.
+    run: u32,
+}
+
+impl AliasRate {
+    /// Counts a fix that the leader took for right or wrong.
+    pub fn count(&mut self, right: bool) {
+        if !right {
+            self.run = self.run.saturating_add(1);
+            return;
+        }
+        let remain = 1.0 - 1.0 / FIXES_REMEMBERED;
+        for count in [
+            &mut self.started,
+            &mut self.after_right,
+            &mut self.continued,
+            &mut self.after_wrong,
+        ] {
+            *count *= remain;
+        }
+        self.after_right += 1.0;
+        if self.run > 0 {
+            self.started += 1.0;
+            self.after_right += 1.0;
+            self.continued += f64::from(self.run - 1);
+            self.after_wrong += f64::from(self.run);
+        }
+        self.run = 0;
+    }
+
+    /// Another hypothesis leads: the run was none.
+    pub fn forget_run(&mut self) {
+        self.run = 0;
+    }
+
+    /// Probability that a fix is wrong, given whether the one before was.
+    pub fn wrong(&self, after_wrong: bool) -> f64 {
+        if after_wrong {
+            let counted = (self.continued + PRIOR_CONTINUED) / (self.after_wrong + PRIOR_WRONG);
+            counted.min(MOST_CONTINUED)
+        } else {
+            (self.started + PRIOR_STARTED) / (self.after_right + PRIOR_RIGHT)
+        }
+    }
+}

@@ -114,7 +114,7 @@ proptest! {
         delays_s in prop::collection::vec(0.0..5.0f64, 300),
     ) {
         let inputs: Vec<Input> = (0..300)
-            .map(|i| f64::from(i))
+            .map(f64::from)
             .map(|i| fix(0.5 * i, 4.0 * i, if i as i32 % 11 == 3 { 500.0 } else { 0.0 }, 0.8))
             .collect();
         let mut straight = Tracker::new(TrackOptions::default()).unwrap();

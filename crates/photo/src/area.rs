@@ -1,4 +1,4 @@
-//! Making pictures smaller by averaging over areas, so that nothing aliases.
+//! Reducing pictures by averaging over areas, which avoids aliasing.
 
 use image::RgbImage;
 use rayon::prelude::*;
@@ -13,7 +13,7 @@ pub(crate) struct Crop {
 }
 
 impl Crop {
-    /// All of a picture.
+    /// The whole picture.
     pub(crate) fn whole((width, height): (u32, u32)) -> Self {
         Self {
             x: 0,
@@ -24,7 +24,7 @@ impl Crop {
     }
 }
 
-/// The picture itself where its long side is within the limit, else a smaller one of the same aspect.
+/// The picture itself if its long side is within the limit, else a smaller one of the same aspect.
 pub(crate) fn limit_long_side(image: RgbImage, limit_px: u32) -> RgbImage {
     let (width, height) = image.dimensions();
     let long = width.max(height);
@@ -61,7 +61,7 @@ pub(crate) fn reduce(image: &RgbImage, crop: Crop, width: u32, height: u32) -> R
     if out_bytes == 0 {
         return reduced;
     }
-    // Down the columns first: whole rows are added, which the compiler turns into vector instructions.
+    // Columns first: whole rows are added, which the compiler vectorises.
     reduced
         .par_chunks_exact_mut(out_bytes)
         .zip(rows.par_iter())
@@ -122,8 +122,8 @@ impl Span {
     }
 }
 
-/// Spans of `to` output pixels over `from` source pixels. Edges are computed as fractions of integers, so that no
-/// rounding reaches beyond the last pixel.
+/// Spans of `to` output pixels over `from` source pixels. Edges are computed as fractions of integers, so that
+/// rounding errors do not reach beyond the last pixel.
 fn spans(from: u32, to: u32) -> Vec<Span> {
     let (from, to) = (u64::from(from), u64::from(to));
     (0..to)

@@ -1,4 +1,4 @@
-//! The camera: field of view from focal lengths, and the plane of the ground as a tilted camera sees it.
+//! Camera model: field of view from focal lengths, and the projection of the ground plane by a tilted camera.
 
 use nalgebra::Matrix3;
 use serde::Serialize;
@@ -6,16 +6,16 @@ use serde::Serialize;
 /// Diagonal of the 36 mm x 24 mm frame that "35 mm equivalent" focal lengths refer to, mm.
 pub const FULL_FRAME_DIAGONAL_MM: f64 = 43.266_615_305_567_875;
 
-/// Beyond this angle off straight down a photo is not rectified, degrees.
+/// Largest angle from nadir at which a photo is rectified, degrees.
 pub const MAX_PITCH_FROM_NADIR_DEG: f64 = 75.0;
 
-/// Ground farther away than this multiple of the distance to the picture's centre is cropped from a rectified photo:
-/// there one pixel covers too much ground to match.
+/// Ground farther away than this multiple of the distance to the picture's centre is cropped from a rectified photo,
+/// because one pixel covers too much ground to match.
 pub const MAX_DEPTH_RATIO: f64 = 2.5;
 
-/// How the camera was turned away from straight down, and what a rectification needs to know beside.
+/// Tilt of the camera with the field of view that is needed to rectify it.
 ///
-/// Angles as aerial metadata has them: the camera first points straight down with its top towards the yaw bearing,
+/// Angles follow the convention of drone metadata: the camera first points straight down with its top towards the yaw bearing,
 /// then looks up (ahead) by `pitch_from_nadir_deg`, after turning about its optical axis by `roll_deg`
 /// (right side down when it looks at the horizon).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -106,14 +106,14 @@ impl NativeFrame {
     }
 }
 
-/// A focal length in pixels worked out from a 35 mm equivalent.
+/// A focal length in pixels, computed from a 35 mm equivalent.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EquivalentFocal {
     /// Focal length in pixels of the full-size picture.
     pub focal_px: f64,
     /// Relative 1-sigma.
     pub relative_sigma: f64,
-    /// Which convention and which crop were taken, in words.
+    /// Which convention and which crop were assumed.
     pub reading: String,
 }
 
@@ -122,7 +122,7 @@ pub struct EquivalentFocal {
 /// The equivalent compares *diagonals* of the sensor's native frame (CIPA DCG-001), not widths: a DJI Mini 2 of 24 mm
 /// has 71.6 degrees across its 4:3 picture, not the 73.7 degrees of 2 atan(36 / 48). A 16:9 picture is the native
 /// frame with rows cut off, its width kept, so the diagonal of the native frame counts and not its own.
-/// `None` where the shape of the picture says neither (panoramas, squares).
+/// `None` if the aspect ratio is neither of the two (panoramas, squares).
 pub fn focal_px_from_35mm(focal_35mm: f64, full_size_px: (u32, u32)) -> Option<EquivalentFocal> {
     let long_px = f64::from(full_size_px.0.max(full_size_px.1));
     let short_px = f64::from(full_size_px.0.min(full_size_px.1));
@@ -141,13 +141,13 @@ pub fn focal_px_from_35mm(focal_35mm: f64, full_size_px: (u32, u32)) -> Option<E
             (
                 NativeFrame::ThreeHalves,
                 0.03,
-                "wide picture cut from a 3:2 frame of the same width",
+                "wide picture, cropped from a 3:2 frame of the same width",
             )
         } else {
             (
                 NativeFrame::FourThirds,
                 0.05,
-                "wide picture taken as cut from a 4:3 frame of the same width (4 % more if the frame is 3:2)",
+                "wide picture, assumed to be cropped from a 4:3 frame of the same width (4 % more if the frame is 3:2)",
             )
         }
     } else {

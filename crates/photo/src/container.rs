@@ -1,4 +1,4 @@
-//! Where EXIF and XMP sit in JPEG, PNG, WebP and TIFF files.
+//! Finds EXIF and XMP in JPEG, PNG, WebP and TIFF files.
 
 /// Raw metadata blocks of one file.
 #[derive(Debug, Default)]
@@ -9,14 +9,14 @@ pub(crate) struct Embedded {
     pub xmp: Vec<Vec<u8>>,
 }
 
-/// Metadata blocks larger than this are not looked at.
+/// Larger metadata blocks are ignored.
 const MAX_BLOCK_BYTES: usize = 16 << 20;
 
 const XMP_SIGNATURE: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
 const EXIF_SIGNATURE: &[u8] = b"Exif\0\0";
 
 impl Embedded {
-    /// Finds the blocks; an unknown or damaged container gives what was found before the damage.
+    /// Finds the blocks. In a damaged container the blocks before the damage are found, in an unknown one none.
     pub(crate) fn find(bytes: &[u8]) -> Self {
         let mut found = Self::default();
         if bytes.starts_with(&[0xFF, 0xD8]) {

@@ -10,13 +10,13 @@ use crate::area;
 use crate::error::PhotoError;
 use crate::jpeg_structure::JpegStructure;
 
-/// The most pixels that a photo may claim.
+/// Maximum number of pixels of a photo.
 pub const MAX_PIXELS: u64 = 400_000_000;
 
-/// The least side of a photo, px.
+/// Minimum side of a photo, px.
 pub const MIN_SIDE_PX: u32 = 16;
 
-/// Pixels of one file, turned as EXIF orientation asks.
+/// Pixels of one file, with EXIF orientation applied.
 #[derive(Debug)]
 pub(crate) struct Decoded {
     pub image: RgbImage,
@@ -24,7 +24,7 @@ pub(crate) struct Decoded {
     pub full_size_px: (u32, u32),
 }
 
-/// Decodes a file's bytes, at reduced size where `max_long_side_px` is less than its long side.
+/// Decodes a file's bytes, reduced if `max_long_side_px` is less than its long side.
 pub(crate) fn decode(
     path: &Path,
     bytes: &[u8],
@@ -36,7 +36,7 @@ pub(crate) fn decode(
     }
     let format = image::guess_format(bytes).map_err(|_| PhotoError::Unsupported {
         path: path.into(),
-        found: "the first bytes are not those of a picture".into(),
+        found: "not a picture (unknown file signature)".into(),
     })?;
     let (stored, full_size_px) = match format {
         ImageFormat::Jpeg => decode_jpeg(path, bytes)?,
@@ -70,7 +70,7 @@ pub(crate) fn decode(
     })
 }
 
-/// Refuses sizes that cannot be a photo.
+/// Returns an error for sizes that are too large or too small.
 fn check_size(path: &Path, (width_px, height_px): (u32, u32)) -> Result<(), PhotoError> {
     if u64::from(width_px) * u64::from(height_px) > MAX_PIXELS {
         return Err(PhotoError::TooLarge {
@@ -91,8 +91,8 @@ fn check_size(path: &Path, (width_px, height_px): (u32, u32)) -> Result<(), Phot
     Ok(())
 }
 
-/// The whole picture and its size. Decoding at an eighth to a half of the size (crate jpeg-decoder) took 0.85 to 1.1 of
-/// this decoder's time on drones' photos, so the picture is made whole and averaged.
+/// The whole picture and its size. Scaled decoding (DCT scaling by 1/8 to 1/2 in crate jpeg-decoder) took 0.85 to 1.1 times as long
+/// as this decoder on drone photos, so the picture is decoded at full size and averaged.
 fn decode_jpeg(path: &Path, bytes: &[u8]) -> Result<(RgbImage, (u32, u32)), PhotoError> {
     let structure = JpegStructure::read(path, bytes)?;
     let size = structure.size_px;
@@ -124,7 +124,7 @@ fn decode_other(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<RgbIma
     Ok(opaque_rgb(image))
 }
 
-/// 8-bit RGB; what is transparent fades to black, which counts as "nothing seen" further on.
+/// 8-bit RGB; transparent pixels become black.
 fn opaque_rgb(image: DynamicImage) -> RgbImage {
     if !image.color().has_alpha() {
         return image.into_rgb8();
@@ -140,7 +140,7 @@ fn opaque_rgb(image: DynamicImage) -> RgbImage {
     rgb
 }
 
-/// The decoder's complaint as one of ours.
+/// Converts an error of the decoder.
 fn from_image(path: &Path, error: image::ImageError) -> PhotoError {
     let path = path.to_owned();
     match error {

@@ -1,4 +1,4 @@
-//! What can go wrong with a photo, naming the file and what to do about it.
+//! Errors of this crate.
 
 use std::path::PathBuf;
 
@@ -20,8 +20,8 @@ pub enum PhotoError {
         /// The file.
         path: PathBuf,
     },
-    /// Neither of the formats that are read, or a variant of one that is not.
-    #[error("{path}: {found}; photos are read as JPEG, PNG, TIFF or WebP")]
+    /// The format, or this variant of it, is not supported.
+    #[error("{path}: {found}; supported formats are JPEG, PNG, TIFF and WebP")]
     Unsupported {
         /// The file.
         path: PathBuf,
@@ -29,38 +29,38 @@ pub enum PhotoError {
         found: String,
     },
     /// The file ends before the picture does.
-    #[error("{path} is cut off: {detail}; copy it again from the camera")]
+    #[error("{path} is truncated: {detail}; copy it again from the camera")]
     Truncated {
         /// The file.
         path: PathBuf,
-        /// Where it ends.
+        /// Where the data end.
         detail: String,
     },
     /// The bytes contradict the format.
-    #[error("{path} is damaged: {detail}")]
+    #[error("{path} is damaged: {detail}; copy it again from the camera")]
     Corrupt {
         /// The file.
         path: PathBuf,
         /// What the decoder found.
         detail: String,
     },
-    /// More pixels than are decoded; checked before any allocation.
+    /// The photo has more pixels than the limit. This is checked before allocation.
     #[error(
-        "{path} claims {width_px} x {height_px} px, more than the limit of {limit_px} px: \
-         a photo of that size is refused (split an orthophoto, or build a map from it)"
+        "{path} has {width_px} x {height_px} px; the limit for a photo is {limit_px} px \
+         (an orthophoto is a map: build a pack from it)"
     )]
     TooLarge {
         /// The file.
         path: PathBuf,
-        /// Claimed width, px.
+        /// Width, px.
         width_px: u32,
-        /// Claimed height, px.
+        /// Height, px.
         height_px: u32,
-        /// The limit, px in all.
+        /// Maximum number of pixels.
         limit_px: u64,
     },
-    /// Too few pixels to look at, 0 x 0 and 1 x 1 among them.
-    #[error("{path} is {width_px} x {height_px} px: a photo needs at least {minimum_px} px a side")]
+    /// The photo is too small.
+    #[error("{path} has {width_px} x {height_px} px; each side must be at least {minimum_px} px")]
     TooSmall {
         /// The file.
         path: PathBuf,
@@ -68,23 +68,23 @@ pub enum PhotoError {
         width_px: u32,
         /// Height, px.
         height_px: u32,
-        /// The least side, px.
+        /// The minimum side, px.
         minimum_px: u32,
     },
-    /// A number that a query cannot be made with.
-    #[error("{name} = {value}: {reason}")]
+    /// A value with which no query can be made.
+    #[error("{name} is {value}; {reason}")]
     BadRequest {
-        /// Which number.
+        /// Name of the value.
         name: &'static str,
         /// Its value.
         value: f64,
-        /// What it should be.
+        /// What is expected.
         reason: &'static str,
     },
-    /// The camera looks too far from straight down for the ground at the picture's centre to be of use.
+    /// The tilt is too large to rectify the photo.
     #[error(
-        "the camera looked {pitch_from_nadir_deg:.0} degrees off straight down: \
-         beyond {limit_deg:.0} degrees there is too little ground to rectify"
+        "the camera was tilted by {pitch_from_nadir_deg:.0} degrees from nadir; \
+         photos are rectified up to {limit_deg:.0} degrees"
     )]
     Horizon {
         /// Angle between the optical axis and straight down, degrees.

@@ -1,10 +1,10 @@
-//! From an EXIF structure to [`Metadata`].
+//! Reads an EXIF structure into [`Metadata`].
 
 use exif::{Exif, In, Tag, Value};
 
 use crate::metadata::{ImageDirection, Metadata};
 
-/// Reads what EXIF gives; a structure that cannot be parsed leaves a note.
+/// Reads an EXIF structure. A structure that cannot be parsed gives a note only.
 pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) {
     let parsed = exif::Reader::new()
         .continue_on_error(true)
@@ -97,7 +97,7 @@ fn read_gps(exif: &Exif, metadata: &mut Metadata) {
     }
 }
 
-/// Focal length in pixels from the density of pixels on the sensor (EXIF tags 0xA20E and 0xA210).
+/// Focal length in pixels from the pixel density of the sensor (EXIF tags 0xA20E and 0xA210).
 fn focal_plane_px(exif: &Exif, focal_length_mm: Option<f64>) -> Option<f64> {
     let focal_mm = focal_length_mm?;
     let per_unit = number(exif, Tag::FocalPlaneXResolution, 0)?;
@@ -114,7 +114,7 @@ fn focal_plane_px(exif: &Exif, focal_length_mm: Option<f64>) -> Option<f64> {
     (focal_px.is_finite() && (50.0..200_000.0).contains(&focal_px)).then_some(focal_px)
 }
 
-/// The first text of a field, without the padding that cameras add; `None` where nothing is left.
+/// The first text of a field, without the padding that cameras add; `None` if it is empty.
 fn text(exif: &Exif, tag: Tag) -> Option<String> {
     let Value::Ascii(lines) = &exif.get_field(tag, In::PRIMARY)?.value else {
         return None;
@@ -125,7 +125,7 @@ fn text(exif: &Exif, tag: Tag) -> Option<String> {
     (!text.is_empty()).then(|| text.to_owned())
 }
 
-/// One number of a field; rationals over zero come out as NaN or infinite.
+/// One number of a field; rationals with denominator 0 give NaN or infinity.
 fn number(exif: &Exif, tag: Tag, index: usize) -> Option<f64> {
     let value = &exif.get_field(tag, In::PRIMARY)?.value;
     match value {
@@ -137,7 +137,7 @@ fn number(exif: &Exif, tag: Tag, index: usize) -> Option<f64> {
     }
 }
 
-/// A number above zero; zero is how cameras say "unknown" (EXIF 2.32, 4.6.5) and needs no note.
+/// A number above zero; cameras write 0 for "unknown" (EXIF 2.32, 4.6.5), which needs no note.
 fn positive(exif: &Exif, tag: Tag, name: &str, limit: f64, metadata: &mut Metadata) -> Option<f64> {
     let value = number(exif, tag, 0)?;
     if value.is_finite() && value > 0.0 && value < limit {

@@ -1,11 +1,11 @@
-//! The outline of a JPEG file: its size, whether it is whole, and what a decoder of ours can do with it.
+//! Structure of a JPEG file: its size, and whether it is complete and supported.
 
 use std::path::Path;
 
 use crate::container::JpegSegments;
 use crate::error::PhotoError;
 
-/// Frame header and place of the first scan (ITU-T T.81, annex B).
+/// Frame header and position of the first scan (ITU-T T.81, annex B).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct JpegStructure {
     /// Width and height, px.
@@ -34,7 +34,7 @@ impl JpegStructure {
                         return Err(PhotoError::Unsupported {
                             path: path.into(),
                             found: format!(
-                                "a JPEG of {precision} bits a sample, frame type SOF{}",
+                                "a JPEG with {precision} bits per sample and frame type SOF{}",
                                 marker - 0xC0
                             ),
                         });
@@ -60,7 +60,7 @@ impl JpegStructure {
         {
             Err(PhotoError::Truncated {
                 path: path.into(),
-                detail: format!("its {} bytes end within the headers", bytes.len()),
+                detail: format!("the file of {} bytes ends within the headers", bytes.len()),
             })
         } else {
             Err(PhotoError::Corrupt {
@@ -70,8 +70,8 @@ impl JpegStructure {
         }
     }
 
-    /// Whether the coded data go on to the end-of-image marker. Decoders fill what is missing with grey, and grey
-    /// ground is worse than none.
+    /// Returns an error if the coded data end before the end-of-image marker. Decoders fill missing parts with grey, which would
+    /// disturb matching.
     pub(crate) fn check_complete(&self, path: &Path, bytes: &[u8]) -> Result<(), PhotoError> {
         let truncated = |detail: String| PhotoError::Truncated {
             path: path.into(),
@@ -90,12 +90,12 @@ impl JpegStructure {
             return Ok(());
         }
         Err(truncated(format!(
-            "its {} bytes end before the picture does",
+            "the file of {} bytes ends before the end-of-image marker",
             bytes.len()
         )))
     }
 
-    /// Walks the scans to the end-of-image marker; what follows it (previews, panorama data) is not ours.
+    /// Follows the scans to the end-of-image marker. Data after it (previews, panorama data) are ignored.
     fn has_end_marker(&self, bytes: &[u8]) -> bool {
         let mut at = self.scan_at;
         while let Some(found) = find_byte(0xFF, bytes.get(at..).unwrap_or_default()) {

@@ -1,5 +1,9 @@
 //! Drone photos: decoding, EXIF and XMP metadata, camera model, resampling to a query.
 //!
+//! [`Photo::open`] reads a photo at the size that localisation needs, [`Photo::open_full`] at full size. [`Photo::view`] decides which
+//! metadata are used for heading, tilt and ground width, and states the reasons. [`Photo::query_maker`] resamples the photo to the
+//! ground resolution and rotation of a map.
+//!
 //! ```no_run
 //! use grimnet_photo::{Photo, QueryOptions, ViewPrior};
 //! let photo = Photo::open("DJI_0042.jpg")?;
@@ -27,8 +31,8 @@ mod evidence;
 mod exif_fields;
 mod heading;
 mod jpeg_structure;
-mod level;
 mod metadata;
+mod padded_image;
 mod photo;
 mod points;
 mod query;

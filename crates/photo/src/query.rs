@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use crate::area::{self, Crop};
 use crate::camera::{MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG, Tilt, focal_px};
 use crate::error::PhotoError;
-use crate::level::Level;
+use crate::padded_image::PaddedImage;
 use crate::points::{PhotoPx, QueryPx};
 use crate::warp::{self, Interpolation, LEVEL_PX_PER_QUERY_PX};
 
@@ -94,7 +94,7 @@ fn apply(matrix: &Matrix3<f64>, [x, y]: [f64; 2]) -> Option<[f64; 2]> {
 /// A photo prepared for queries at one ground resolution: reduced once, then rotated as often as needed.
 #[derive(Debug)]
 pub struct QueryMaker {
-    level: Level,
+    level: PaddedImage,
     /// Level pixels from photo pixels, continuous.
     level_from_photo: Matrix3<f64>,
     /// Photo pixels (continuous) from query pixels of an unturned query, relative to its centre.
@@ -143,10 +143,10 @@ impl QueryMaker {
         let level_side = |px: u32| ((f64::from(px) / reduction).round() as u32).max(1);
         let (level_width, level_height) = (level_side(crop.width), level_side(crop.height));
         let level = if (level_width, level_height) == (crop.width, crop.height) {
-            Level::new(image, crop)
+            PaddedImage::new(image, crop)
         } else {
             let reduced = area::reduce(image, crop, level_width, level_height);
-            Level::new(&reduced, Crop::whole(reduced.dimensions()))
+            PaddedImage::new(&reduced, Crop::whole(reduced.dimensions()))
         };
         let level_from_photo = scaling(
             f64::from(level_width) / f64::from(crop.width),

@@ -4,27 +4,27 @@ use image::{GrayImage, RgbImage};
 use nalgebra::Matrix3;
 use rayon::prelude::*;
 
-use crate::level::Level;
+use crate::padded_image::PaddedImage;
 
-/// How finely the level should show what one query pixel shows.
+/// Resolution of the reduced photo relative to the query.
 ///
 /// Measured on a drone photo against the exact mean over each turned query pixel: bilinear interpolation of a level 1.5
 /// times as fine has a third to a half less error than of a level as fine (or of one 1.25 times as fine), and keeps
 /// 95 to 99 % of the contrast of fine detail; twice as fine it sharpens and aliases.
 pub(crate) const LEVEL_PX_PER_QUERY_PX: f64 = 1.5;
 
-/// How pixels between pixels are made.
+/// Interpolation between pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Interpolation {
-    /// Two by two pixels; for levels finer than the query.
+    /// Bilinear, 2 x 2 pixels; for levels finer than the query.
     Bilinear,
-    /// Four by four pixels, the cubic convolution of Keys 1981 with a = -1/2; for photos that are no finer than the
-    /// query, which two by two would blur.
+    /// Bicubic, 4 x 4 pixels: the cubic convolution of Keys 1981 with a = -1/2; for photos that are no finer than the
+    /// query, which bilinear interpolation would blur.
     Bicubic,
 }
 
 impl Interpolation {
-    /// What suits a level of so many pixels per query pixel.
+    /// The interpolation for a level with this many pixels per query pixel.
     pub(crate) fn suited_to(level_px_per_query_px: f64) -> Self {
         if level_px_per_query_px < 1.4 {
             Self::Bicubic
@@ -38,7 +38,7 @@ impl Interpolation {
 /// depth along the optical axis, 1 at the output's centre. Output pixels that no level pixel covers, or deeper than
 /// `most_depth`, stay as they are.
 pub(crate) fn warp(
-    level: &Level,
+    level: &PaddedImage,
     level_from_out: &Matrix3<f64>,
     interpolation: Interpolation,
     most_depth: f64,
@@ -93,13 +93,13 @@ pub(crate) fn warp(
 #[inline(always)]
 fn split(coordinate: f64) -> (usize, f32) {
     // At least 0 - 0.5 + 3: truncation is the floor.
-    let shifted = coordinate + (Level::BORDER as f64 - 0.5);
+    let shifted = coordinate + (PaddedImage::BORDER as f64 - 0.5);
     let index = shifted as i32;
     (index as usize, (shifted - f64::from(index)) as f32)
 }
 
 #[inline(always)]
-fn bilinear(level: &Level, u: f64, v: f64) -> [u8; 3] {
+fn bilinear(level: &PaddedImage, u: f64, v: f64) -> [u8; 3] {
     let (x, right) = split(u);
     let (y, down) = split(v);
     let weights_x = [1.0 - right, right];
@@ -108,7 +108,7 @@ fn bilinear(level: &Level, u: f64, v: f64) -> [u8; 3] {
 }
 
 #[inline(always)]
-fn bicubic(level: &Level, u: f64, v: f64) -> [u8; 3] {
+fn bicubic(level: &PaddedImage, u: f64, v: f64) -> [u8; 3] {
     let (x, right) = split(u);
     let (y, down) = split(v);
     sum::<4>(level, x - 1, y - 1, keys_weights(right), keys_weights(down))
@@ -129,7 +129,7 @@ fn keys_weights(t: f32) -> [f32; 4] {
 
 #[inline(always)]
 fn sum<const N: usize>(
-    level: &Level,
+    level: &PaddedImage,
     x: usize,
     y: usize,
     weights_x: [f32; N],
@@ -177,7 +177,7 @@ mod tests {
         (width, height): (u32, u32),
         most_depth: f64,
     ) -> (RgbImage, GrayImage) {
-        let level = Level::new(picture, Crop::whole(picture.dimensions()));
+        let level = PaddedImage::new(picture, Crop::whole(picture.dimensions()));
         let mut image = RgbImage::new(width, height);
         let mut mask = GrayImage::new(width, height);
         warp(

@@ -1,4 +1,4 @@
-//! From XMP packets of drones (DJI, Parrot, Pix4D's `Camera` names) to [`Metadata`].
+//! Reads XMP packets of drones (DJI, Parrot, Pix4D's `Camera` names) into [`Metadata`].
 //!
 //! Both serialisations of RDF are read: properties as attributes of `rdf:Description`, and as elements in it.
 
@@ -7,7 +7,7 @@ use quick_xml::events::Event;
 
 use crate::metadata::Metadata;
 
-/// Namespaces by what their properties mean, recognised by address rather than by prefix.
+/// Namespaces, recognised by their URI and not by their prefix.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Maker {
     /// `http://www.dji.com/drone-dji/1.0/`
@@ -21,14 +21,14 @@ enum Maker {
 /// One property: maker, local name, text.
 type Property = (Maker, String, String);
 
-/// Reads what an XMP packet gives; a packet that cannot be parsed gives what came before the fault, and a note.
+/// Reads an XMP packet. A packet that cannot be parsed gives the properties before the fault, and a note.
 pub(crate) fn read_into(packet: &[u8], metadata: &mut Metadata) {
     let text = String::from_utf8_lossy(packet);
     // Packets are padded with spaces, and a DJI firmware pads with NUL.
     let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
     let (properties, fault) = properties(text);
     if let Some(fault) = fault {
-        metadata.note("XMP", fault, "not readable to its end");
+        metadata.note("XMP", fault, "not well-formed; the rest is ignored");
     }
     take_properties(&properties, metadata);
 }
@@ -52,7 +52,7 @@ fn properties(text: &str) -> (Vec<Property>, Option<String>) {
         match event {
             Event::Eof => return (properties, None),
             Event::Start(ref start) | Event::Empty(ref start) => {
-                // Bindings first: they hold for the attributes beside them.
+                // Namespace declarations first: they apply to the other attributes of the element.
                 for attribute in start.attributes().with_checks(false).flatten() {
                     if let Some(prefix) = attribute.key.0.strip_prefix("xmlns:")
                         && let Some(maker) = maker_of(&attribute.value)
@@ -100,7 +100,7 @@ fn known(namespaces: &[(String, Maker)], qualified: &str) -> Option<(Maker, Stri
     Some((*maker, name.to_owned()))
 }
 
-/// A number as XMP writers put it: `+12.30`, `12.3`, `123/10`, with blanks around.
+/// A number as XMP writers format it: `+12.30`, `12.3`, `123/10`, with spaces around.
 fn parse_number(text: &str) -> Option<f64> {
     let text = text.trim();
     if let Some((top, bottom)) = text.split_once('/') {
@@ -109,7 +109,7 @@ fn parse_number(text: &str) -> Option<f64> {
     text.parse().ok()
 }
 
-/// The values of one maker's property, with a note for each that is no number in its range.
+/// Numeric properties; a value that is not a number in its range is left out with a note.
 struct Numbers<'a> {
     properties: &'a [Property],
 }
@@ -150,7 +150,7 @@ fn take_pix4d_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
         metadata.note(
             "XMP Camera:Yaw, Camera:Pitch, Camera:Roll",
             "0, 0, 0",
-            "all zero: not recorded, rather than exactly north",
+            "all exactly zero, so probably not recorded",
         );
         return;
     }
@@ -161,7 +161,7 @@ fn take_pix4d_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
         Some(pitch) => metadata.note(
             "XMP Camera:Pitch",
             pitch.to_string(),
-            "straight down or at the horizon, by which convention the maker follows",
+            "ambiguous: nadir or horizon, depending on the convention of the manufacturer",
         ),
         None => {}
     }

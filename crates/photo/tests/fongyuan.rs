@@ -1,34 +1,23 @@
-//! Real photos, where the data folder stands beside the checkout.
-
-#![allow(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "helpers of tests, outside of test functions"
-)]
+//! Real photos from a data folder beside the checkout. Run with `cargo test -p grimnet-photo --test fongyuan -- --ignored`.
 
 use std::path::PathBuf;
 
 use grimnet_photo::{Photo, ViewPrior};
 
-fn data(file: &str) -> Option<PathBuf> {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+fn data(file: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../../../shared/data")
-        .join(file);
-    if path.exists() {
-        return Some(path);
-    }
-    println!("skipped: {} is not here", path.display());
-    None
+        .join(file)
 }
 
 #[test]
+#[ignore = "needs shared data: photos of fongyuan in ../shared/data"]
 fn gimbal_of_zeros_is_set_aside_and_the_scale_is_doubtful() {
     for file in [
         "fongyuan/photos/DJI_001.jpg",
         "fongyuan/originals/DJI_001.jpg",
     ] {
-        let Some(path) = data(file) else { return };
-        let photo = Photo::open_reduced(&path, 1000).unwrap();
+        let photo = Photo::open_reduced(data(file), 1000).unwrap();
         assert_eq!(photo.image.width(), 1000);
         let view = photo.view(&ViewPrior::default());
         let heading = view.heading.unwrap();
@@ -51,11 +40,9 @@ fn gimbal_of_zeros_is_set_aside_and_the_scale_is_doubtful() {
 }
 
 #[test]
-fn a_gimbal_that_looks_down_is_believed() {
-    let Some(path) = data("brighton/DJI_0020.JPG") else {
-        return;
-    };
-    let photo = Photo::open_reduced(&path, 800).unwrap();
+#[ignore = "needs shared data: photos of brighton in ../shared/data"]
+fn a_gimbal_that_looks_down_is_used() {
+    let photo = Photo::open_reduced(data("brighton/DJI_0020.JPG"), 800).unwrap();
     let view = photo.view(&ViewPrior::default());
     assert!((view.heading.unwrap().heading_deg - 44.2).abs() < 1e-9);
     assert!(view.tilt.is_none());

@@ -58,7 +58,7 @@ fn resolve(metadata: &Metadata) -> View {
     View::resolve(metadata, (4000, 3000), &ViewPrior::default())
 }
 
-/// Whether something about `field` was set aside for a reason with `words` in it.
+/// Whether `field` was set aside for a reason that contains `words`.
 fn aside(view: &View, field: &str, words: &str) -> bool {
     view.set_aside
         .iter()
@@ -126,7 +126,7 @@ fn the_gimbal_is_preferred_to_the_aircraft() {
     let footprint = view.footprint.unwrap();
     assert!((footprint.width_m - 40.1 * 4000.0 / 3666.666504).abs() < 1e-9);
     assert!(footprint.is_doubtful() && footprint.relative_sigma < 0.16);
-    assert!(aside(&view, "GPS altitude", "above the sea"));
+    assert!(aside(&view, "GPS altitude", "above sea level"));
 }
 
 #[test]
@@ -266,7 +266,7 @@ fn a_yaw_that_is_no_angle_is_unknown_and_said_so(#[case] value: &str) {
 #[case::on_the_ground("0.0")]
 #[case::below("-12.5")]
 #[case::in_orbit("90000")]
-fn a_height_that_photos_are_not_taken_from_is_set_aside(#[case] value: &str) {
+fn an_implausible_height_is_set_aside(#[case] value: &str) {
     let view = resolve(&read_xmp(&dji_elements(&[
         ("RelativeAltitude", value),
         ("CalibratedFocalLength", "3000"),
@@ -275,7 +275,7 @@ fn a_height_that_photos_are_not_taken_from_is_set_aside(#[case] value: &str) {
     assert!(aside(
         &view,
         "RelativeAltitude",
-        "not a height above ground"
+        "out of range: a height above ground"
     ));
     assert!(view.hfov_deg.is_some());
 }
@@ -295,7 +295,7 @@ fn height_above_the_sea_is_never_height_above_ground() {
     assert!((position.lon_deg + (120.0 + 43.0 / 60.0 + 12.74 / 3600.0)).abs() < 1e-9);
     let view = resolve(&metadata);
     assert!(view.footprint.is_none() && view.height_agl_m.is_none());
-    assert!(aside(&view, "GPS altitude", "above the sea"));
+    assert!(aside(&view, "GPS altitude", "above sea level"));
 }
 
 #[test]
@@ -303,7 +303,7 @@ fn positions_that_are_none_are_noted() {
     let zero = read_exif(&gps([0, 0, 0], [0, 0, 0], "N", "E"));
     assert!(zero.position.is_none() && zero.notes[0].reason.contains("without a fix"));
     let far = read_exif(&gps([95, 0, 0], [10, 0, 0], "N", "E"));
-    assert!(far.position.is_none() && far.notes[0].reason.contains("outside"));
+    assert!(far.position.is_none() && far.notes[0].reason.contains("out of range"));
     let mut over_zero = gps([24, 0, 0], [10, 0, 0], "N", "E");
     over_zero[1].1 = rationals(&[(24, 0), (0, 1), (0, 1)]);
     let metadata = read_exif(&over_zero);
@@ -337,7 +337,11 @@ fn a_calibrated_focal_length_that_contradicts_the_equivalent_is_set_aside() {
     ]));
     metadata.focal_35mm = Some(24.0);
     let view = resolve(&metadata);
-    assert!(aside(&view, "CalibratedFocalLength", "contradicts"));
+    assert!(aside(
+        &view,
+        "CalibratedFocalLength",
+        "differs from the 35 mm equivalent"
+    ));
     assert!((view.hfov_deg.unwrap() - 71.6).abs() < 0.1);
 }
 
@@ -393,19 +397,21 @@ fn image_direction_is_the_last_resort() {
 }
 
 #[test]
-fn the_user_is_believed_before_the_metadata() {
+fn prior_values_override_metadata() {
     let metadata = read_xmp(&dji_elements(&FULL));
     let with = |overrides: ViewPrior| View::resolve(&metadata, (4000, 3000), &overrides);
     let view = with(ViewPrior {
         heading: HeadingPrior::Known {
             heading_deg: -90.0,
-            sigma_deg: 3.0,
+            sigma_deg: 7.5,
         },
         height_agl_m: Some(50.0),
         hfov_deg: Some(90.0),
         gsd_m: None,
     });
-    assert_eq!(view.heading.unwrap().heading_deg, 270.0);
+    let heading = view.heading.unwrap();
+    // The sigma that is given is the sigma that is used.
+    assert_eq!((heading.heading_deg, heading.sigma_deg), (270.0, 7.5));
     let footprint = view.footprint.unwrap();
     assert!((footprint.width_m - 100.0).abs() < 1e-9 && !footprint.is_doubtful());
     assert!(aside(&view, "RelativeAltitude", "better"));
@@ -414,9 +420,9 @@ fn the_user_is_believed_before_the_metadata() {
         gsd_m: Some(0.025),
         ..ViewPrior::default()
     });
-    assert!(view.heading.is_none() && aside(&view, "gimbal yaw", "user"));
+    assert!(view.heading.is_none() && aside(&view, "gimbal yaw", "the caller asked"));
     assert!((view.footprint.unwrap().width_m - 100.0).abs() < 1e-9);
-    // Numbers that are none do not reach further.
+    // Invalid values are not used.
     let view = with(ViewPrior {
         heading: HeadingPrior::Known {
             heading_deg: f64::NAN,

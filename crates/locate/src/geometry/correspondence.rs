@@ -1,15 +1,15 @@
-//! Pairs of points that are believed to show the same spot on the ground, and their normalisation.
+//! Pairs of matched points and their normalisation.
 
 use nalgebra::{Matrix3, Point2, Vector2};
 
 /// A point of one picture and the point of another that it was matched with.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Correspondence {
-    /// Where it is in the picture mapped from, pixels.
+    /// Point of the picture that is mapped from, pixels.
     pub from: Point2<f64>,
-    /// Where it is in the picture mapped to, pixels.
+    /// Point of the picture that is mapped to, pixels.
     pub to: Point2<f64>,
-    /// How much it counts in least squares: the keypoint probability P of the paper's refinement; positive.
+    /// Weight in least squares, positive: the keypoint probability P of the paper's refinement (section 3.5.3).
     pub weight: f64,
 }
 
@@ -35,12 +35,12 @@ impl Correspondence {
 pub struct Normalisation {
     /// Centroid, pixels.
     pub centre: Point2<f64>,
-    /// Factor applied after the centroid is taken away, 1 / pixels.
+    /// Factor applied after the centroid is subtracted, 1 / pixels.
     pub scale: f64,
 }
 
 impl Normalisation {
-    /// The normalisation of `points`; none for points that all coincide, or for numbers that are not finite.
+    /// The normalisation of `points`; `None` if all points coincide or a coordinate is not finite.
     pub fn of(points: impl Iterator<Item = Point2<f64>> + Clone) -> Option<Self> {
         let (mut sum, mut count) = (Vector2::zeros(), 0.0);
         for point in points.clone() {
@@ -50,7 +50,7 @@ impl Normalisation {
         let centre = Point2::from(sum / count);
         let mean_distance = points.map(|point| (point - centre).norm()).sum::<f64>() / count;
         let scale = std::f64::consts::SQRT_2 / mean_distance;
-        // Points closer together than rounding can tell apart coincide.
+        // Points that are closer together than rounding errors coincide.
         let resolution = f64::EPSILON * (1.0 + centre.coords.norm());
         (scale.is_finite() && mean_distance > 16.0 * resolution).then_some(Self { centre, scale })
     }
@@ -73,7 +73,7 @@ impl Normalisation {
     }
 }
 
-/// Twice the signed area of the triangle `a b c`, square pixels; positive where x turns towards y.
+/// Twice the signed area of the triangle `a b c`, square pixels; positive if the turn is from x towards y.
 pub(crate) fn doubled_area(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
     (b - a).perp(&(c - a))
 }

@@ -1,4 +1,4 @@
-//! How far the mapped centre may be off: covariance from the weighted normal equations, and the 95 % radius.
+//! Covariance of a mapped point from the weighted normal equations, and the 95 % radius of a covariance.
 
 use nalgebra::{Matrix2, Point2, SMatrix};
 
@@ -7,18 +7,18 @@ use crate::geometry::{
     transform::Transform,
 };
 
-/// Residuals are never believed to be better than this, pixels per axis: a keypoint is an integer pixel (1 / sqrt(12) in each
-/// of the two pictures), and a handful of pairs can agree by accident.
+/// Lower limit of the residuals' standard deviation, pixels per axis: a keypoint is an integer pixel (1 / sqrt(12) in each of the
+/// two pictures), and a few pairs can agree by chance.
 pub const MIN_RESIDUAL_SIGMA_PX: f64 = 0.41;
 
 /// Covariance of `point` mapped by `model`, square pixels of the picture mapped to.
 ///
-/// The weights say which pairs are trusted, not what their variance is, so the estimate's covariance is that of weighted least
+/// The weights are not inverse variances, so the estimate's covariance is that of weighted least
 /// squares under equal noise, `N^-1 (J^T W^2 J) N^-1 sigma^2` with `N = J^T W J` the weighted normal equations; for equal
 /// weights it is the textbook `N^-1 sigma^2`. `sigma` is the residuals' standard deviation per axis (2 n - N degrees of
 /// freedom), not below `min_sigma_px`.
 ///
-/// None where the pairs do not fix the model.
+/// Returns `None` if the pairs do not determine the model.
 pub fn mapped_point_covariance<const N: usize, T: Transform<N>>(
     model: &T,
     pairs: &[Correspondence],
@@ -52,7 +52,7 @@ pub fn mapped_point_covariance<const N: usize, T: Transform<N>>(
         .then(|| (covariance + covariance.transpose()) * 0.5)
 }
 
-/// Carries a covariance through a linear map: `J C J^T`.
+/// Propagates a covariance through a linear map: `J C J^T`.
 pub fn propagate(covariance: &Matrix2<f64>, jacobian: &Matrix2<f64>) -> Matrix2<f64> {
     jacobian * covariance * jacobian.transpose()
 }
@@ -65,9 +65,9 @@ pub fn radius95(covariance: &Matrix2<f64>) -> f64 {
 /// Radius of the circle around the mean that holds a share `probability` (above 0, below 1) of a two-dimensional normal
 /// distribution; same unit as the square root of the covariance.
 ///
-/// For 95 % from 1.96 sigma for a needle to 2.45 sigma for a circle. In polar coordinates of the whitened plane the
+/// For 95 % it is between 1.96 sigma (all variance along one axis) and 2.45 sigma (a circle). In polar coordinates of the whitened plane the
 /// probability of lying outside r is the mean over the angle of `exp(-r^2 / 2 s^2)`, s the standard deviation along that
-/// angle; the trapezoid rule converges at once on a periodic integrand.
+/// angle; the trapezoid rule converges quickly for a periodic integrand.
 pub fn radius(covariance: &Matrix2<f64>, probability: f64) -> f64 {
     let (mean, half_difference) = (
         covariance.trace() / 2.0,
@@ -90,7 +90,7 @@ pub fn radius(covariance: &Matrix2<f64>, probability: f64) -> f64 {
             .sum();
         sum / ANGLES as f64
     };
-    // A circle's radius is the largest.
+    // The radius is largest for a circle.
     let (mut low, mut high) = (0.0, (-2.0 * (1.0 - probability).ln()).sqrt());
     for _ in 0..52 {
         let middle = 0.5 * (low + high);

@@ -15,7 +15,7 @@ pub struct Homography {
 }
 
 impl Homography {
-    /// Takes a matrix of any scale; none where it is not finite, or sends the origin to infinity.
+    /// The homography of a matrix of any scale; `None` if the matrix is not finite or maps the origin to infinity.
     pub fn from_matrix(matrix: Matrix3<f64>) -> Option<Self> {
         let last = matrix[(2, 2)];
         if !(last.abs() > 1e-12 * matrix.norm()) {
@@ -28,8 +28,8 @@ impl Homography {
             .then_some(Self { matrix })
     }
 
-    /// The homography of least weighted algebraic error over `pairs` in normalised coordinates; none for fewer than four
-    /// pairs, for points on a line, or where the answer mirrors or tears the points apart.
+    /// The homography of least weighted algebraic error over `pairs` in normalised coordinates. Returns `None` for fewer than four
+    /// pairs, for collinear points, or if the homography mirrors the points or maps some of them across the line at infinity.
     pub fn fit(pairs: &[Correspondence]) -> Option<Self> {
         if pairs.len() < 4 {
             return None;
@@ -70,7 +70,7 @@ impl Homography {
         let eigen = SymmetricEigen::try_new(normal, 1e-15, 200)?;
         let mut order: Vec<usize> = (0..9).collect();
         order.sort_by(|&i, &j| eigen.eigenvalues[i].total_cmp(&eigen.eigenvalues[j]));
-        // A second vanishing eigenvalue means that more than one homography fits: points on a line, or repeated.
+        // A second vanishing eigenvalue means that more than one homography fits: points are collinear or repeated.
         if !(eigen.eigenvalues[order[1]] > 1e-10 * eigen.eigenvalues[order[8]]) {
             return None;
         }
@@ -80,7 +80,8 @@ impl Homography {
             .filter(|model| model.keeps_sides(pairs))
     }
 
-    /// The homography through exactly four pairs, by the projective bases of the two quadrangles; none for points on a line.
+    /// The homography through exactly four pairs, by the projective bases of the two quadrangles; `None` for collinear
+    /// points.
     pub fn through(sample: &[Correspondence; 4]) -> Option<Self> {
         let basis = |point: fn(&Correspondence) -> Point2<f64>| -> Option<Matrix3<f64>> {
             let columns =
@@ -101,12 +102,12 @@ impl Homography {
         &self.matrix
     }
 
-    /// The inverse; none where singular.
+    /// The inverse; `None` if the matrix is singular.
     pub fn inverse(&self) -> Option<Self> {
         Self::from_matrix(self.matrix.try_inverse()?)
     }
 
-    /// Derivative of the mapped point by the point, 2 x 2; none where [`Transform::map`] is none.
+    /// Derivative of the mapped point by the point, 2 x 2; `None` if [`Transform::map`] returns `None`.
     pub fn point_jacobian(&self, point: Point2<f64>) -> Option<Matrix2<f64>> {
         let mapped = self.map(point)?;
         let m = &self.matrix;
@@ -123,7 +124,7 @@ impl Homography {
         self.matrix[(2, 0)] * point.x + self.matrix[(2, 1)] * point.y + self.matrix[(2, 2)]
     }
 
-    /// Chirality: every point on the same side of the line at infinity as the others, no mirror.
+    /// Chirality: all points are on the same side of the line at infinity and not mirrored.
     fn keeps_sides(&self, pairs: &[Correspondence]) -> bool {
         let positive = pairs.iter().all(|pair| self.denominator(pair.from) > 1e-9);
         positive && self.matrix.determinant() > 0.0
@@ -154,7 +155,7 @@ impl Transform<8> for Homography {
     fn map(&self, point: Point2<f64>) -> Option<Point2<f64>> {
         let m = &self.matrix;
         let w = self.denominator(point);
-        // Behind the line at infinity the picture would be seen from below.
+        // Points behind the line at infinity would be seen from below the ground.
         (w > 1e-9).then(|| {
             Point2::new(
                 (m[(0, 0)] * point.x + m[(0, 1)] * point.y + m[(0, 2)]) / w,
@@ -192,7 +193,7 @@ impl Transform<8> for Homography {
 /// Fits homographies for [`crate::geometry::ransac::Ransac`].
 #[derive(Debug, Clone, Copy)]
 pub struct HomographyEstimator {
-    /// Three points of a sample spanning a triangle smaller than this are taken for collinear, square pixels.
+    /// Three points of a sample are treated as collinear if their triangle is smaller than this, square pixels.
     pub min_triangle_px2: f64,
 }
 
@@ -214,7 +215,7 @@ impl Estimator for HomographyEstimator {
             let [a, b, c] = [1, 2, 3].map(|step| &sample[(skipped + step) % 4]);
             let from = doubled_area(a.from, b.from, c.from);
             let to = doubled_area(a.to, b.to, c.to);
-            // Collinear or repeated points; or a triangle that turns over, which no view of the ground from above does.
+            // Collinear or repeated points, or a triangle that is mirrored, which no view of the ground from above does.
             if from.abs().min(to.abs()) < 2.0 * self.min_triangle_px2
                 || from.signum() != to.signum()
             {

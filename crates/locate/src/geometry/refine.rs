@@ -8,26 +8,26 @@ use crate::geometry::{
     transform::Transform,
 };
 
-/// The refined transform.
+/// A refined transform.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Refined<T> {
     /// The transform.
     pub model: T,
     /// Weighted sum of squared errors, square pixels.
     pub weighted_squares_px2: f64,
-    /// Steps taken.
+    /// Number of iterations.
     pub iterations: usize,
 }
 
 const MAX_ITERATIONS: usize = 50;
-/// Relative decrease below which the error no longer falls.
+/// Relative decrease of the error below which the iteration has converged.
 const CONVERGED: f64 = 1e-14;
 const FIRST_DAMPING: f64 = 1e-6;
 const LAST_DAMPING: f64 = 1e12;
 
-/// Minimises the weighted squared reprojection error over `pairs`, from `start` on.
+/// Minimises the weighted squared reprojection error over `pairs`, starting from `start`.
 ///
-/// None where the pairs do not fix the transform, or `start` cannot map one of them.
+/// Returns `None` if the pairs do not determine the transform, or `start` cannot map one of them.
 pub fn refine<const N: usize, T: Transform<N>>(
     start: &T,
     pairs: &[Correspondence],
@@ -87,7 +87,7 @@ fn cost_of<const N: usize, T: Transform<N>>(model: &T, pairs: &[Correspondence])
     cost.is_finite().then_some(cost)
 }
 
-/// `J^T W J` and `J^T W r`, with r the mapped point minus the wanted one.
+/// `J^T W J` and `J^T W r`, with r the mapped point minus the matched one.
 pub(crate) fn normal_equations<const N: usize, T: Transform<N>>(
     model: &T,
     pairs: &[Correspondence],

@@ -1,4 +1,4 @@
-//! Which pairs RANSAC draws.
+//! The order in which RANSAC draws samples.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -9,14 +9,14 @@ pub trait Sampler {
     fn draw(&mut self, count: usize, sample: &mut [usize]);
 }
 
-/// Every index is as likely as any other.
+/// Uniform sampling.
 #[derive(Debug, Clone)]
 pub struct Uniform {
     rng: ChaCha8Rng,
 }
 
 impl Uniform {
-    /// The same sequence for the same seed.
+    /// A sampler with this seed. The same seed gives the same sequence.
     pub fn new(seed: u64) -> Self {
         Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
@@ -30,23 +30,24 @@ impl Sampler for Uniform {
     }
 }
 
-/// The best matches first, all of them in the end (PROSAC, Chum & Matas 2005). Indices must be sorted by falling quality.
+/// Progressive sampling: the best matches first, all of them in the end (PROSAC, Chum & Matas 2005). Pairs must be sorted by
+/// falling quality.
 #[derive(Debug, Clone)]
 pub struct Progressive {
     rng: ChaCha8Rng,
     pool: usize,
     drawn: usize,
-    /// Samples that uniform drawing would have taken from the present pool, of [`PROSAC_SAMPLES`].
+    /// Expected number of samples from the present pool among [`PROSAC_SAMPLES`] uniform samples.
     expected: f64,
-    /// Draws after which the pool grows.
+    /// Number of samples after which the pool grows.
     grow_at: usize,
 }
 
-/// Samples after which PROSAC and uniform drawing are the same (the T_N of the publication).
+/// Number of samples after which PROSAC becomes uniform sampling (T_N in the publication).
 const PROSAC_SAMPLES: f64 = 10_000.0;
 
 impl Progressive {
-    /// The same sequence for the same seed.
+    /// A sampler with this seed. The same seed gives the same sequence.
     pub fn new(seed: u64) -> Self {
         Self {
             rng: ChaCha8Rng::seed_from_u64(seed),
@@ -78,7 +79,7 @@ impl Sampler for Progressive {
         if self.pool == count || self.pool <= size {
             draw_distinct(&mut self.rng, self.pool, sample);
         } else {
-            // The newest member of the pool and others before it: no sample is drawn twice on purpose.
+            // The newest member of the pool with others before it, so that samples of the smaller pool are not repeated.
             let (last, others) = (size - 1, self.pool - 1);
             draw_distinct(&mut self.rng, others, &mut sample[..last]);
             sample[last] = others;

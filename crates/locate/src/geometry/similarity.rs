@@ -1,5 +1,5 @@
-//! The similarity: rotation, one scale, translation. Four degrees of freedom degenerate less than a homography's eight, and
-//! a photo taken straight down and resampled to the map's resolution differs from the map by little more.
+//! Similarity transform: rotation, uniform scale, translation. With four degrees of freedom it degenerates less than a homography
+//! with eight, and it nearly explains a nadir photo that was resampled to the resolution of the map.
 
 use nalgebra::{Matrix2x4, Matrix3, Point2, Vector4};
 
@@ -33,7 +33,7 @@ impl Similarity {
         self.b.atan2(self.a)
     }
 
-    /// The similarity of least weighted squared error over `pairs`; none for fewer than two distinct points.
+    /// The similarity of least weighted squared error over `pairs`; `None` for fewer than two distinct points.
     pub fn fit(pairs: &[Correspondence]) -> Option<Self> {
         let total: f64 = pairs.iter().map(|pair| pair.weight).sum();
         if pairs.len() < 2 || !(total > 0.0 && total.is_finite()) {
@@ -123,11 +123,11 @@ fn similarity_of(m: &Matrix3<f64>) -> Similarity {
 /// Fits similarities for [`crate::geometry::ransac::Ransac`].
 #[derive(Debug, Clone, Copy)]
 pub struct SimilarityEstimator {
-    /// Least and greatest scale that a sample may have; others are thrown away before they are scored.
+    /// Smallest and largest allowed scale; samples outside are rejected before they are scored.
     pub scale_range: (f64, f64),
-    /// Two points of a sample closer than this fix neither rotation nor scale, pixels.
+    /// Samples with points closer than this are rejected: they determine neither rotation nor scale, pixels.
     pub min_distance_px: f64,
-    /// Largest rotation either way, radians.
+    /// Largest allowed rotation in either direction, radians.
     pub max_rotation_rad: f64,
 }
 

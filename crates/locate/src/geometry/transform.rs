@@ -1,4 +1,4 @@
-//! What the two models of the geometry, similarity and homography, have in common.
+//! The interface that similarity and homography share.
 
 use nalgebra::{Matrix3, Point2, SMatrix, SVector};
 
@@ -12,10 +12,10 @@ pub trait Transform<const N: usize>: Copy + Send + Sync + std::fmt::Debug {
     /// The transform with these parameters.
     fn from_parameters(parameters: &SVector<f64, N>) -> Self;
 
-    /// Maps a point; none where it lies on or behind the line at infinity.
+    /// Maps a point; `None` if it is on or behind the line at infinity.
     fn map(&self, point: Point2<f64>) -> Option<Point2<f64>>;
 
-    /// Derivative of the mapped point by the parameters, 2 x N; none where [`Transform::map`] is none.
+    /// Derivative of the mapped point by the parameters, 2 x N; `None` if [`Transform::map`] returns `None`.
     fn parameter_jacobian(&self, point: Point2<f64>) -> Option<SMatrix<f64, 2, N>>;
 
     /// The same transform acting between normalised coordinates: `to * self * from^-1`.
@@ -27,7 +27,7 @@ pub trait Transform<const N: usize>: Copy + Send + Sync + std::fmt::Debug {
     /// As a matrix acting on homogeneous pixels.
     fn matrix(&self) -> Matrix3<f64>;
 
-    /// Squared distance between the mapped point and where it should be, square pixels; infinite where it cannot be mapped.
+    /// Squared distance between the mapped point and `to`, square pixels; infinite if the point cannot be mapped.
     fn squared_error(&self, from: Point2<f64>, to: Point2<f64>) -> f64 {
         self.map(from)
             .map_or(f64::INFINITY, |mapped| (mapped - to).norm_squared())

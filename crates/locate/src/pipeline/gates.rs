@@ -10,7 +10,7 @@ use crate::{
     outcome::Rejection,
 };
 
-/// How a homography bends the picture around a point.
+/// The local distortion of a homography at a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Shape {
     /// Geometric mean of the two principal scales.
@@ -22,7 +22,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// The shape of `homography` at `point`; the reason why there is none otherwise.
+    /// The local distortion of `homography` at `point`, or the rejection if it is singular or mirrors the picture.
     pub fn at(homography: &Homography, point: Point2<f64>) -> Result<Self, Rejection> {
         let jacobian: Matrix2<f64> = homography
             .point_jacobian(point)
@@ -57,7 +57,7 @@ impl Shape {
     }
 }
 
-/// Standard deviation along the short axis of `points`, over `half_side_px`; zero for fewer than two points.
+/// Standard deviation of `points` along their short axis, over `half_side_px`; 0 for fewer than two points.
 pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f64) -> f64 {
     let count = points.clone().count() as f64;
     if count < 2.0 {
@@ -75,13 +75,13 @@ pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f
     (scatter.trace() / 2.0 - apart).max(0.0).sqrt() / half_side_px
 }
 
-/// Sides of a place that go into half a side of the photo.
+/// Number of grid cells per half side of the photo.
 const CELLS_PER_HALF_SIDE: f64 = 6.0;
 
-/// Squares of a twelfth of the photo's mean side that hold at least one of `points`.
+/// Number of grid cells, a twelfth of the photo's mean side wide, that hold at least one of `points`.
 ///
-/// Keypoints crowd on crowns and edges, and where one is matched wrongly its neighbours are too, by the same shift: they count
-/// once.
+/// Keypoints cluster on tree crowns and edges, and a wrong match often has neighbours with the same wrong translation. A cell
+/// counts them once.
 pub fn occupied_cells(points: impl Iterator<Item = Point2<f64>>, half_side_px: f64) -> usize {
     let side_px = half_side_px / CELLS_PER_HALF_SIDE;
     points
@@ -114,7 +114,8 @@ impl Gates {
         Ok(shape)
     }
 
-    /// Checks how many of `matches` agree and how they lie on the photo. `inliers` are their positions on the photo.
+    /// Checks number, share and distribution of the inliers. `inliers` are their positions on the photo, `matches` the number of
+    /// matches.
     pub fn check_support(
         &self,
         inliers: impl Iterator<Item = Point2<f64>> + Clone,
@@ -148,7 +149,7 @@ impl Gates {
         Ok(())
     }
 
-    /// Checks the probability that the answer is right.
+    /// Checks the confidence against `needed`, or against [`Gates::min_confidence`] if that is set.
     pub fn check_confidence(&self, confidence: f64, needed: f64) -> Result<(), Rejection> {
         let needed = self.min_confidence.unwrap_or(needed);
         if self.by_confidence && !(confidence >= needed) {
@@ -160,7 +161,7 @@ impl Gates {
         Ok(())
     }
 
-    /// Checks the lead over the best candidate at another place.
+    /// Checks the ratio of the inliers to those of the best candidate at another position.
     pub fn check_margin(&self, inliers: usize, runner_up: usize) -> Result<(), Rejection> {
         if (inliers as f64) < self.min_margin * runner_up as f64 {
             return Err(Rejection::Ambiguous { inliers, runner_up });
@@ -284,9 +285,9 @@ mod tests {
     }
 
     #[test]
-    fn inliers_that_crowd_count_once() {
+    fn inliers_in_one_cell_count_once() {
         let gates = Gates::default();
-        // Forty on a crown a tenth of the photo wide, and two far away so that the spread looks well.
+        // Forty on a tree crown of a tenth of the photo's width, and two far away so that the spread is large.
         let crowd =
             (0..40).map(|i| Point2::new(100.0 + f64::from(i % 7) * 5.0, 100.0 + f64::from(i)));
         let far = [Point2::new(480.0, 20.0), Point2::new(30.0, 400.0)];

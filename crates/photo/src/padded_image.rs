@@ -1,20 +1,20 @@
-//! A reduced photo as the resampler reads it.
+//! A reduced photo with a border, in the memory layout of the resampler.
 
 use image::RgbImage;
 
 use crate::area::Crop;
 
-/// Pixels of four bytes with a border that repeats the edge, so that no filter tap needs a check.
+/// Pixels of four bytes with a border that repeats the edge, so that filter taps need no bounds check.
 #[derive(Debug)]
-pub(crate) struct Level {
+pub(crate) struct PaddedImage {
     pub width: usize,
     pub height: usize,
     stride: usize,
     pixels: Vec<[u8; 4]>,
 }
 
-impl Level {
-    /// Filter taps reach at most this far beyond the picture, px.
+impl PaddedImage {
+    /// Width of the border: the largest reach of a filter tap beyond the picture, px.
     pub const BORDER: usize = 3;
 
     /// The part of `image` within `crop`.
@@ -48,7 +48,7 @@ impl Level {
         let start = y * self.stride + x;
         match self.pixels.get(start..).and_then(|row| row.first_chunk()) {
             Some(taps) => taps,
-            // Not reached: callers stay within the border. Black rather than a panic.
+            // Unreachable, because callers stay within the border.
             None => const { &[[0; 4]; N] },
         }
     }

@@ -245,119 +245,118 @@ mod tests {
         assert_eq!(refused(Options::paper().check()), None);
     }
 
+    fn changed(change: impl Fn(&mut Options)) -> Options {
+        let mut options = Options::default();
+        change(&mut options);
+        options
+    }
+
+    fn changed_gates(change: impl Fn(&mut Gates)) -> Options {
+        changed(|options| change(options.gates.as_mut().unwrap()))
+    }
+
+    fn changed_vote(change: impl Fn(&mut VoteOptions)) -> Options {
+        changed(|options| change(options.vote.as_mut().unwrap()))
+    }
+
     #[test]
-    fn every_invalid_setting_is_named() {
-        let base = Options::default;
-        let set = |change: &dyn Fn(&mut Options)| {
-            let mut options = base();
-            change(&mut options);
-            options
+    fn every_setting_out_of_range_is_named() {
+        let without_probes = Index::IvfPq {
+            nlist: 256,
+            subquantisers: 64,
+            nprobe: 0,
+            rerank_factor: 0,
         };
-        let gates = |change: &dyn Fn(&mut Gates)| {
-            let mut gates = Gates::default();
-            change(&mut gates);
-            Options {
-                gates: Some(gates),
-                ..base()
-            }
-        };
-        let mut cases: Vec<(&str, Options)> = vec![
-            ("top_k", set(&|o| o.top_k = 0)),
+        for (field, options) in [
+            ("top_k", changed(|o| o.top_k = 0)),
+            ("index.nprobe", changed(|o| o.index = Some(without_probes))),
             (
-                "index.nprobe",
-                set(&|o| {
-                    o.index = Some(Index::IvfPq {
-                        nlist: 256,
-                        subquantisers: 64,
-                        nprobe: 0,
-                        rerank_factor: 0,
-                    });
-                }),
+                "keypoint_threshold",
+                changed(|o| o.keypoint_threshold = f32::NAN),
             ),
             (
                 "keypoint_threshold",
-                set(&|o| o.keypoint_threshold = f32::NAN),
-            ),
-            ("keypoint_threshold", set(&|o| o.keypoint_threshold = -0.1)),
-            ("keypoint_threshold", set(&|o| o.keypoint_threshold = 1.1)),
-            ("max_keypoints", set(&|o| o.max_keypoints = 0)),
-            ("stages", set(&|o| o.stages = vec![64, 0])),
-            ("max_matched", set(&|o| o.max_matched = 0)),
-            ("max_ratio", set(&|o| o.max_ratio = Some(f32::NAN))),
-            ("max_ratio", set(&|o| o.max_ratio = Some(0.0))),
-            ("headings", set(&|o| o.headings = 0)),
-            ("headings", set(&|o| o.headings = 361)),
-            ("unknown_scales", set(&|o| o.unknown_scales.clear())),
-            ("query_side_px", set(&|o| o.query_side_px = 31)),
-            ("hypothesis_side_px", set(&|o| o.hypothesis_side_px = 5)),
-            ("query_width_px", set(&|o| o.query_width_px = 31.9)),
-            (
-                "vote.keypoints",
-                set(&|o| o.vote.as_mut().unwrap().keypoints = 0),
+                changed(|o| o.keypoint_threshold = -0.1),
             ),
             (
-                "vote.bin_px",
-                set(&|o| o.vote.as_mut().unwrap().bin_px = 0.5),
+                "keypoint_threshold",
+                changed(|o| o.keypoint_threshold = 1.1),
+            ),
+            ("max_keypoints", changed(|o| o.max_keypoints = 0)),
+            ("stages", changed(|o| o.stages = vec![64, 0])),
+            ("max_matched", changed(|o| o.max_matched = 0)),
+            ("max_ratio", changed(|o| o.max_ratio = Some(f32::NAN))),
+            ("max_ratio", changed(|o| o.max_ratio = Some(0.0))),
+            ("headings", changed(|o| o.headings = 0)),
+            ("headings", changed(|o| o.headings = 361)),
+            ("unknown_scales", changed(|o| o.unknown_scales.clear())),
+            ("unknown_scales", changed(|o| o.unknown_scales[0] = 0.0)),
+            ("query_side_px", changed(|o| o.query_side_px = 31)),
+            ("hypothesis_side_px", changed(|o| o.hypothesis_side_px = 5)),
+            ("query_width_px", changed(|o| o.query_width_px = 31.9)),
+            ("budget_ms", changed(|o| o.budget_ms = Some(0.0))),
+            ("vote.keypoints", changed_vote(|v| v.keypoints = 0)),
+            ("vote.bin_px", changed_vote(|v| v.bin_px = 0.5)),
+            (
+                "ransac.threshold_px",
+                changed(|o| o.ransac.threshold_px = 0.0),
             ),
             (
                 "ransac.max_iterations",
-                set(&|o| o.ransac.max_iterations = 0),
+                changed(|o| o.ransac.max_iterations = 0),
             ),
-            ("ransac.confidence", set(&|o| o.ransac.confidence = 0.0)),
-            ("ransac.confidence", set(&|o| o.ransac.confidence = 1.0)),
+            ("ransac.confidence", changed(|o| o.ransac.confidence = 0.0)),
+            ("ransac.confidence", changed(|o| o.ransac.confidence = 1.0)),
             (
                 "gates.min_inlier_share",
-                gates(&|g| g.min_inlier_share = 1.5),
+                changed_gates(|g| g.min_inlier_share = 1.5),
             ),
             (
                 "gates.min_confidence",
-                gates(&|g| g.min_confidence = Some(-0.1)),
+                changed_gates(|g| g.min_confidence = Some(-0.1)),
             ),
-        ];
+        ] {
+            assert_eq!(refused(options.check()), Some(field), "{options:?}");
+        }
+    }
+
+    #[test]
+    fn every_setting_that_is_not_finite_or_negative_is_named() {
         for bad in [NAN, INFINITY, -1.0] {
-            cases.extend([
-                ("query_width_px", set(&|o| o.query_width_px = bad)),
-                ("budget_ms", set(&|o| o.budget_ms = Some(bad))),
-                ("map_error_m", set(&|o| o.map_error_m = bad)),
-                ("doubtful_scales", set(&|o| o.doubtful_scales.push(bad))),
-                ("unknown_scales", set(&|o| o.unknown_scales.push(bad))),
+            for (field, options) in [
+                ("query_width_px", changed(|o| o.query_width_px = bad)),
+                ("budget_ms", changed(|o| o.budget_ms = Some(bad))),
+                ("map_error_m", changed(|o| o.map_error_m = bad)),
+                ("doubtful_scales", changed(|o| o.doubtful_scales.push(bad))),
+                ("unknown_scales", changed(|o| o.unknown_scales.push(bad))),
+                ("vote.bin_px", changed_vote(|v| v.bin_px = bad)),
                 (
-                    "vote.bin_px",
-                    set(&|o| o.vote.as_mut().unwrap().bin_px = bad),
+                    "ransac.threshold_px",
+                    changed(|o| o.ransac.threshold_px = bad),
                 ),
-                ("ransac.threshold_px", set(&|o| o.ransac.threshold_px = bad)),
-                ("ransac.confidence", set(&|o| o.ransac.confidence = bad)),
+                ("ransac.confidence", changed(|o| o.ransac.confidence = bad)),
                 (
                     "gates.max_scale_change",
-                    gates(&|g| g.max_scale_change = bad),
+                    changed_gates(|g| g.max_scale_change = bad),
                 ),
-                ("gates.max_shear", gates(&|g| g.max_shear = bad)),
+                ("gates.max_shear", changed_gates(|g| g.max_shear = bad)),
                 (
                     "gates.max_perspective_per_px",
-                    gates(&|g| g.max_perspective_per_px = bad),
+                    changed_gates(|g| g.max_perspective_per_px = bad),
                 ),
-                ("gates.min_spread", gates(&|g| g.min_spread = bad)),
-                ("gates.min_margin", gates(&|g| g.min_margin = bad)),
+                ("gates.min_spread", changed_gates(|g| g.min_spread = bad)),
+                ("gates.min_margin", changed_gates(|g| g.min_margin = bad)),
                 (
                     "gates.min_inlier_share",
-                    gates(&|g| g.min_inlier_share = bad),
+                    changed_gates(|g| g.min_inlier_share = bad),
                 ),
                 (
                     "gates.min_confidence",
-                    gates(&|g| g.min_confidence = Some(bad)),
+                    changed_gates(|g| g.min_confidence = Some(bad)),
                 ),
-            ]);
-        }
-        for zero in ["budget_ms", "ransac.threshold_px", "unknown_scales"] {
-            let options = set(&|o| match zero {
-                "budget_ms" => o.budget_ms = Some(0.0),
-                "ransac.threshold_px" => o.ransac.threshold_px = 0.0,
-                _ => o.unknown_scales[0] = 0.0,
-            });
-            cases.push((zero, options));
-        }
-        for (field, options) in cases {
-            assert_eq!(refused(options.check()), Some(field), "{options:?}");
+            ] {
+                assert_eq!(refused(options.check()), Some(field), "{options:?}");
+            }
         }
     }
 

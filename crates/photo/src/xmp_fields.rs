@@ -167,60 +167,36 @@ fn take_pix4d_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
     }
 }
 
-fn take_properties(properties: &[Property], metadata: &mut Metadata) {
-    const TURN: std::ops::RangeInclusive<f64> = -360.0..=360.0;
-    const HEIGHT: std::ops::RangeInclusive<f64> = -20_000.0..=100_000.0;
-    let numbers = Numbers { properties };
-    for (maker, yaw, pitch, roll) in [
-        (
-            Maker::Dji,
-            "GimbalYawDegree",
-            "GimbalPitchDegree",
-            "GimbalRollDegree",
-        ),
-        (
-            Maker::Parrot,
-            "CameraYawDegree",
-            "CameraPitchDegree",
-            "CameraRollDegree",
-        ),
-    ] {
-        if let Some(value) = numbers.within(maker, yaw, TURN, metadata) {
-            metadata.gimbal_yaw_deg = Some(value);
-        }
-        if let Some(value) = numbers.within(maker, pitch, TURN, metadata) {
-            metadata.gimbal_pitch_deg = Some(value);
-        }
-        if let Some(value) = numbers.within(maker, roll, TURN, metadata) {
-            metadata.gimbal_roll_deg = Some(value);
-        }
+const TURN: std::ops::RangeInclusive<f64> = -360.0..=360.0;
+const HEIGHT: std::ops::RangeInclusive<f64> = -20_000.0..=100_000.0;
+
+/// Yaw, pitch and roll of gimbal and aircraft, under the names of DJI and of Parrot.
+fn take_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
+    let makers = [
+        (Maker::Dji, "Gimbal", "Flight"),
+        (Maker::Parrot, "Camera", "Drone"),
+    ];
+    for (maker, gimbal, aircraft) in makers {
+        let mut angle = |part: &str, axis: &str| {
+            numbers.within(maker, &format!("{part}{axis}Degree"), TURN, metadata)
+        };
+        let gimbal = ["Yaw", "Pitch", "Roll"].map(|axis| angle(gimbal, axis));
+        let aircraft = ["Yaw", "Pitch", "Roll"].map(|axis| angle(aircraft, axis));
+        let keep = |old: &mut Option<f64>, new: Option<f64>| *old = new.or(*old);
+        keep(&mut metadata.gimbal_yaw_deg, gimbal[0]);
+        keep(&mut metadata.gimbal_pitch_deg, gimbal[1]);
+        keep(&mut metadata.gimbal_roll_deg, gimbal[2]);
+        keep(&mut metadata.flight_yaw_deg, aircraft[0]);
+        keep(&mut metadata.flight_pitch_deg, aircraft[1]);
+        keep(&mut metadata.flight_roll_deg, aircraft[2]);
     }
+}
+
+fn take_properties(properties: &[Property], metadata: &mut Metadata) {
+    let numbers = Numbers { properties };
+    take_angles(&numbers, metadata);
     if metadata.gimbal_yaw_deg.is_none() {
         take_pix4d_angles(&numbers, metadata);
-    }
-    for (maker, yaw, pitch, roll) in [
-        (
-            Maker::Dji,
-            "FlightYawDegree",
-            "FlightPitchDegree",
-            "FlightRollDegree",
-        ),
-        (
-            Maker::Parrot,
-            "DroneYawDegree",
-            "DronePitchDegree",
-            "DroneRollDegree",
-        ),
-    ] {
-        if let Some(value) = numbers.within(maker, yaw, TURN, metadata) {
-            metadata.flight_yaw_deg = Some(value);
-        }
-        if let Some(value) = numbers.within(maker, pitch, TURN, metadata) {
-            metadata.flight_pitch_deg = Some(value);
-        }
-        if let Some(value) = numbers.within(maker, roll, TURN, metadata) {
-            metadata.flight_roll_deg = Some(value);
-        }
     }
     if let Some(value) = numbers.within(Maker::Dji, "RelativeAltitude", HEIGHT, metadata) {
         metadata.relative_altitude_m = Some(value);

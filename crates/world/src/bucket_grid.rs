@@ -1,4 +1,4 @@
-//! A square grid of buckets: which items may touch a point.
+//! A square grid of buckets, for finding the items near a point.
 
 use nalgebra::Vector2;
 
@@ -6,11 +6,11 @@ type V2 = Vector2<f32>;
 
 pub(crate) const CELL_M: f32 = 8.0;
 
-/// Anything that covers a bounded part of the plane.
+/// An item that covers a bounded part of the plane.
 pub(crate) trait Extent {
     /// Lower and upper corner of an enclosing box.
     fn bounds(&self) -> (V2, V2);
-    /// Whether the item comes within `radius_m` of the point; may err towards true.
+    /// Whether the item is within `radius_m` of the point; may be true for items slightly farther away.
     fn near(&self, centre: V2, radius_m: f32) -> bool;
 }
 
@@ -24,7 +24,7 @@ pub(crate) struct BucketGrid {
 }
 
 impl BucketGrid {
-    /// Buckets over the square from `low` to `high` along both axes; what lies outside is left out.
+    /// A grid over the square from `low` to `high` along both axes; items outside are not included.
     pub(crate) fn build<T: Extent>(low: f32, high: f32, items: &[T]) -> Self {
         let side = ((high - low) / CELL_M).ceil().max(1.0) as usize;
         let mut pairs: Vec<(u32, u32)> = Vec::with_capacity(items.len() * 4);

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-/// Where the camera is and where it looks, in the world frame.
+/// Position and attitude of the camera in the world frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Pose {
     /// East of the world's south-west corner, metres.
@@ -12,11 +12,11 @@ pub struct Pose {
     pub y_m: f64,
     /// Above the ground, metres.
     pub height_agl_m: f64,
-    /// Where the top of the photo points, degrees clockwise from grid north.
+    /// Direction of the top of the photo, degrees clockwise from grid north.
     pub heading_deg: f64,
-    /// How far the optical axis leans forward (towards the heading) from straight down, degrees.
+    /// Tilt of the optical axis from straight down towards the heading, degrees.
     pub pitch_off_nadir_deg: f64,
-    /// How far the optical axis leans to the right of the heading, degrees.
+    /// Tilt of the optical axis to the right of the heading, degrees.
     pub roll_deg: f64,
 }
 
@@ -51,14 +51,14 @@ impl Camera {
         f64::from(self.width_px) * 0.5 / (self.hfov_deg.to_radians() * 0.5).tan()
     }
 
-    /// Focal length of a 36 mm wide film with the same horizontal field of view, as EXIF has it.
+    /// Focal length with the same horizontal field of view on film 36 mm wide (EXIF `FocalLengthIn35mmFilm`).
     pub fn focal_35mm(&self) -> f64 {
         18.0 / (self.hfov_deg.to_radians() * 0.5).tan()
     }
 }
 
-/// A pose and a camera made ready for mapping points. Photo pixels are continuous: (0, 0) is the
-/// outer corner of the top-left pixel, the middle of the picture is (width / 2, height / 2).
+/// The projection of a camera at a pose. Photo pixels are continuous: (0, 0) is the outer corner of
+/// the top-left pixel, the middle of the picture is (width / 2, height / 2).
 #[derive(Clone, Copy, Debug)]
 pub struct View {
     position: Vector3<f64>,
@@ -108,8 +108,8 @@ impl View {
         .into()
     }
 
-    /// Where the world point (metres, z above ground) falls in the photo (possibly outside its
-    /// borders); `None` behind the camera.
+    /// The photo pixel of a world point (metres, z above ground), which may be outside the picture;
+    /// `None` if the point is behind the camera.
     pub fn photo_px_from_world(&self, point_m: [f64; 3]) -> Option<[f64; 2]> {
         let c = self.world_from_camera.transpose() * (Vector3::from(point_m) - self.position);
         (c.z > 1e-9).then(|| {
@@ -120,12 +120,12 @@ impl View {
         })
     }
 
-    /// Where the ground point (z = 0) falls in the photo; `None` behind the camera.
+    /// The photo pixel of a ground point (z = 0); `None` if it is behind the camera.
     pub fn photo_px_from_ground(&self, ground_m: [f64; 2]) -> Option<[f64; 2]> {
         self.photo_px_from_world([ground_m[0], ground_m[1], 0.0])
     }
 
-    /// The point of the plane `z = height_m` seen at a photo pixel; `None` above the horizon.
+    /// The point of the plane `z = height_m` at a photo pixel; `None` if the pixel is above the horizon.
     pub fn plane_from_photo_px(&self, photo_px: [f64; 2], height_m: f64) -> Option<[f64; 2]> {
         let d = Vector3::from(self.ray(photo_px));
         let t = (height_m - self.position.z) / d.z;
@@ -158,8 +158,8 @@ impl View {
         ])
     }
 
-    /// The four corners of the picture on the ground, clockwise from top left; `None` if the
-    /// horizon is in view.
+    /// The four corners of the picture on the ground, clockwise from the top left; `None` if a corner
+    /// is above the horizon.
     pub fn footprint_m(&self) -> Option<[[f64; 2]; 4]> {
         let [w, h] = [self.centre_px[0] * 2.0, self.centre_px[1] * 2.0];
         let at = |x, y| self.plane_from_photo_px([x, y], 0.0);

@@ -1,4 +1,4 @@
-//! What the ground is covered with: kinds and outlines.
+//! Ground cover: kinds and outlines of patches.
 
 use nalgebra::Vector2;
 

@@ -1,4 +1,4 @@
-//! A survey-like flight over the world.
+//! A survey flight over the world.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,10 +9,9 @@ use crate::world::World;
 /// One photo of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Frame {
-    /// Where the camera truly was.
+    /// True pose of the camera.
     pub pose: Pose,
-    /// What the drone's metadata say: position, height and heading with their usual errors, tilt
-    /// as commanded.
+    /// Pose in the drone's metadata: position, height and heading with typical errors, and the commanded tilt of 0.
     pub reported: Pose,
 }
 
@@ -23,7 +22,7 @@ pub struct Flight {
     pub frames: Vec<Frame>,
 }
 
-/// Closest to the map's edge that a camera comes, metres; a photo of 170 m x 125 m fits.
+/// Least distance of the camera from the edge of the map, metres; a photo of 170 m x 125 m fits.
 const MARGIN_M: f64 = 115.0;
 
 impl Flight {
@@ -35,10 +34,10 @@ impl Flight {
         let size = world.size_m();
         let margin = MARGIN_M.min(size * 0.25);
         let inner = size - 2.0 * margin;
-        // About as many photos along a line as there are lines, a little denser along.
+        // Spacing along a line is a little smaller than between lines.
         let lines = ((n as f64 / 1.4).sqrt().round() as usize).max(1);
         let turned = random.chance(0.5);
-        // The path over the unit square: up and down, joined by half turns.
+        // The path over the unit square: lines in alternating directions.
         let waypoints: Vec<[f64; 2]> = (0..lines)
             .flat_map(|i| {
                 let across = if lines == 1 {
@@ -77,7 +76,7 @@ impl Flight {
                 ((u, v), (du, dv))
             };
             let mut normal = |deviation: f64| f64::from(random.normal()) * deviation;
-            // Wind makes the drone crab; near the turns it yaws.
+            // Crab angle by wind; larger yaw errors near the turns.
             let turning = (t - 0.5).abs() * 2.0;
             let heading = dx.atan2(dy).to_degrees()
                 + normal(6.0)
@@ -111,28 +110,117 @@ mod tests {
     use super::*;
     use crate::config::WorldConfig;
 
+    fn plan(size_m: f64, photos: usize, seed: u64) -> Flight {
+        let config = WorldConfig {
+            size_m,
+            ..WorldConfig::default()
+        };
+        Flight::plan(&World::new(config), photos, seed)
+    }
+
+    /// Mean and standard deviation.
+    fn moments(values: &[f64]) -> (f64, f64) {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let square = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n;
+        (mean, square.sqrt())
+    }
+
+    /// The difference of two headings, -180 to 180 degrees.
+    fn turn_deg(from: f64, to: f64) -> f64 {
+        (to - from + 180.0).rem_euclid(360.0) - 180.0
+    }
+
     #[test]
     fn flight_covers_the_map_inside_its_margin() {
-        let world = World::new(WorldConfig {
-            size_m: 600.0,
-            ..WorldConfig::default()
-        });
-        let flight = Flight::plan(&world, 40, 3);
-        assert_eq!(flight.frames.len(), 40);
-        assert_eq!(flight, Flight::plan(&world, 40, 3));
-        let mut quadrants = [0; 4];
-        for Frame { pose, reported } in &flight.frames {
-            assert!((115.0..=485.0).contains(&pose.x_m) && (115.0..=485.0).contains(&pose.y_m));
-            assert!((100.0..=130.0).contains(&pose.height_agl_m));
-            assert!((pose.height_agl_m - reported.height_agl_m).abs() < 10.0);
-            quadrants[usize::from(pose.x_m > 300.0) + 2 * usize::from(pose.y_m > 300.0)] += 1;
+        for seed in 0..8 {
+            let flight = plan(600.0, 40, seed);
+            assert_eq!(flight.frames.len(), 40);
+            assert_eq!(flight, plan(600.0, 40, seed));
+            // A grid of 3 x 3 over the area inside the margin: every part is flown over.
+            let mut cells = [0; 9];
+            for Frame { pose, .. } in &flight.frames {
+                let cell = |p: f64| {
+                    let share = (p - MARGIN_M) / (600.0 - 2.0 * MARGIN_M);
+                    assert!((0.0..=1.0).contains(&share), "{p}");
+                    (share * 3.0).min(2.0) as usize
+                };
+                cells[cell(pose.x_m) + 3 * cell(pose.y_m)] += 1;
+            }
+            assert!(cells.iter().all(|&n| n >= 1), "seed {seed}: {cells:?}");
         }
-        assert!(quadrants.iter().all(|&q| q >= 5), "{quadrants:?}");
-        let headings: Vec<f64> = flight.frames.iter().map(|f| f.pose.heading_deg).collect();
-        let north = headings
+    }
+
+    /// Neighbouring lines are flown in opposite directions, and the camera points along the line but for the wind.
+    #[test]
+    fn headings_follow_the_direction_of_flight() {
+        let flight = plan(2000.0, 400, 5);
+        let frames: Vec<&Pose> = flight.frames.iter().map(|f| &f.pose).collect();
+        let mut off = Vec::new();
+        for pair in frames.windows(2) {
+            let (dx, dy) = (pair[1].x_m - pair[0].x_m, pair[1].y_m - pair[0].y_m);
+            let course = dx.atan2(dy).to_degrees();
+            off.push(turn_deg(course, pair[0].heading_deg).abs());
+        }
+        off.sort_by(f64::total_cmp);
+        let median = off[off.len() / 2];
+        assert!(median < 12.0, "median {median}");
+        // Along one axis both directions are flown about as often, and the other axis only between the lines.
+        let quadrant = |h: f64| ((h + 45.0).rem_euclid(360.0) / 90.0) as usize;
+        let mut counts = [0usize; 4];
+        frames
             .iter()
-            .filter(|h| **h < 90.0 || **h > 270.0)
-            .count();
-        assert!(north > 5 && north < 36, "{north}");
+            .for_each(|p| counts[quadrant(p.heading_deg)] += 1);
+        let (there, back) = if counts[0] + counts[2] > counts[1] + counts[3] {
+            (counts[0], counts[2])
+        } else {
+            (counts[1], counts[3])
+        };
+        assert!(there > 120 && back > 120, "{counts:?}");
+    }
+
+    /// Tilt and the errors of the reported pose have the standard deviations that the documentation and the code give.
+    #[test]
+    fn tilt_and_reported_errors_have_their_statistics() {
+        let flight = plan(4000.0, 2000, 9);
+        let all = |value: &dyn Fn(&Frame) -> f64| -> Vec<f64> {
+            flight.frames.iter().map(value).collect()
+        };
+        for (name, values, deviation) in [
+            ("pitch", all(&|f| f.pose.pitch_off_nadir_deg), 1.6),
+            ("roll", all(&|f| f.pose.roll_deg), 1.2),
+            ("east", all(&|f| f.reported.x_m - f.pose.x_m), 1.5),
+            ("north", all(&|f| f.reported.y_m - f.pose.y_m), 1.5),
+            (
+                "height",
+                all(&|f| f.reported.height_agl_m - f.pose.height_agl_m),
+                1.8,
+            ),
+            (
+                "heading",
+                all(&|f| turn_deg(f.pose.heading_deg, f.reported.heading_deg)),
+                1.5,
+            ),
+        ] {
+            let (mean, found) = moments(&values);
+            // Five standard errors of the mean, and of the standard deviation of 2,000 values.
+            assert!(mean.abs() < 0.12 * deviation, "{name}: mean {mean}");
+            assert!(
+                (found / deviation - 1.0).abs() < 0.08,
+                "{name}: deviation {found}, expected {deviation}"
+            );
+        }
+        assert!(
+            flight
+                .frames
+                .iter()
+                .all(|f| f.reported.pitch_off_nadir_deg == 0.0 && f.reported.roll_deg == 0.0)
+        );
+        let heights = all(&|f| f.pose.height_agl_m);
+        let (mean, spread) = moments(&heights);
+        assert!(
+            (mean - 115.0).abs() < 1.5 && (5.0..8.5).contains(&spread),
+            "{mean} {spread}"
+        );
     }
 }

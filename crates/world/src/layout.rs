@@ -1,7 +1,7 @@
-//! The plan: districts, their roads and blocks, drawn with straight lines in layout coordinates.
+//! The plan: districts, roads and blocks, with straight lines in layout coordinates.
 //!
-//! Districts are Voronoi cells of jittered seeds; each is cut along its shorter direction again and
-//! again until blocks have the size that its use asks for, the cuts being roads.
+//! Districts are Voronoi cells of jittered seeds. Each is cut recursively along its shorter direction
+//! until its blocks have the size of its zone; the cuts are roads.
 
 use nalgebra::Vector2;
 
@@ -101,7 +101,7 @@ pub(crate) struct Layout {
     pub(crate) blocks: Vec<Block>,
 }
 
-/// How much of the world is town and where its middle lies.
+/// Position and size of the town.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Town {
     pub(crate) middle: V2,

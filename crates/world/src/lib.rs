@@ -1,4 +1,4 @@
-//! A procedural town and countryside, as a map and as a drone sees it, with exact truth.
+//! A procedural town and countryside, rendered as a map and as drone photos, with exact ground truth.
 //!
 //! A [`World`] is built from a seed: roads, buildings with height and roofs, trees, fields, water,
 //! cars. The same world is rendered as an orthophoto ([`World::render_map`]) and as a perspective

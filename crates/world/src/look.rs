@@ -1,4 +1,4 @@
-//! How a picture of the world comes out: season, sun, time, sensor.
+//! Appearance of a picture: season, sun, time, sensor.
 
 use serde::{Deserialize, Serialize};
 
@@ -22,30 +22,28 @@ impl Season {
     pub const ALL: [Self; 4] = [Self::Spring, Self::Summer, Self::Autumn, Self::Winter];
 }
 
-/// What the camera and the picture's later processing do to light. Lengths in pixels of the
-/// rendered picture.
+/// Camera and image processing. Lengths are in pixels of the rendered picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SensorModel {
     /// Exposure of red, green and blue relative to a neutral camera.
     pub gain_rgb: [f32; 3],
-    /// 1 keeps the tones, above 1 deepens the shadows.
+    /// Contrast: 1 is neutral.
     pub contrast: f32,
-    /// 1 keeps the colours, 0 is grey.
+    /// Saturation: 1 is neutral, 0 is grey.
     pub saturation: f32,
-    /// 0 none; 1 brings every neighbourhood of about 40 m to one mean and spread, as equalised
-    /// map services do.
+    /// Local contrast normalisation over about 40 m, as map services use: 0 none, 1 full.
     pub equalisation: f32,
-    /// Share of bluish path light mixed in, 0-1.
+    /// Haze: share of bluish path radiance, 0 to 1.
     pub haze: f32,
-    /// Darkening of the corners, 0-1.
+    /// Vignetting: darkening of the corners, 0 to 1.
     pub vignette: f32,
-    /// Deviation of the point spread.
+    /// Standard deviation of the point spread function.
     pub blur_px: f32,
-    /// Amount of unsharp masking applied after the blur; 0 none.
+    /// Amount of unsharp masking after the blur; 0 none.
     pub sharpen: f32,
-    /// Deviation of the noise in display values 0-255.
+    /// Standard deviation of the noise in display values 0-255.
     pub noise: f32,
-    /// The picture goes through JPEG of this quality (1-100); `None` leaves it.
+    /// JPEG quality (1-100) of a compression step; `None` for none.
     pub jpeg_quality: Option<u8>,
 }
 
@@ -83,25 +81,25 @@ impl SensorModel {
     }
 }
 
-/// Everything about a picture but the place it shows.
+/// Appearance of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Look {
     /// Season of the vegetation.
     pub season: Season,
     /// Camera and processing.
     pub sensor: SensorModel,
-    /// Direction the light comes from, degrees clockwise from north.
+    /// Azimuth of the sun, degrees clockwise from north.
     pub sun_azimuth_deg: f32,
-    /// Height of the sun above the horizon, degrees; kept between 10 and 85.
+    /// Elevation of the sun, degrees; clamped to 10..=85.
     pub sun_elevation_deg: f32,
-    /// Light of the sky relative to all light on flat ground: 0.2 clear, 0.9 overcast.
+    /// Share of skylight in the light on flat ground: 0.2 clear, 0.9 overcast.
     pub sky_share: f32,
-    /// Which moment: cars and other moving things stand elsewhere in another epoch.
+    /// Point in time: cars and other moving objects have other positions in another epoch.
     pub epoch: u32,
-    /// Share of buildings and trees that may come or go between epochs, 0-1.
+    /// Share of buildings and trees that may appear or disappear between epochs, 0 to 1.
     pub change: f32,
-    /// Maps only: how far a roof is displaced per metre of height, east and north. Satellite maps
-    /// are taken some degrees off nadir.
+    /// Maps only: displacement of a roof per metre of height, east and north; satellite images are
+    /// taken some degrees off nadir.
     pub lean_en: [f32; 2],
 }
 
@@ -134,7 +132,7 @@ impl Look {
         }
     }
 
-    /// A random satellite look for training: season, sun, lean and processing vary.
+    /// A random satellite look: season, sun, roof displacement and processing vary.
     pub fn varied_satellite(seed: u64) -> Self {
         let mut r = Stream::new(seed);
         let mut look = Self::satellite(r.pick(&Season::ALL));
@@ -159,7 +157,7 @@ impl Look {
         look
     }
 
-    /// A random drone look for training.
+    /// A random drone look.
     pub fn varied_drone(seed: u64) -> Self {
         let mut r = Stream::new(seed ^ 0xd70e);
         let mut look = Self::drone(r.pick(&Season::ALL));

@@ -1,4 +1,4 @@
-//! Noise from small tables: fractal noise that does not come back within a world, and foliage clumps that do.
+//! Noise from small tables: fractal noise without repetition within a world, and periodic foliage clumps.
 
 use std::sync::LazyLock;
 
@@ -7,7 +7,7 @@ use crate::random::{hash_cell, unit};
 const SIDE: usize = 512;
 const MASK: i32 = SIDE as i32 - 1;
 
-/// Heights and slopes of many overlapping balls: what foliage looks like from above.
+/// Height and slope of many overlapping balls, which resemble foliage from above.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Clump {
     /// 0 in the gaps, 1 on top.
@@ -35,7 +35,7 @@ struct Octave {
     weight: f32,
 }
 
-/// Turned by an angle of its own each, octaves never come back together, whatever their periods.
+/// Each octave is rotated by another angle, so that their periods never coincide.
 const OCTAVES: [Octave; 6] = [
     octave(64.0, 0.8, [0.9689, 0.2474], 11.3),
     octave(32.0, 0.8, [0.7373, 0.6755], 97.1),

@@ -12,7 +12,7 @@ use crate::tree::{Tree, TreeHit};
 type V2 = Vector2<f32>;
 type V3 = Vector3<f32>;
 
-/// The first thing above the ground that a ray meets.
+/// The first object above the ground that a ray hits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Hit {
     Solid { index: u32, hit: SolidHit },
@@ -29,7 +29,7 @@ impl Hit {
     }
 }
 
-/// What a shadow ray starts from, so that it does not meet itself.
+/// The object that a shadow ray starts from and must not hit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Skip {
     Nothing,
@@ -189,7 +189,7 @@ impl Objects {
         best
     }
 
-    /// Share of the sun that reaches `o` (1 full, 0 none); `sun` points to the sun, unit.
+    /// Share of the sunlight that reaches `o`, 0 to 1; `sun` is the unit vector to the sun.
     #[inline]
     pub(crate) fn sunlight(&self, o: V3, sun: V3, skip: Skip, look: &Look) -> f32 {
         let t_top = (self.top_m - o.z) / sun.z;

@@ -1,10 +1,10 @@
-//! Where on the globe the world lies: its axes are those of a UTM zone.
+//! Position of the world on the globe: its axes are those of a UTM zone.
 
 use proj4rs::Proj;
 
 use crate::error::WorldError;
 
-/// World metres are UTM metres: `x_m` easting, `y_m` northing, counted from the south-west corner.
+/// Placement in a UTM zone: `x_m` is easting and `y_m` northing relative to the south-west corner.
 #[derive(Debug)]
 pub struct Placement {
     zone: u8,
@@ -15,11 +15,10 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Puts the world's south-west corner near the given place, on a whole metre of the UTM zone
-    /// that the place belongs to.
+    /// Places the south-west corner of the world near a position, at whole metres of its UTM zone.
     ///
     /// # Errors
-    /// [`WorldError::Place`] outside UTM's range (latitude -80 to 84) or for non-finite input.
+    /// [`WorldError::Place`] if the position is outside UTM (latitude -80 to 84) or not finite.
     pub fn at(lon_deg: f64, lat_deg: f64) -> Result<Self, WorldError> {
         let fail = |reason: String| WorldError::Place {
             lon_deg,
@@ -28,7 +27,8 @@ impl Placement {
         };
         if !(-180.0..180.0).contains(&lon_deg) || !(-80.0..84.0).contains(&lat_deg) {
             return Err(fail(
-                "UTM needs -180 <= longitude < 180 and -80 <= latitude < 84".into(),
+                "expected -180 <= longitude < 180 and -80 <= latitude < 84, the range of UTM"
+                    .into(),
             ));
         }
         let zone = ((lon_deg + 180.0) / 6.0).floor() as u8 + 1;
@@ -70,7 +70,7 @@ impl Placement {
     /// Longitude and latitude (WGS 84, degrees) of a world point.
     ///
     /// # Errors
-    /// [`WorldError::Place`] if the point lies outside the projection.
+    /// [`WorldError::Place`] if the point is outside the projection.
     pub fn lonlat_from_world(&self, world_m: [f64; 2]) -> Result<[f64; 2], WorldError> {
         let [e, n] = self.utm_from_world(world_m);
         let mut point = (e, n, 0.0);
@@ -87,7 +87,7 @@ impl Placement {
     /// World point of a longitude and latitude (WGS 84, degrees).
     ///
     /// # Errors
-    /// [`WorldError::Place`] if the place lies outside the projection.
+    /// [`WorldError::Place`] if the position is outside the projection.
     pub fn world_from_lonlat(&self, lonlat_deg: [f64; 2]) -> Result<[f64; 2], WorldError> {
         let [lon_deg, lat_deg] = lonlat_deg;
         let mut point = (lon_deg.to_radians(), lat_deg.to_radians(), 0.0);

@@ -1,4 +1,4 @@
-//! What stands where in a picture: the height of the surface that each pixel shows.
+//! Height of the surface at each pixel of a picture.
 
 use rayon::prelude::*;
 
@@ -8,17 +8,16 @@ use crate::render::{MapFrame, MapRays, PhotoRays, Rays};
 use crate::world::World;
 
 impl World {
-    /// Metres above the ground of the surface at the middle of each pixel that
-    /// [`World::render_map`] makes of `frame` under `look`, row by row. The surface at height z seen
-    /// at a map pixel stands at the pixel's ground point less z times [`Look::lean_en`].
+    /// Height above the ground of the surface at the centre of each pixel of [`World::render_map`],
+    /// metres, row by row. A surface at height z is at the ground point of its pixel minus z times
+    /// [`Look::lean_en`].
     pub fn map_heights_m(&self, frame: &MapFrame, look: &Look) -> Vec<f32> {
         let rays = MapRays::new(frame, look.lean_en, self.objects.top_m + 1.0);
         self.heights_m(&rays, frame.width_px, frame.height_px, look)
     }
 
-    /// Metres above the ground of the surface at the middle of each pixel that
-    /// [`World::render_photo`] makes, row by row. [`View::plane_from_photo_px`] at that height
-    /// gives its place.
+    /// Height above the ground of the surface at the centre of each pixel of [`World::render_photo`],
+    /// metres, row by row. [`View::plane_from_photo_px`] at that height gives its position.
     pub fn photo_heights_m(&self, pose: &Pose, camera: &Camera, look: &Look) -> Vec<f32> {
         let rays = PhotoRays::new(&View::new(pose, camera));
         self.heights_m(&rays, camera.width_px, camera.height_px, look)
@@ -44,7 +43,7 @@ mod tests {
     use super::*;
     use crate::{RegionM, Season, WorldConfig};
 
-    /// A point seen in the photo, taken to the world by its height, stands at that height in the map, too.
+    /// A photo pixel, projected to the world by its height, has the same height in the map.
     #[test]
     fn photo_and_map_agree_on_what_stands_where() {
         let world = World::new(WorldConfig {

@@ -31,7 +31,7 @@ pub struct RegionM {
     pub height_m: f64,
 }
 
-/// The exact relation of a map picture to the world: row 0 is the north edge, pixels are square.
+/// The georeference of a map picture: row 0 is the north edge, pixels are square.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MapFrame {
     /// West edge, metres.
@@ -47,8 +47,8 @@ pub struct MapFrame {
 }
 
 impl MapFrame {
-    /// The picture that [`World::render_map`] makes of `region`: sizes rounded to whole pixels, at
-    /// least one, anchored at the north-west corner.
+    /// The picture of [`World::render_map`] for `region`: the size is rounded to whole pixels, at least
+    /// one, and the north-west corner is kept.
     pub fn new(region: RegionM, gsd_m: f64) -> Self {
         let count = |m: f64| (m / gsd_m).round().clamp(1.0, 100_000.0) as u32;
         Self {
@@ -77,7 +77,7 @@ impl MapFrame {
     }
 }
 
-/// Gives the ray (origin, downward direction) of a continuous picture position.
+/// The ray (origin, downward direction) of a continuous picture position.
 pub(crate) trait Rays: Sync {
     fn ray(&self, x: f32, y: f32) -> (V3, V3);
 }
@@ -167,7 +167,7 @@ impl<R: Rays> Picture<'_, R> {
             .sample(o, d, self.look, &self.light, self.pixel_m)
     }
 
-    /// One sample a pixel, four where neighbours belong to different things.
+    /// One sample per pixel, four where neighbours belong to different surfaces.
     fn piece(&self, x0: i64, y0: i64, width: usize, height: usize) -> Linear {
         // One more row and column than asked for, to compare with.
         let (w, h) = (width + 1, height + 1);
@@ -301,9 +301,9 @@ impl<R: Rays> Picture<'_, R> {
 
 impl World {
     /// An orthophoto of `region` at `gsd_m` metres per pixel, north up (see [`MapFrame`]). Ground
-    /// points lie exactly where the frame says; what stands above the ground leans by
-    /// [`Look::lean_en`]. Same answer on any number of threads; but for JPEG's blocks, a crop shows
-    /// what the whole map shows there.
+    /// points are exactly where the frame says; objects above the ground are displaced by
+    /// [`Look::lean_en`]. The result does not depend on the number of threads, and a crop equals the
+    /// same part of the whole map, except for JPEG compression.
     pub fn render_map(&self, region: RegionM, gsd_m: f64, look: &Look) -> RgbImage {
         let frame = MapFrame::new(region, gsd_m);
         let pixel_m = gsd_m as f32;
@@ -327,7 +327,7 @@ impl World {
         picture.render()
     }
 
-    /// The photo that `camera` takes at `pose`. Exact mapping: [`View`]. `look.lean_en` is not used.
+    /// A photo by `camera` at `pose`. [`View`] is its exact projection. `look.lean_en` is not used.
     pub fn render_photo(&self, pose: &Pose, camera: &Camera, look: &Look) -> RgbImage {
         let view = View::new(pose, camera);
         let pixel_m = (pose.height_agl_m / camera.focal_px()) as f32;

@@ -68,11 +68,11 @@ pub(crate) struct Road {
     pub(crate) crossing_m: [f32; 2],
 }
 
-/// What a point on or beside a road looks like.
+/// Appearance of a point on or beside a road.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct RoadSurface {
     pub(crate) albedo: Rgb,
-    /// Changes where an edge should be drawn smoothly.
+    /// A number that differs between surfaces whose border is antialiased.
     pub(crate) id: u32,
 }
 
@@ -141,7 +141,7 @@ impl Extent for Road {
     }
 }
 
-/// Colours a layout point from the roads near it; `None` off the roads and pavements.
+/// Appearance of a layout point on one of the roads near it; `None` if it is not on a road or pavement.
 pub(crate) fn road_surface(
     roads: &[Road],
     near: &[u32],

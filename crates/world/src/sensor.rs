@@ -1,4 +1,4 @@
-//! From radiance to the stored picture: point spread, tones, equalisation, noise, JPEG.
+//! From radiance to the stored picture: point spread, tones, local contrast, noise, JPEG.
 
 use image::{ExtendedColorType, RgbImage};
 
@@ -157,7 +157,7 @@ impl LocalTones {
     }
 }
 
-/// Tones of one picture.
+/// Tone mapping of a picture.
 pub(crate) struct Development<'a> {
     pub(crate) sensor: &'a SensorModel,
     pub(crate) size_px: [f32; 2],
@@ -230,7 +230,7 @@ fn triangular(h: u32) -> f32 {
     (unit(h) + unit(h.rotate_left(12)) - 1.0) * 2.449
 }
 
-/// The picture after JPEG of the given quality; unchanged should the codec refuse.
+/// The picture after JPEG compression; unchanged if the codec fails.
 pub(crate) fn through_jpeg(picture: RgbImage, quality: u8) -> RgbImage {
     let mut bytes = Vec::new();
     let (w, h) = picture.dimensions();
@@ -242,7 +242,7 @@ pub(crate) fn through_jpeg(picture: RgbImage, quality: u8) -> RgbImage {
     {
         Ok(back) => back.into_rgb8(),
         Err(error) => {
-            tracing::warn!("JPEG step left out: {error}");
+            tracing::warn!("JPEG compression failed and is skipped: {error}");
             picture
         }
     }

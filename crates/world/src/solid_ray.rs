@@ -32,9 +32,9 @@ pub(crate) struct SolidHit {
 struct Span {
     o: V3,
     d: V3,
-    /// Where it begins, and the plane there.
+    /// Start of the interval, and the number of the plane there.
     enter: (f32, u8),
-    /// Where it ends.
+    /// End of the interval.
     leave: f32,
 }
 

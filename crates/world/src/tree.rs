@@ -1,4 +1,4 @@
-//! Trees: ellipsoids whose outline and surface are broken up by foliage clumps.
+//! Trees: ellipsoids with outline and surface modified by foliage clumps.
 
 use nalgebra::{Vector2, Vector3};
 

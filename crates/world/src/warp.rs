@@ -1,4 +1,4 @@
-//! The smooth, area-preserving warp that bends the straight-lined layout into the world.
+//! The smooth, area-preserving warp from the straight-lined layout to the world.
 
 use nalgebra::Vector2;
 

@@ -1,4 +1,4 @@
-//! The world: everything that stands and lies in it, ready to be looked at.
+//! The world: ground and objects, ready to be rendered.
 
 use nalgebra::{Vector2, Vector3};
 
@@ -10,7 +10,7 @@ use crate::objects::Objects;
 use crate::populate::populate;
 use crate::random::Stream;
 
-/// How far the world goes on beyond the map's edge, so that photos near it are whole.
+/// Margin of the world around the map, metres, so that photos near the edge are complete.
 const MARGIN_M: f32 = 160.0;
 
 /// A procedural town and countryside. Frames are described at the crate's root.
@@ -21,7 +21,7 @@ pub struct World {
     pub(crate) objects: Objects,
 }
 
-/// What a ray met first.
+/// The first surface that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceHit {
     /// East, metres.
@@ -33,7 +33,7 @@ pub struct SurfaceHit {
 }
 
 impl World {
-    /// Builds the world; takes about 0.2 s per square kilometre.
+    /// Generates the world, in about 0.2 s per square kilometre.
     pub fn new(config: WorldConfig) -> Self {
         let config = config.clamped();
         let (low, high) = (-MARGIN_M, config.size_m as f32 + MARGIN_M);
@@ -60,7 +60,7 @@ impl World {
         (self.objects.solids.len(), self.objects.trees.len())
     }
 
-    /// Height of the highest surface above a ground point, metres, at the moment of `look`.
+    /// Height of the highest surface above a ground point, metres, in the epoch of `look`.
     pub fn height_at(&self, x_m: f64, y_m: f64, look: &Look) -> f64 {
         let o = Vector3::new(x_m as f32, y_m as f32, self.objects.top_m + 10.0);
         match self.objects.cast(o, -Vector3::z(), look) {
@@ -69,7 +69,7 @@ impl World {
         }
     }
 
-    /// Display colour (0-255) of the bare ground at a point: roads, fields, water; without shadows.
+    /// Display colour (0-255) of the ground at a point, without objects and shadows.
     pub fn ground_colour(&self, x_m: f64, y_m: f64, season: Season) -> [u8; 3] {
         let p = Vector2::new(x_m as f32, y_m as f32);
         self.ground
@@ -79,7 +79,7 @@ impl World {
             .map(|v| (v.max(0.0).sqrt() * 255.0).min(255.0) as u8)
     }
 
-    /// The surface (ground, roof, wall, crown) seen at a photo pixel; `None` above the horizon.
+    /// The surface (ground, roof, wall, tree) at a photo pixel; `None` if the pixel is above the horizon.
     pub fn ground_from_photo_px(
         &self,
         view: &View,

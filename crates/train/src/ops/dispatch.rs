@@ -1,5 +1,6 @@
 //! The operations as burn operations: forward on the CPU backend, backward registered with autodiff.
 
+use super::composed::{composed_conv3x3, composed_norm_relu};
 use super::convolution::{self, Geometry};
 use super::normalisation::{self, Group, Moments};
 use burn::backend::autodiff::{
@@ -10,8 +11,6 @@ use burn::backend::autodiff::{
 };
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, Flex, backend_extension};
-use burn::tensor::module::conv2d;
-use burn::tensor::ops::ConvOptions;
 use burn::tensor::{DType, Device, Shape, Tensor, TensorData};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -251,16 +250,6 @@ pub fn conv3x3(x: Tensor<4>, weight: Tensor<4>, stride: usize) -> Tensor<4> {
     composed_conv3x3(x, weight, stride)
 }
 
-fn composed_conv3x3(x: Tensor<4>, weight: Tensor<4>, stride: usize) -> Tensor<4> {
-    let y = conv2d(
-        x.permute([0, 3, 1, 2]),
-        weight,
-        None,
-        ConvOptions::new([stride; 2], [1; 2], [1; 2], 1),
-    );
-    y.permute([0, 2, 3, 1])
-}
-
 /// Normalises rows of channels by the statistics of their group, applies scale and shift of the group's domain, and ReLU.
 ///
 /// # Shapes
@@ -297,55 +286,6 @@ pub fn norm_relu(
         y,
         Tensor::from_data(TensorData::new(moments.mean, shape), &device),
         Tensor::from_data(TensorData::new(moments.variance, shape), &device),
-    )
-}
-
-/// Weight of a batch's moments in the running moments (PyTorch's default).
-const MOMENTUM: f32 = 0.1;
-
-/// Updates running mean and variance by the mean and biased variance of a batch of `rows` rows; as in PyTorch, the running
-/// variance uses the unbiased variance.
-pub fn follow_moments(
-    [old_mean, old_variance]: [Tensor<1>; 2],
-    [mean, variance]: [Tensor<1>; 2],
-    rows: usize,
-) -> [Tensor<1>; 2] {
-    let unbias = rows as f32 / rows.saturating_sub(1).max(1) as f32;
-    let keep = |old: Tensor<1>, new: Tensor<1>, factor: f32| {
-        old.mul_scalar(1.0 - MOMENTUM) + new.mul_scalar(MOMENTUM * factor)
-    };
-    [
-        keep(old_mean, mean, 1.0),
-        keep(old_variance, variance, unbias),
-    ]
-}
-
-fn composed_norm_relu(
-    x: Tensor<2>,
-    gamma: Tensor<2>,
-    beta: Tensor<2>,
-    groups: &[Group],
-    eps: f32,
-) -> (Tensor<2>, Tensor<2>, Tensor<2>) {
-    let (mut out, mut means, mut variances) = (Vec::new(), Vec::new(), Vec::new());
-    let mut start = 0;
-    for group in groups {
-        let part = x.clone().narrow(0, start, group.rows);
-        start += group.rows;
-        let mean = part.clone().mean_dim(0);
-        let centred = part - mean.clone();
-        let variance = centred.clone().square().mean_dim(0);
-        let gamma = gamma.clone().narrow(0, group.domain, 1);
-        let beta = beta.clone().narrow(0, group.domain, 1);
-        let y = centred / variance.clone().add_scalar(eps).sqrt() * gamma + beta;
-        out.push(y.clamp_min(0.0));
-        means.push(mean.without_autodiff());
-        variances.push(variance.without_autodiff());
-    }
-    (
-        Tensor::cat(out, 0),
-        Tensor::cat(means, 0),
-        Tensor::cat(variances, 0),
     )
 }
 

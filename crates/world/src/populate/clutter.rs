@@ -1,4 +1,4 @@
-//! The small things that make every yard and garden its own: fences, crates, furniture, lines.
+//! Small objects in yards and gardens: fences, crates, furniture.
 
 use nalgebra::Vector2;
 

@@ -1,4 +1,4 @@
-//! Buildings from their footprint: roof, walls and what stands on the roof.
+//! Buildings from their footprint: walls, roof and objects on the roof.
 
 use nalgebra::Vector2;
 

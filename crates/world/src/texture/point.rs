@@ -1,4 +1,4 @@
-//! A point of a patch of ground, as the textures see it.
+//! A point of a patch of ground, the input of the textures.
 
 use nalgebra::Vector2;
 
@@ -11,7 +11,7 @@ use crate::look::Season;
 pub(crate) struct GroundPoint<'a> {
     /// The patch that it lies in.
     pub(crate) patch: &'a Patch,
-    /// Where it lies in the patch.
+    /// Its position in the patch.
     pub(crate) at: &'a Inside,
     /// World or layout coordinates, as the patch has them, metres.
     pub(crate) p: Vector2<f32>,

@@ -170,3 +170,84 @@ impl Drop for Stream {
         self.stop.store(true, Ordering::Relaxed);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::mapping::Mapping;
+    use super::super::pair::Place;
+    use super::*;
+    use image::RgbImage;
+    use nalgebra::Matrix3;
+
+    /// Gives empty pairs whose place is the number of the source.
+    struct Numbered(usize);
+
+    impl Source for Numbered {
+        fn group(&self, count: usize, _: &PairOptions, _: &mut ChaCha8Rng) -> Vec<Pair> {
+            let pair = Pair {
+                sat: RgbImage::new(8, 8),
+                uav: RgbImage::new(8, 8),
+                uav_seen: vec![true],
+                sat_labels: vec![0],
+                uav_labels: vec![0],
+                sat_points: Vec::new(),
+                uav_points: Vec::new(),
+                uav_from_sat_px: Matrix3::identity(),
+                mapping: Mapping::Unknown,
+                place: Place {
+                    picture: self.0,
+                    window: [0.0, 0.0, 1.0, 1.0],
+                },
+                scene: None,
+            };
+            vec![pair; count]
+        }
+    }
+
+    fn sources() -> Sources {
+        let source = |number, share, serves| WeightedSource {
+            share,
+            serves,
+            source: Arc::new(Numbered(number)),
+        };
+        vec![
+            source(0, 0.5, Serves::Retrieval),
+            source(1, 0.3, Serves::Matching),
+            source(2, 0.2, Serves::Both),
+        ]
+    }
+
+    /// In turns, even steps train matching and odd steps retrieval, each on the sources that serve it; by the weights otherwise.
+    #[test]
+    fn each_task_draws_from_the_sources_that_serve_it() {
+        let options = BatchOptions {
+            pair: PairOptions {
+                group: 1,
+                ..PairOptions::default()
+            },
+            pairs: 10,
+            seed: 4,
+            alternate: true,
+        };
+        let mut stream = Stream::start(sources(), options.clone(), 0, 2);
+        let mut counts = [[0usize; 3]; 2];
+        for step in 0..200 {
+            for pair in stream.next_batch().unwrap() {
+                counts[step % 2][pair.place.picture] += 1;
+            }
+        }
+        let [matching, retrieval] = counts;
+        assert_eq!((matching[0], retrieval[1]), (0, 0));
+        // Shares of 0.3 and 0.2, and of 0.5 and 0.2, among 1,000 pairs.
+        assert!((550..650).contains(&matching[1]), "{matching:?}");
+        assert!((660..770).contains(&retrieval[0]), "{retrieval:?}");
+
+        let mut all = [0usize; 3];
+        for step in 0..100 {
+            for pair in batch_of(&sources(), None, &options.pair, 10, 4, step) {
+                all[pair.place.picture] += 1;
+            }
+        }
+        assert!((450..550).contains(&all[0]) && all[1] > all[2], "{all:?}");
+    }
+}

@@ -19,6 +19,7 @@
 //! assert_eq!(features.descriptors.len(), features.keypoints.len() * features.descriptor_dim);
 //! # Ok::<(), grimnet_net::NetError>(())
 //! ```
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod bundled;
 mod calibration;

@@ -6,6 +6,7 @@
 //!
 //! [`build()`] makes a pack and can be interrupted at any moment; [`Pack::open`] refuses files that are damaged or do not
 //! fit.
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 #[cfg(target_endian = "big")]
 compile_error!("packs are little-endian and read without conversion");

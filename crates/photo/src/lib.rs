@@ -21,6 +21,7 @@
 //! }
 //! # Ok::<(), grimnet_photo::PhotoError>(())
 //! ```
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod area;
 mod camera;

@@ -29,6 +29,7 @@
 //! let photo = world.render_photo(&pose, &camera, &Look::drone(Season::Summer));
 //! assert_eq!(photo.dimensions(), (64, 48));
 //! ```
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod bucket_grid;
 mod camera;

@@ -6,6 +6,7 @@
 //!
 //! Constructors return errors. The functions that compute treat arguments whose shapes do not fit each other as programming
 //! errors and panic; each says so under `# Panics`.
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod buffer;
 mod conv;

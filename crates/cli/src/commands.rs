@@ -1,8 +1,9 @@
-//! One file a command.
+//! The commands, one file each.
 
 pub mod absent;
 #[cfg(feature = "experiments")]
 pub mod calibrate;
+pub mod completions;
 pub mod demo;
 pub mod eval;
 pub mod eval_layout;
@@ -12,7 +13,12 @@ pub mod experiment;
 pub mod experiment_options;
 pub mod gallery;
 pub mod locate;
+pub mod locate_options;
+pub mod man;
 pub mod map;
+pub mod map_build;
+pub mod map_info;
+pub mod map_place;
 pub mod model;
 pub mod results;
 pub mod train;
@@ -22,7 +28,9 @@ use std::path::PathBuf;
 use anyhow::Result;
 use grimnet_net::Model;
 
-/// Which model to use.
+use crate::inputs;
+
+/// The model that computes features.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct ModelChoice {
     /// Model file [default: the bundled one]
@@ -37,18 +45,21 @@ impl ModelChoice {
     /// The file is no model of this program.
     pub fn open(&self) -> Result<Model> {
         Ok(match &self.model {
-            Some(path) => Model::open(path)?,
+            Some(path) => {
+                inputs::check_regular(path)?;
+                Model::open(path)?
+            }
             None => Model::bundled()?,
         })
     }
 }
 
-/// The two named sets of choices.
+/// The two named methods.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
 pub enum ModeChoice {
-    /// What serves a user best
+    /// The most accurate and fastest method of this program
     #[default]
     Default,
-    /// The publication to the letter: independent tiles, 320 x 320, IVF-PQ, top 5, always an answer
+    /// The method of the publication without changes: independent tiles, 320 x 320, IVF-PQ, top 5, always an answer
     Paper,
 }

@@ -3,6 +3,9 @@
 use std::io::Write as _;
 use std::process::ExitCode;
 
+use crate::errors;
+use crate::terminal::printable_text;
+
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Exit {
@@ -12,22 +15,20 @@ pub enum Exit {
     SomeWithoutFix,
     /// Wrong use, or input that cannot be read.
     Failed,
+    /// Stopped by Ctrl-C or SIGTERM; what was done until then is written.
+    Interrupted,
 }
 
 impl Exit {
-    /// Tells the error and its causes on standard error.
+    /// Writes the error and its causes to standard error. A reader of our output that went away (`| head`) is no
+    /// error.
     pub fn failure(error: &anyhow::Error) -> Self {
-        let mut text = format!("grim: {error}");
-        for cause in error.chain().skip(1) {
-            let cause = cause.to_string();
-            // Libraries often repeat their source in their own message.
-            if !text.contains(&cause) {
-                text.push_str(": ");
-                text.push_str(&cause);
-            }
+        if errors::is_broken_pipe(error) {
+            return Self::Done;
         }
+        let text = errors::message_with_hint(error);
         // There is nobody left to tell if standard error is gone.
-        let _ = writeln!(std::io::stderr(), "{text}");
+        let _ = writeln!(std::io::stderr(), "grim: {}", printable_text(&text));
         Self::Failed
     }
 }
@@ -38,6 +39,8 @@ impl From<Exit> for ExitCode {
             Exit::Done => 0,
             Exit::SomeWithoutFix => 1,
             Exit::Failed => 2,
+            // As a shell reports a process that SIGINT ended.
+            Exit::Interrupted => 130,
         })
     }
 }

@@ -11,6 +11,7 @@ use grimnet_net::Model;
 
 use super::ModelChoice;
 use crate::exit::Exit;
+use crate::outputs::OverwriteChoice;
 use crate::progress;
 
 /// Arguments of `grim calibrate`.
@@ -19,9 +20,12 @@ pub struct CalibrateArgs {
     #[command(flatten)]
     model: ModelChoice,
 
-    /// The same model with its calibration is written here
+    /// Write the model with its calibration to this file
     #[arg(short, long, value_name = "FILE")]
     out: PathBuf,
+
+    #[command(flatten)]
+    overwrite: OverwriteChoice,
 
     /// Procedural worlds to fly over
     #[arg(long, value_name = "N", default_value_t = 10)]
@@ -61,6 +65,15 @@ pub struct CalibrateArgs {
 /// # Errors
 /// Unreadable model or pictures, too few right answers to fit anything, a file that cannot be written.
 pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
+    let policy = arguments
+        .overwrite
+        .policy()
+        .protect_all(&arguments.model.model)
+        .protect_all(&arguments.observed);
+    policy.check_file(&arguments.out, &[])?;
+    if let Some(path) = &arguments.observations {
+        policy.check_file(path, &[])?;
+    }
     let model = arguments.model.open()?;
     let (observations, data) = match &arguments.observed {
         Some(path) => (

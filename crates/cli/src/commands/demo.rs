@@ -1,15 +1,16 @@
-//! `grim demo`: a made-up town, a flight over it, every photo located. Nothing to download.
+//! `grim demo`: a procedural town, a flight over it, every photo located. Nothing to download.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use anyhow::{Context, Result, bail};
+use anyhow::Result;
 use clap::Args;
 use grimnet_eval::report::{Picture, Report, Run};
 use grimnet_eval::truth::{self, TruthFrame};
 use grimnet_geo::{MapOptions, Raster, open_map};
 use grimnet_locate::{Localizer, Options, Prior};
+use grimnet_output::OutputFolder;
 use grimnet_pack::{BuildOptions, Pack};
 use grimnet_world::{
     Camera, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World, WorldConfig,
@@ -19,25 +20,27 @@ use image::RgbImage;
 
 use super::ModelChoice;
 use super::eval::{HeadingMode, locate_all, score};
-use super::locate::{draw, locate_one};
+use super::locate::locate_one;
 use super::map::build_with_bar;
 use super::results::{print_summary, write_summary};
-use crate::answer::Answer;
+use crate::drawings::jpeg_of;
 use crate::exit::Exit;
-use crate::output::Format;
-use crate::progress;
+use crate::formats::Format;
+use crate::outputs::{OWN_MAGICS, OverwriteChoice};
+use crate::terminal::printable;
+use crate::{progress, values};
 
 /// Ground resolution of the map, metres per pixel: that of a good aerial orthophoto.
 const MAP_GSD_M: f64 = 0.3;
 
-/// The camera: near that of a small consumer drone, at a resolution that keeps the demo short.
+/// The camera: similar to that of a small consumer drone, at a resolution that keeps the demo short.
 const CAMERA: Camera = Camera {
     hfov_deg: 70.0,
     width_px: 1200,
     height_px: 900,
 };
 
-/// Where the made-up town is put: in the Gulf of Guinea, where there is none.
+/// Where the town is placed: in the Gulf of Guinea, where there is none.
 const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];
 
 /// Ground above the sea, metres, as the photos' GPS altitude has it.
@@ -49,19 +52,44 @@ const JPEG_QUALITY: u8 = 90;
 /// Match pictures that the report shows.
 const PICTURES: usize = 6;
 
+/// Files in the folder, beside the pack.
+const FILES: [&str; 6] = [
+    "map.tif",
+    "truth.csv",
+    "fixes.jsonl",
+    "fixes_unknown_heading.jsonl",
+    "summary.json",
+    "report.html",
+];
+
+/// The pack in the folder.
+const PACK: &str = "area.grim";
+
+/// Examples under the help of `grim demo`.
+pub const EXAMPLES: &str = "\
+Examples:
+  grim demo                           about a minute; then open demo/report.html
+  grim demo --seed 8 -o another       another town, in the folder `another`";
+
 /// Arguments of `grim demo`.
 #[derive(Debug, Args)]
 pub struct DemoArgs {
-    /// Where everything is written: map, photos, truth, pack, fixes, report
+    /// Folder for map, photos, truth, pack, fixes and report
+    ///
+    /// A second demo replaces the files of the first one. Files that the demo did not write stay; if one is in the way, the
+    /// demo refuses to start (see --overwrite).
     #[arg(short, long, value_name = "DIR", default_value = "demo")]
     out: PathBuf,
 
-    /// Another town for another number
-    #[arg(long, default_value_t = 7)]
+    #[command(flatten)]
+    overwrite: OverwriteChoice,
+
+    /// Seed of the town: another number gives another town
+    #[arg(long, value_name = "N", default_value_t = 7)]
     seed: u64,
 
-    /// Photos of the flight
-    #[arg(long, value_name = "N", default_value_t = 40)]
+    /// Number of photos of the flight
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = values::count)]
     photos: usize,
 
     #[command(flatten)]
@@ -73,13 +101,18 @@ pub struct DemoArgs {
 /// # Errors
 /// The folder cannot be written.
 pub fn run(arguments: &DemoArgs) -> Result<Exit> {
-    if arguments.photos == 0 {
-        bail!("--photos 0: a flight has at least one photo");
-    }
     let started = Instant::now();
-    let model = arguments.model.open()?;
     let out = &arguments.out;
-    make_flight(out, arguments.seed, arguments.photos)?;
+    let policy = arguments
+        .overwrite
+        .policy()
+        .protect_all(&arguments.model.model);
+    let folder = OutputFolder::open(out, &policy)?;
+    let matches = folder.subfolder("matches")?;
+    folder.check(FILES)?;
+    policy.check_file(out.join(PACK), OWN_MAGICS)?;
+    let model = arguments.model.open()?;
+    make_flight(&folder, arguments.seed, arguments.photos)?;
     let truth: Vec<(TruthFrame, PathBuf)> = truth::read(&out.join("truth.csv"))?
         .into_iter()
         .map(|frame| {
@@ -89,7 +122,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         .collect();
 
     let map = open_map(&out.join("map.tif"), &MapOptions::default())?;
-    let pack = out.join("area.grim");
+    let pack = out.join(PACK);
     build_with_bar(map.as_ref(), &model, &BuildOptions::standard(), &pack)?;
     let localizer = Localizer::new(model, Pack::open(&pack)?)?.with_options(Options {
         keep_matches: true,
@@ -104,7 +137,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         (HeadingMode::Unknown, "fixes_unknown_heading.jsonl"),
     ] {
         let (answers, _) = locate_all(&localizer, &truth, mode, None)?;
-        write_answers(&out.join(file), &answers)?;
+        folder.write_bytes(file, Format::Jsonl.text_of(&answers)?.as_bytes())?;
         let name = if mode == HeadingMode::Exif {
             "heading known"
         } else {
@@ -112,20 +145,14 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         };
         runs.push(score(name, &answers, &truth));
     }
-    write_summary(&out.join("summary.json"), &runs)?;
-    let pictures = draw_some(
-        &localizer,
-        map.as_ref(),
-        &truth,
-        &runs[0],
-        &out.join("matches"),
-    )?;
+    write_summary(&folder, &runs)?;
+    let pictures = draw_some(&localizer, map.as_ref(), &truth, &runs[0], &matches)?;
     let report = Report {
-        title: "A flight over a made-up town".into(),
+        title: "A flight over a procedural town".into(),
         description: vec![
             format!(
                 "{} photos from 100 to 130 m above ground, taken in another season, light and year than the map, with a tilted \
-                 camera and metadata that err; {:.0} m of town and countryside at {MAP_GSD_M} m per pixel.",
+                 camera and metadata errors; {:.0} m of town and countryside at {MAP_GSD_M} m per pixel.",
                 truth.len(),
                 WorldConfig::default().size_m
             ),
@@ -134,33 +161,33 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         runs: runs.clone(),
         pictures,
     };
-    fs_err::write(out.join("report.html"), report.to_html()?)?;
+    folder.write_bytes("report.html", report.to_html()?.as_bytes())?;
 
     print_summary(&runs)?;
     writeln!(
         std::io::stdout(),
-        "\n{:.0} s in all. Look at {} and the pictures in {}",
+        "\n{:.0} s in all. The report is {}, pictures of matches are in {}",
         started.elapsed().as_secs_f64(),
-        out.join("report.html").display(),
-        out.join("matches").display()
+        printable(&out.join("report.html").display().to_string()),
+        printable(&matches.path().display().to_string())
     )?;
     Ok(Exit::Done)
 }
 
-/// Renders the map and the photos, with what they claim and where they truly are.
+/// Renders the map and the photos with their metadata, and writes the true positions: `map.tif`, `photos/`, `truth.csv`.
 ///
 /// # Errors
-/// The folder cannot be written.
-pub fn make_flight(out: &Path, seed: u64, count: usize) -> Result<()> {
-    let photos = out.join("photos");
-    fs_err::create_dir_all(&photos)?;
-    // Photos of an earlier, longer flight would stand among these.
-    for entry in fs_err::read_dir(&photos)? {
-        let path = entry?.path();
-        if path.extension().is_some_and(|e| e == "jpg") {
-            fs_err::remove_file(path)?;
-        }
-    }
+/// The folder cannot be written, or holds files of these names that the program did not write.
+pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
+    let photos = out.subfolder("photos")?;
+    let names: Vec<String> = (1..=count)
+        .map(|number| format!("flight_{number:03}.jpg"))
+        .collect();
+    out.check(["map.tif", "truth.csv"])?;
+    photos.check(&names)?;
+    // The renderer writes to paths.
+    let scratch = tempfile::tempdir()?;
+    let scratch = scratch.path();
     let world = World::new(WorldConfig {
         seed,
         ..WorldConfig::default()
@@ -184,51 +211,53 @@ pub fn make_flight(out: &Path, seed: u64, count: usize) -> Result<()> {
     let map = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
     let north_west_m = placement.utm_from_world([0.0, size_m]);
     write_geotiff(
-        &out.join("map.tif"),
+        &scratch.join("map.tif"),
         &map,
         MAP_GSD_M,
         north_west_m,
         placement.epsg(),
     )?;
+    move_into(out, "map.tif", scratch)?;
     bar.inc(1);
 
     let look = Look::drone(Season::Autumn);
     let mut rows = Vec::with_capacity(flight.frames.len());
-    for (i, frame) in flight.frames.iter().enumerate() {
-        let name = format!("flight_{:03}.jpg", i + 1);
+    for (frame, name) in flight.frames.iter().zip(&names) {
         let photo: RgbImage = world.render_photo(&frame.pose, &CAMERA, &look);
         let tags = PhotoTags::for_pose(&frame.reported, &CAMERA, &placement, GROUND_ALTITUDE_M)?;
-        write_jpeg_with_exif(&photos.join(&name), &photo, JPEG_QUALITY, &tags)?;
-        rows.push(TruthRow::new(&name, &frame.pose, &CAMERA, &placement)?);
+        write_jpeg_with_exif(&scratch.join(name), &photo, JPEG_QUALITY, &tags)?;
+        move_into(&photos, name, scratch)?;
+        rows.push(TruthRow::new(name, &frame.pose, &CAMERA, &placement)?);
         bar.inc(1);
     }
-    write_truth_csv(&out.join("truth.csv"), &rows)?;
+    write_truth_csv(&scratch.join("truth.csv"), &rows)?;
+    move_into(out, "truth.csv", scratch)?;
+    // Photos of an earlier, longer flight have no truth any more.
+    photos.prune(|_| true)?;
     bar.finish_and_clear();
     Ok(())
 }
 
-fn write_answers(path: &Path, answers: &[Answer]) -> Result<()> {
-    let mut text = Vec::new();
-    {
-        let mut writer = Format::Jsonl.writer(Box::new(&mut text));
-        for answer in answers {
-            writer.write(answer)?;
-        }
-        writer.finish()?;
-    }
-    fs_err::write(path, text)?;
+/// Moves a file from a scratch folder to where it belongs.
+///
+/// # Errors
+/// It cannot be read or written.
+pub fn move_into(folder: &OutputFolder, name: &str, scratch: &Path) -> Result<()> {
+    let written = scratch.join(name);
+    let mut file = fs_err::File::open(&written)?;
+    folder.write(name, |out| std::io::copy(&mut file, out).map(drop))?;
+    fs_err::remove_file(&written)?;
     Ok(())
 }
 
-/// Draws the matches of a few photos, the worst first: they tell most.
+/// Draws the matches of a few photos, those with the largest errors first.
 fn draw_some(
     localizer: &Localizer,
     map: &dyn Raster,
     truth: &[(TruthFrame, PathBuf)],
     run: &Run,
-    folder: &Path,
+    folder: &OutputFolder,
 ) -> Result<Vec<Picture>> {
-    fs_err::create_dir_all(folder)?;
     let mut worst: Vec<usize> = (0..truth.len()).filter(|i| run.frames[*i].fixed).collect();
     worst.sort_by(|a, b| {
         let error = |i: usize| run.frames[i].error_m.unwrap_or(0.0);
@@ -245,18 +274,19 @@ fn draw_some(
     for &i in chosen {
         let (frame, path) = &truth[i];
         let (photo, outcome) = locate_one(localizer, path, &Prior::none())?;
-        let file = folder.join(&frame.photo).with_extension("jpg");
-        if !draw(&photo, &outcome, Some(map), &file)? {
+        let Some(jpeg) = jpeg_of(&photo, &outcome, Some(map))? else {
             continue;
-        }
+        };
+        folder.write_bytes(&frame.photo, &jpeg)?;
         pictures.push(Picture {
             caption: format!(
                 "{}: {:.1} m off",
                 frame.photo,
                 run.frames[i].error_m.unwrap_or(f64::NAN)
             ),
-            jpeg: fs_err::read(&file).context("cannot read the picture again")?,
+            jpeg,
         });
     }
+    folder.prune(|_| true)?;
     Ok(pictures)
 }

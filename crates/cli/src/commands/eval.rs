@@ -9,6 +9,7 @@ use grimnet_eval::report::Run;
 use grimnet_eval::truth::TruthFrame;
 use grimnet_geo::{LonLat, MapPx, Raster, open_map};
 use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Options, Prior, Trace};
+use grimnet_output::OutputFolder;
 use grimnet_pack::{BuildOptions, Pack};
 
 use super::eval_layout::{Layout, LayoutChoice};
@@ -23,10 +24,20 @@ use super::results::{About, peak_memory_mib, print_summary, write_results};
 use super::{ModeChoice, ModelChoice};
 use crate::answer::Answer;
 use crate::exit::Exit;
-use crate::progress;
+use crate::outputs::{OWN_MAGICS, OverwriteChoice};
+use crate::{errors, progress, values};
 
 /// The true heading is given to the localiser with this uncertainty, degrees (1 sigma).
 const TRUE_HEADING_SIGMA_DEG: f64 = 5.0;
+
+/// Files in the folder of results, beside the pack.
+const FILES: [&str; 5] = [
+    "summary.json",
+    "report.html",
+    "frames.csv",
+    "failed.jsonl",
+    "recall.json",
+];
 
 /// Whether the truth file's headings are given to the localiser.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -79,9 +90,12 @@ pub struct EvalArgs {
     #[arg(long, value_name = "SEED", conflicts_with = "folder")]
     world: Option<u64>,
 
-    /// Where summary.json, report.html, frames.csv and failed.jsonl are written
+    /// Folder for summary.json, report.html, frames.csv, failed.jsonl and the pack
     #[arg(short, long, value_name = "DIR")]
     out: PathBuf,
+
+    #[command(flatten)]
+    overwrite: OverwriteChoice,
 
     /// The map, where it is not FOLDER/map.tif
     #[arg(long, value_name = "MAP")]
@@ -102,7 +116,7 @@ pub struct EvalArgs {
     commit: Option<String>,
 
     /// Width of ground that the photos show, metres, where it is known better than their metadata say
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true)]
     footprint_width: Option<f64>,
 
     /// Which recipe to follow
@@ -110,11 +124,17 @@ pub struct EvalArgs {
     mode: ModeChoice,
 
     /// How far the map itself may lie beside the truth, metres (1 sigma per axis); the stated radius includes it
-    #[arg(long, value_name = "M", default_value_t = DEFAULT_MAP_ERROR_M)]
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::sigma_m,
+        allow_hyphen_values = true,
+        default_value_t = DEFAULT_MAP_ERROR_M
+    )]
     map_error: f64,
 
     /// How well the truth itself is known, metres (1 sigma per axis): the share of radii that hold is also given with it
-    #[arg(long, value_name = "M")]
+    #[arg(long, value_name = "M", value_parser = values::sigma_m, allow_hyphen_values = true)]
     truth_error: Option<f64>,
 
     /// Take the normalisation statistics anew
@@ -145,21 +165,33 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         };
         return experiment::run(&arguments.experiment, &subject, &arguments.out);
     }
+    let policy = arguments
+        .overwrite
+        .policy()
+        .protect_all(&arguments.model.model);
+    // Refused at once, not after the work.
+    OutputFolder::open(&arguments.out, &policy)?.check(FILES)?;
+    let pack_path = arguments.out.join("area.grim");
+    policy.check_file(&pack_path, OWN_MAGICS)?;
     let layout = Layout::find(&LayoutChoice {
         folder: arguments.folder.as_deref(),
         world: arguments.world,
         out: &arguments.out,
+        policy: &policy,
         map: arguments.map.as_deref(),
         place: &arguments.place,
     })?;
     let (truth, data) = (layout.truth, layout.data);
+    let policy = policy
+        .protect(&layout.map)
+        .protect_all(truth.iter().map(|(_, path)| path));
+    let folder = OutputFolder::open(&arguments.out, &policy)?;
+    let matches = folder.subfolder("matches")?;
     let map = arguments
         .gallery
         .lay_out(open_map(&layout.map, &layout.map_options)?)?;
     let truth = Layout::on_map(truth, map.as_ref())?;
     let model = arguments.model.open()?;
-    fs_err::create_dir_all(&arguments.out)?;
-    let pack_path = arguments.out.join("area.grim");
     let build = match arguments.mode {
         ModeChoice::Default => BuildOptions::standard(),
         ModeChoice::Paper => BuildOptions::paper(),
@@ -212,7 +244,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         truth: &truth,
         answers: &first_answers,
         run: &runs[0],
-        folder: &arguments.out.join("matches"),
+        folder: &matches,
         prior_of: &|frame, path| {
             prior(
                 arguments.heading_mode.runs()[0],
@@ -240,9 +272,9 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         peak_memory_mib: peak_memory_mib(),
     };
     let title = format!("Accuracy on {data}");
-    write_results(&arguments.out, title, &about, &runs, pictures)?;
+    write_results(&folder, title, &about, &runs, pictures)?;
     let recall_json = serde_json::to_string_pretty(&recalls)?;
-    fs_err::write(arguments.out.join("recall.json"), recall_json + "\n")?;
+    folder.write_bytes("recall.json", (recall_json + "\n").as_bytes())?;
     print_summary(&runs)?;
     print_recall(&recalls)?;
     Ok(Exit::Done)
@@ -300,7 +332,7 @@ pub fn locate_all(
         let (answer, trace) = match locate_one_traced(localizer, path, &prior) {
             Ok((_, outcome, trace)) => (Answer::of(&frame.photo, &outcome), trace),
             Err(error) => {
-                let answer = Answer::no_fix(&frame.photo, format!("{error:#}"));
+                let answer = Answer::no_fix(&frame.photo, errors::message(&error));
                 (answer, Trace::default())
             }
         };

@@ -7,9 +7,10 @@ use anyhow::{Result, bail};
 use grimnet_eval::truth::{self, TruthFrame};
 use grimnet_eval::{anyvisloc, msdi, visloc};
 use grimnet_geo::{LonLat, MapOptions, Raster};
+use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_photo::Metadata;
 
-use super::demo::make_flight;
+use super::demo::{make_flight, move_into};
 use super::map::MapPlace;
 use crate::photos;
 
@@ -22,8 +23,10 @@ pub struct LayoutChoice<'a> {
     pub folder: Option<&'a Path>,
     /// Seed of a procedural world, if that is to be localised.
     pub world: Option<u64>,
-    /// Where a procedural world is drawn.
+    /// Folder of results; a procedural world, and photos that are cut from a data set, are written there.
     pub out: &'a Path,
+    /// What may be replaced there.
+    pub policy: &'a OutputPolicy,
     /// The map, where it is not in its usual place.
     pub map: Option<&'a Path>,
     /// The map's place, where it does not tell it.
@@ -50,8 +53,9 @@ impl Layout {
     /// No layout that is known, or nothing in it that can be scored.
     pub fn find(choice: &LayoutChoice<'_>) -> Result<Self> {
         if let Some(seed) = choice.world {
-            fs_err::create_dir_all(choice.out)?;
-            make_flight(choice.out, seed, WORLD_PHOTOS)?;
+            let out = OutputFolder::open(choice.out, choice.policy)?;
+            make_flight(&out, seed, WORLD_PHOTOS)?;
+            drop(out);
             let found = Self::plain(choice.out, choice)?;
             return Ok(Self {
                 data: format!("procedural world {seed}"),
@@ -122,8 +126,14 @@ impl Layout {
 
     /// A scene of AnyVisLoc, whose photos are written into the folder of results.
     fn anyvisloc(folder: &Path, choice: &LayoutChoice<'_>) -> Result<Self> {
-        let photos = choice.out.join("photos");
-        let scene = anyvisloc::read(folder, choice.map, &photos)?;
+        // The data set's reader writes to paths.
+        let scratch = tempfile::tempdir()?;
+        let scene = anyvisloc::read(folder, choice.map, scratch.path())?;
+        let out = OutputFolder::open(choice.out, choice.policy)?.subfolder("photos")?;
+        for entry in fs_err::read_dir(scratch.path())? {
+            move_into(&out, &name_of(&entry?.path()), scratch.path())?;
+        }
+        let photos = out.path().to_owned();
         for line in &scene.left_out {
             tracing::warn!("{line}");
         }

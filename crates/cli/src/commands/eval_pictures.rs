@@ -1,16 +1,19 @@
 //! The pictures of an evaluation: the map with truth and answers, and the worst frames' matches.
 
+use std::collections::HashSet;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grimnet_eval::map_picture::{self, Mark};
 use grimnet_eval::report::{Picture, Run};
 use grimnet_eval::truth::TruthFrame;
 use grimnet_geo::{LonLat, Raster};
 use grimnet_locate::{Localizer, Prior};
+use grimnet_output::{OutputFolder, file_name_from};
 
-use super::locate::{draw as draw_matches, locate_one};
+use super::locate::locate_one;
 use crate::answer::Answer;
+use crate::drawings::jpeg_of;
 
 /// Frames whose matches are drawn.
 const WORST: usize = 5;
@@ -27,8 +30,8 @@ pub struct Drawn<'a> {
     pub answers: &'a [Answer],
     /// That run.
     pub run: &'a Run,
-    /// Where the match pictures are kept.
-    pub folder: &'a Path,
+    /// Where the drawings of matches are written.
+    pub folder: &'a OutputFolder,
     /// What the localiser was told of a photo in that run.
     pub prior_of: &'a dyn Fn(&TruthFrame, &Path) -> Prior,
 }
@@ -38,9 +41,9 @@ pub struct Drawn<'a> {
 /// # Errors
 /// The map cannot be read, or a picture not be written.
 pub fn draw(drawn: &Drawn<'_>) -> Result<Vec<Picture>> {
-    fs_err::create_dir_all(drawn.folder)?;
     let mut pictures = vec![whole_map(drawn)?];
     let mut worst: Vec<usize> = (0..drawn.truth.len()).collect();
+    let mut names = HashSet::new();
     let badness = |i: &usize| drawn.run.frames[*i].error_m.unwrap_or(f64::INFINITY);
     worst.sort_by(|a, b| badness(b).total_cmp(&badness(a)));
     for &i in worst.iter().take(WORST) {
@@ -49,10 +52,12 @@ pub fn draw(drawn: &Drawn<'_>) -> Result<Vec<Picture>> {
         let Ok((photo, outcome)) = locate_one(drawn.localizer, path, &prior) else {
             continue;
         };
-        let file = drawn.folder.join(&frame.photo).with_extension("jpg");
-        if !draw_matches(&photo, &outcome, Some(drawn.map), &file)? {
+        let Some(jpeg) = jpeg_of(&photo, &outcome, Some(drawn.map))? else {
             continue;
-        }
+        };
+        drawn
+            .folder
+            .write_bytes(&picture_name(&frame.photo, &mut names), &jpeg)?;
         let scored = &drawn.run.frames[i];
         let caption = match (scored.error_m, &scored.reason) {
             (Some(error_m), _) => format!(
@@ -66,12 +71,25 @@ pub fn draw(drawn: &Drawn<'_>) -> Result<Vec<Picture>> {
                 reason.as_deref().unwrap_or("without a reason")
             ),
         };
-        pictures.push(Picture {
-            caption,
-            jpeg: fs_err::read(&file).context("cannot read the picture again")?,
-        });
+        pictures.push(Picture { caption, jpeg });
     }
+    drawn.folder.prune(|_| true)?;
     Ok(pictures)
+}
+
+/// File name of a photo's drawing: the truth file may name the photo by a path, also an absolute one.
+fn picture_name(photo: &str, taken: &mut HashSet<String>) -> String {
+    let stem = file_name_from(photo);
+    let stem = Path::new(&stem)
+        .file_stem()
+        .map_or_else(|| stem.clone(), |stem| stem.to_string_lossy().into_owned());
+    let mut name = format!("{stem}.jpg");
+    let mut number = 2;
+    while !taken.insert(name.clone()) {
+        name = format!("{stem}-{number}.jpg");
+        number += 1;
+    }
+    name
 }
 
 fn whole_map(drawn: &Drawn<'_>) -> Result<Picture> {
@@ -100,4 +118,19 @@ fn whole_map(drawn: &Drawn<'_>) -> Result<Picture> {
         ),
         jpeg,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drawings_stay_in_their_folder_and_keep_apart() {
+        let mut taken = HashSet::new();
+        let mut name = |photo: &str| picture_name(photo, &mut taken);
+        assert_eq!(name("/etc/a.jpg"), "etc_a.jpg");
+        assert_eq!(name("sub/a.jpg"), "sub_a.jpg");
+        assert_eq!(name("sub_a.png"), "sub_a-2.jpg");
+        assert_eq!(name("../../a.tif"), "a.jpg");
+    }
 }

@@ -217,6 +217,7 @@ fn scenes(options: &ExperimentOptions, subject: &Subject<'_>, work: &Path) -> Re
             folder: Some(folder),
             world: None,
             out: work,
+            policy: &grimnet_output::OutputPolicy::new(),
             map: None,
             place: subject.place,
         })?;

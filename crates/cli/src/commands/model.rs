@@ -1,4 +1,4 @@
-//! `grim model`: look into a model file.
+//! `grim model`: what a model file holds.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -8,15 +8,22 @@ use clap::Subcommand;
 
 use super::ModelChoice;
 use crate::exit::Exit;
+use crate::terminal::printable;
 
-/// Look into a model file.
+const EXAMPLES: &str = "\
+Examples:
+  grim model info                      the bundled model
+  grim model info mine.safetensors";
+
+/// Show what a model file holds.
 #[derive(Debug, Subcommand)]
 pub enum ModelCommand {
-    /// What it is, what it was trained on, its licence and its hash
+    /// Show architecture, training data, licence and hash
+    #[command(after_help = EXAMPLES)]
     Info {
         /// Model file [default: the bundled one]
         file: Option<PathBuf>,
-        /// As JSON
+        /// Print JSON
         #[arg(long)]
         json: bool,
     },
@@ -55,11 +62,11 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
         || "the bundled model".to_owned(),
         |f| f.display().to_string(),
     );
-    writeln!(out, "{name}")?;
+    writeln!(out, "{}", printable(&name))?;
     if model.is_random() {
         writeln!(
             out,
-            "  THIS MODEL IS RANDOM NUMBERS: it finds nothing. It stands in until one is trained."
+            "  This model holds random numbers: it finds nothing. Train one first."
         )?;
     }
     if bundled {
@@ -80,7 +87,7 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
             let text = value
                 .as_str()
                 .map_or_else(|| value.to_string(), ToOwned::to_owned);
-            writeln!(out, "  {key:<14} {text}")?;
+            writeln!(out, "  {:<14} {}", printable(&key), printable(&text))?;
         }
     }
     Ok(Exit::Done)

@@ -1,10 +1,10 @@
 //! What a run of `grim eval` leaves behind: tables, files, a page.
 
 use std::io::Write;
-use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use grimnet_eval::report::{Picture, Report, Run};
+use grimnet_output::OutputFolder;
 use serde::Serialize;
 
 /// Under which conditions the figures were measured; `about` in `summary.json`.
@@ -79,15 +79,15 @@ pub fn peak_memory_mib() -> Option<f64> {
 /// # Errors
 /// One of them cannot be written.
 pub fn write_results(
-    out: &Path,
+    folder: &OutputFolder,
     title: String,
     about: &About,
     runs: &[Run],
     pictures: Vec<Picture>,
 ) -> Result<()> {
     let about_json = serde_json::to_value(about)?;
-    write_figures(&out.join("summary.json"), Some(about_json), runs)?;
-    let mut frames = csv::Writer::from_path(out.join("frames.csv"))?;
+    write_figures(folder, Some(about_json), runs)?;
+    let mut frames = csv::Writer::from_writer(Vec::new());
     frames.write_record([
         "run",
         "photo",
@@ -129,27 +129,31 @@ pub fn write_results(
             }
         }
     }
-    frames.flush()?;
-    fs_err::write(out.join("failed.jsonl"), failed)?;
+    folder.write_bytes("frames.csv", &frames.into_inner()?)?;
+    folder.write_bytes("failed.jsonl", failed.as_bytes())?;
     let report = Report {
         title,
         description: about.lines(),
         runs: runs.to_vec(),
         pictures,
     };
-    fs_err::write(out.join("report.html"), report.to_html()?)?;
+    folder.write_bytes("report.html", report.to_html()?.as_bytes())?;
     Ok(())
 }
 
-/// Writes the figures of each run under its name with underscores, such as `heading_known`.
+/// Writes the figures of each run to `summary.json`, under its name with underscores, such as `heading_known`.
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write_summary(path: &Path, runs: &[Run]) -> Result<()> {
-    write_figures(path, None, runs)
+pub fn write_summary(folder: &OutputFolder, runs: &[Run]) -> Result<()> {
+    write_figures(folder, None, runs)
 }
 
-fn write_figures(path: &Path, about: Option<serde_json::Value>, runs: &[Run]) -> Result<()> {
+fn write_figures(
+    folder: &OutputFolder,
+    about: Option<serde_json::Value>,
+    runs: &[Run],
+) -> Result<()> {
     let mut summary = serde_json::Map::new();
     if let Some(about) = about {
         summary.insert("about".to_owned(), about);
@@ -161,7 +165,7 @@ fn write_figures(path: &Path, about: Option<serde_json::Value>, runs: &[Run]) ->
         );
     }
     let text = serde_json::to_string_pretty(&summary)?;
-    fs_err::write(path, text + "\n").context("cannot write the summary")?;
+    folder.write_bytes("summary.json", (text + "\n").as_bytes())?;
     Ok(())
 }
 

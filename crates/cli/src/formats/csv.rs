@@ -1,10 +1,8 @@
 //! Comma-separated values with a header.
 
-use std::io::Write;
-
 use anyhow::Result;
 
-use super::AnswerWriter;
+use super::AnswerFormat;
 use crate::answer::{Answer, State};
 
 const HEADER: &[&str] = &[
@@ -23,36 +21,20 @@ const HEADER: &[&str] = &[
     "total_ms",
 ];
 
-pub struct Csv<'a> {
-    writer: ::csv::Writer<Box<dyn Write + 'a>>,
-    started: bool,
-}
+pub struct Csv;
 
-impl<'a> Csv<'a> {
-    pub fn new(out: Box<dyn Write + 'a>) -> Self {
-        Self {
-            writer: ::csv::Writer::from_writer(out),
-            started: false,
-        }
+impl AnswerFormat for Csv {
+    fn opening(&self) -> String {
+        HEADER.join(",") + "\n"
     }
 
-    fn start(&mut self) -> Result<()> {
-        if !self.started {
-            self.writer.write_record(HEADER)?;
-            self.started = true;
-        }
-        Ok(())
-    }
-}
-
-impl AnswerWriter for Csv<'_> {
-    fn write(&mut self, answer: &Answer) -> Result<()> {
-        self.start()?;
+    fn answer(&mut self, answer: &Answer) -> Result<String> {
         let text = |value: Option<f64>, decimals: usize| {
             value.map(|v| format!("{v:.decimals$}")).unwrap_or_default()
         };
         let covariance = |i: usize| text(answer.covariance_en_m2.map(|c| c[i]), 4);
-        self.writer.write_record([
+        let mut writer = ::csv::Writer::from_writer(Vec::new());
+        writer.write_record([
             answer.photo.clone(),
             match answer.state {
                 State::Fix => "fix".to_owned(),
@@ -70,13 +52,6 @@ impl AnswerWriter for Csv<'_> {
             answer.reason.clone().unwrap_or_default(),
             text(answer.time_ms.get("total").copied(), 2),
         ])?;
-        self.writer.flush()?;
-        Ok(())
-    }
-
-    fn finish(&mut self) -> Result<()> {
-        self.start()?;
-        self.writer.flush()?;
-        Ok(())
+        Ok(String::from_utf8(writer.into_inner()?)?)
     }
 }

@@ -1,25 +1,14 @@
 //! A GeoJSON feature collection (RFC 7946): a point for each fix, and the photo's outline.
 
-use std::io::Write;
-
 use anyhow::Result;
-use geojson::{Feature, FeatureCollection, Geometry, GeometryValue, JsonObject};
+use geojson::{Feature, Geometry, GeometryValue, JsonObject};
 
-use super::AnswerWriter;
+use super::AnswerFormat;
 use crate::answer::{Answer, State};
 
-pub struct Geojson<'a> {
-    out: Box<dyn Write + 'a>,
-    features: Vec<Feature>,
-}
-
-impl<'a> Geojson<'a> {
-    pub fn new(out: Box<dyn Write + 'a>) -> Self {
-        Self {
-            out,
-            features: Vec::new(),
-        }
-    }
+#[derive(Default)]
+pub struct Geojson {
+    features: usize,
 }
 
 fn feature(geometry: Option<GeometryValue>, properties: JsonObject) -> Feature {
@@ -30,8 +19,21 @@ fn feature(geometry: Option<GeometryValue>, properties: JsonObject) -> Feature {
     }
 }
 
-impl AnswerWriter for Geojson<'_> {
-    fn write(&mut self, answer: &Answer) -> Result<()> {
+impl Geojson {
+    /// A feature as text, on a line of its own.
+    fn line(&mut self, feature: &Feature) -> Result<String> {
+        let separator = if self.features == 0 { "" } else { ",\n" };
+        self.features += 1;
+        Ok(separator.to_owned() + &serde_json::to_string(feature)?)
+    }
+}
+
+impl AnswerFormat for Geojson {
+    fn opening(&self) -> String {
+        "{\"type\":\"FeatureCollection\",\"features\":[\n".to_owned()
+    }
+
+    fn answer(&mut self, answer: &Answer) -> Result<String> {
         let mut properties = match serde_json::to_value(answer)? {
             serde_json::Value::Object(object) => object,
             _ => JsonObject::new(),
@@ -42,27 +44,19 @@ impl AnswerWriter for Geojson<'_> {
             .zip(answer.lat_deg)
             .filter(|_| answer.state == State::Fix)
             .map(|(lon, lat)| GeometryValue::new_point([lon, lat]));
-        self.features.push(feature(point, properties));
+        let mut text = self.line(&feature(point, properties))?;
         if let Some(outline) = &answer.outline_lon_lat_deg {
             let ring = outline.iter().chain(outline.first()).copied();
             let mut properties = JsonObject::new();
             properties.insert("photo".into(), answer.photo.clone().into());
             properties.insert("role".into(), "outline".into());
             let polygon = GeometryValue::new_polygon([ring.collect::<Vec<_>>()]);
-            self.features.push(feature(Some(polygon), properties));
+            text += &self.line(&feature(Some(polygon), properties))?;
         }
-        Ok(())
+        Ok(text)
     }
 
-    fn finish(&mut self) -> Result<()> {
-        let collection = FeatureCollection {
-            features: std::mem::take(&mut self.features),
-            bbox: None,
-            foreign_members: None,
-        };
-        serde_json::to_writer(&mut self.out, &collection)?;
-        writeln!(self.out)?;
-        self.out.flush()?;
-        Ok(())
+    fn closing(&self) -> &'static str {
+        "\n]}\n"
     }
 }

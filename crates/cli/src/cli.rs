@@ -1,0 +1,146 @@
+//! The command line.
+
+use std::io::Write as _;
+
+use anyhow::Result;
+use clap::{ArgAction, Parser, Subcommand};
+
+#[cfg(not(feature = "experiments"))]
+use crate::commands::absent;
+#[cfg(feature = "experiments")]
+use crate::commands::calibrate;
+use crate::commands::{completions, demo, eval, locate, man, map, model, train};
+use crate::exit::Exit;
+use crate::values;
+
+/// Printed by `grim` without a command.
+const BEGIN: &str = "\
+grim says where on a map a drone photo was taken. Three commands to begin with:
+
+  grim demo                                      a procedural town, a flight over it, every photo located
+  grim map build town.tif -o town.grim           once for each map: compute its features
+  grim locate --pack town.grim flight/*.jpg      latitude and longitude of each photo
+
+`grim --help` lists all commands, `grim COMMAND --help` explains one.
+";
+
+const EXAMPLES: &str = "\
+Examples:
+  grim demo
+  grim map build town.tif -o town.grim
+  grim locate --pack town.grim flight/*.jpg
+  grim locate --pack town.grim a.jpg --heading unknown --height-agl 120 --hfov 73 --format jsonl
+
+Exit status: 0 done, 1 some photos have no fix, 2 wrong use or input that cannot be read, 130 stopped by Ctrl-C.
+
+Environment: GRIM_LOG filters messages (such as `debug`), NO_COLOR turns colours off.";
+
+/// Where on this map was this photo taken?
+///
+/// grim compares a drone photo with a map and answers with latitude, longitude and a stated error radius, or with "no fix"
+/// and the reason. It needs no GNSS and no network connection.
+#[derive(Debug, Parser)]
+#[command(name = "grim", version, after_help = EXAMPLES)]
+pub struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+
+    /// Print more messages: -v what is done, -vv every detail
+    #[arg(short, long, action = ArgAction::Count, global = true, help_heading = "General")]
+    pub verbose: u8,
+
+    /// Number of threads to compute with [default: all cores]
+    #[arg(
+        long,
+        global = true,
+        value_name = "N",
+        value_parser = values::threads,
+        allow_hyphen_values = true,
+        help_heading = "General"
+    )]
+    pub threads: Option<usize>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Build a map pack from your own map, show what one holds, check one
+    #[command(subcommand)]
+    Map(map::MapCommand),
+    /// Find where photos were taken
+    #[command(after_help = locate::EXAMPLES)]
+    Locate(locate::LocateArgs),
+    /// Measure accuracy on photos whose true position is known
+    #[command(after_help = EVAL_EXAMPLES)]
+    Eval(eval::EvalArgs),
+    /// Fit the error radius and the confidence that a model states
+    #[cfg(feature = "experiments")]
+    #[command(after_help = CALIBRATE_EXAMPLES)]
+    Calibrate(calibrate::CalibrateArgs),
+    /// Fit the error radius and the confidence that a model states (needs --features experiments)
+    #[cfg(not(feature = "experiments"))]
+    #[command(after_help = CALIBRATE_EXAMPLES)]
+    Calibrate(absent::AbsentArgs),
+    /// Locate the photos of a flight over a procedural town; nothing to download
+    #[command(after_help = demo::EXAMPLES)]
+    Demo(demo::DemoArgs),
+    /// Show what a model file holds
+    #[command(subcommand)]
+    Model(model::ModelCommand),
+    /// Train a model on your own pictures
+    #[command(after_help = TRAIN_EXAMPLES)]
+    Train(train::TrainArgs),
+    /// Print a completion script for a shell
+    #[command(after_help = completions::EXAMPLES)]
+    Completions(completions::CompletionsArgs),
+    /// Write manual pages
+    #[command(after_help = man::EXAMPLES)]
+    Man(man::ManArgs),
+}
+
+const EVAL_EXAMPLES: &str = "\
+Examples:
+  grim eval flight --out results                 flight/ holds map.tif, photos/ and truth.csv
+  grim eval photos --map town.tif --out results  true positions from the photos' EXIF
+  grim eval --world 3 --out results              a procedural world";
+
+const CALIBRATE_EXAMPLES: &str = "\
+Example:
+  grim calibrate --model new.safetensors -o calibrated.safetensors --pictures aerial/";
+
+const TRAIN_EXAMPLES: &str = "\
+Examples:
+  grim train training.toml
+  grim train training.toml --resume
+  grim train training.toml --export
+
+TRAINING.md in the repository shows a configuration.";
+
+impl Cli {
+    /// Runs the command.
+    ///
+    /// # Errors
+    /// As the command.
+    pub fn run(self) -> Result<Exit> {
+        let Some(command) = self.command else {
+            std::io::stdout().write_all(BEGIN.as_bytes())?;
+            return Ok(Exit::Done);
+        };
+        match command {
+            Command::Map(command) => map::run(command),
+            Command::Locate(arguments) => locate::run(&arguments),
+            Command::Eval(arguments) => eval::run(&arguments),
+            #[cfg(feature = "experiments")]
+            Command::Calibrate(arguments) => calibrate::run(&arguments),
+            #[cfg(not(feature = "experiments"))]
+            Command::Calibrate(_) => Err(anyhow::anyhow!(absent::message(
+                "grim calibrate",
+                "experiments"
+            ))),
+            Command::Demo(arguments) => demo::run(&arguments),
+            Command::Model(command) => model::run(command),
+            Command::Train(arguments) => train::run(&arguments),
+            Command::Completions(arguments) => completions::run::<Self>(&arguments),
+            Command::Man(arguments) => man::run::<Self>(&arguments),
+        }
+    }
+}

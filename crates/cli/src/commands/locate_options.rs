@@ -1,0 +1,273 @@
+//! What is known of a view, and how to localise: the options that all localising commands share.
+
+use std::fmt;
+use std::str::FromStr;
+
+use clap::{Args, ValueEnum};
+use grimnet_geo::LonLat;
+use grimnet_locate::{Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Options, Prior};
+use grimnet_photo::ViewPrior;
+
+use super::ModeChoice;
+use crate::values;
+
+/// Heading of the options that state what is known.
+const PRIOR: &str = "What you know about the photos (overrides their metadata)";
+
+/// Heading of the options that change the method.
+const METHOD: &str = "Method";
+
+/// Assumed error of a heading that the user gives, degrees (1 sigma).
+const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
+
+/// What the user states about the heading.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum HeadingChoice {
+    /// From the photo's metadata; searched if they do not tell it.
+    Exif,
+    /// Searched.
+    Unknown,
+    /// Degrees clockwise from true north.
+    Degrees(f64),
+}
+
+impl FromStr for HeadingChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "exif" => Ok(Self::Exif),
+            "unknown" => Ok(Self::Unknown),
+            _ => match text.parse::<f64>() {
+                Ok(degrees) if degrees.is_finite() => Ok(Self::Degrees(degrees.rem_euclid(360.0))),
+                _ => Err("expected degrees clockwise from north, `exif` or `unknown`".to_owned()),
+            },
+        }
+    }
+}
+
+impl HeadingChoice {
+    /// The prior of the localiser.
+    pub fn prior(self) -> HeadingPrior {
+        match self {
+            Self::Exif => HeadingPrior::FromMetadata,
+            Self::Unknown => HeadingPrior::Unknown,
+            Self::Degrees(heading_deg) => HeadingPrior::Known {
+                heading_deg,
+                sigma_deg: GIVEN_HEADING_SIGMA_DEG,
+            },
+        }
+    }
+}
+
+/// `LAT,LON,RADIUS_M`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct NearChoice(grimnet_locate::Near);
+
+impl FromStr for NearChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text
+            .split(',')
+            .filter_map(|t| t.trim().parse().ok())
+            .collect();
+        match numbers[..] {
+            [lat_deg, lon_deg, radius_m]
+                if lat_deg.abs() <= 90.0
+                    && lon_deg.abs() <= 180.0
+                    && radius_m > 0.0
+                    && radius_m.is_finite() =>
+            {
+                let centre = LonLat { lon_deg, lat_deg };
+                Ok(Self(grimnet_locate::Near { centre, radius_m }))
+            }
+            _ => Err(
+                "expected latitude, longitude (degrees) and radius (metres), such as 24.26,120.72,500"
+                    .to_owned(),
+            ),
+        }
+    }
+}
+
+/// Which batch-normalisation statistics the photos' features are computed with.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+pub enum AdaptChoice {
+    /// Those of the model
+    #[default]
+    None,
+    /// Those of each photo by itself
+    Photo,
+    /// Those of all given photos together
+    Flight,
+}
+
+impl fmt::Display for AdaptChoice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::None => "none",
+            Self::Photo => "photo",
+            Self::Flight => "flight",
+        })
+    }
+}
+
+/// What is known of the view, and how to localise.
+#[derive(Debug, Clone, Args)]
+pub struct LocateOptions {
+    /// Direction of the photo's top edge: degrees clockwise from true north, `exif` (from the photo's metadata; searched if
+    /// they do not tell it) or `unknown` (searched)
+    #[arg(
+        long,
+        value_name = "DEG|exif|unknown",
+        default_value = "exif",
+        allow_hyphen_values = true,
+        help_heading = PRIOR
+    )]
+    pub heading: HeadingChoice,
+
+    /// Height above ground, metres; overrides metadata [default: from the photo]
+    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true, help_heading = PRIOR)]
+    pub height_agl: Option<f64>,
+
+    /// Horizontal field of view, degrees; overrides metadata [default: from the photo]
+    #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = PRIOR)]
+    pub hfov: Option<f64>,
+
+    /// Ground resolution of the full-size photo, metres per pixel; overrides metadata
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::gsd_m,
+        allow_hyphen_values = true,
+        conflicts_with_all = ["height_agl", "hfov"],
+        help_heading = PRIOR
+    )]
+    pub gsd: Option<f64>,
+
+    /// Search only within a radius around a position
+    #[arg(
+        long,
+        value_name = "LAT,LON,RADIUS_M",
+        allow_hyphen_values = true,
+        help_heading = PRIOR
+    )]
+    pub near: Option<NearChoice>,
+
+    /// Which method to use
+    #[arg(long, value_enum, default_value_t, help_heading = METHOD)]
+    pub mode: ModeChoice,
+
+    /// Recompute batch-normalisation statistics from the photos
+    #[arg(long, value_enum, default_value_t, help_heading = METHOD)]
+    pub adapt: AdaptChoice,
+
+    /// Position error of the map itself, metres (1 sigma per axis); the stated radius includes it
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::sigma_m,
+        allow_hyphen_values = true,
+        default_value_t = DEFAULT_MAP_ERROR_M,
+        help_heading = METHOD
+    )]
+    pub map_error: f64,
+
+    /// Smallest confidence of a fix, 0 to 1; below it the answer is "no fix" [default: from the model's calibration]
+    #[arg(
+        long,
+        value_name = "P",
+        value_parser = values::probability,
+        allow_hyphen_values = true,
+        help_heading = METHOD
+    )]
+    pub min_confidence: Option<f64>,
+
+    /// Stop the search after this many milliseconds per photo
+    #[arg(
+        long,
+        value_name = "MS",
+        value_parser = values::duration_ms,
+        allow_hyphen_values = true,
+        help_heading = METHOD
+    )]
+    pub budget_ms: Option<f64>,
+
+    /// Number of map tiles that are compared in detail [default: 5 in paper mode, hundreds in default mode]
+    #[arg(long, value_name = "K", value_parser = values::count, help_heading = METHOD)]
+    pub top_k: Option<usize>,
+}
+
+impl LocateOptions {
+    /// What the user knows about the photos.
+    pub fn prior(&self) -> Prior {
+        Prior {
+            view: ViewPrior {
+                heading: self.heading.prior(),
+                height_agl_m: self.height_agl,
+                hfov_deg: self.hfov,
+                gsd_m: self.gsd,
+            },
+            near: self.near.map(|n| n.0),
+        }
+    }
+
+    /// How to localise.
+    pub fn options(&self) -> Options {
+        let named = match self.mode {
+            ModeChoice::Default => Options::default(),
+            ModeChoice::Paper => Options::paper(),
+        };
+        Options {
+            top_k: self.top_k.unwrap_or(named.top_k),
+            budget_ms: self.budget_ms,
+            map_error_m: self.map_error,
+            gates: named.gates.map(|gates| Gates {
+                min_confidence: self.min_confidence,
+                ..gates
+            }),
+            adapt: match self.adapt {
+                AdaptChoice::None => Adapt::None,
+                AdaptChoice::Photo => Adapt::Photo,
+                AdaptChoice::Flight => Adapt::Flight,
+            },
+            ..named
+        }
+    }
+
+    /// Nothing known but the photos themselves; for commands that give each photo its own prior.
+    pub fn plain(mode: ModeChoice, adapt: AdaptChoice) -> Self {
+        Self {
+            heading: HeadingChoice::Exif,
+            height_agl: None,
+            hfov: None,
+            gsd: None,
+            near: None,
+            mode,
+            adapt,
+            map_error: DEFAULT_MAP_ERROR_M,
+            min_confidence: None,
+            budget_ms: None,
+            top_k: None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_and_places_are_read_or_refused() {
+        assert_eq!("exif".parse(), Ok(HeadingChoice::Exif));
+        assert_eq!("-90".parse(), Ok(HeadingChoice::Degrees(270.0)));
+        assert!("north".parse::<HeadingChoice>().is_err());
+        assert!("NaN".parse::<HeadingChoice>().is_err());
+        assert!("24.26,120.72,500".parse::<NearChoice>().is_ok());
+        assert!(
+            "120.72,24.26,500".parse::<NearChoice>().is_err(),
+            "longitude first"
+        );
+        assert!("24.26,120.72".parse::<NearChoice>().is_err());
+    }
+}

@@ -1,0 +1,253 @@
+//! `grim map build`.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use clap::{ArgGroup, Args};
+use grimnet_geo::{Raster, open_map};
+use grimnet_locate::Options;
+use grimnet_net::Model;
+use grimnet_output::{AtomicFile, TargetKind};
+use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build};
+use grimnet_photo::{HeadingPrior, Photo, ViewPrior};
+
+use super::map_place::MapPlace;
+use super::{ModeChoice, ModelChoice};
+use crate::exit::Exit;
+use crate::outputs::{OWN_MAGICS, OverwriteChoice};
+use crate::terminal::printable;
+use crate::{inputs, progress, values};
+
+/// Examples under the help of `grim map build`.
+pub const EXAMPLES: &str = "\
+Examples:
+  grim map build town.tif -o town.grim
+  grim map build town.tif -o town.grim --photo flight/DJI_0042.jpg    only for photos like this one
+  grim map build scan.png --corners 13.40,52.50,13.42,52.52 -o town.grim";
+
+/// Heading of the options that choose ground resolutions.
+const LEVELS: &str = "Ground resolutions [default: all that photos may need]";
+
+/// Arguments of `grim map build`.
+#[derive(Debug, Args)]
+#[command(group = ArgGroup::new("view").args(["height_agl", "photo"]))]
+pub struct BuildArgs {
+    /// The map
+    #[arg(value_name = "MAP")]
+    map: PathBuf,
+
+    /// The pack to write
+    ///
+    /// While it is built, AREA.grim.partial holds the work so far. A device or pipe gets the finished pack.
+    #[arg(short, long, value_name = "AREA.grim")]
+    out: PathBuf,
+
+    #[command(flatten)]
+    overwrite: OverwriteChoice,
+
+    #[command(flatten)]
+    place: MapPlace,
+
+    #[command(flatten)]
+    model: ModelChoice,
+
+    /// Which method to use
+    #[arg(long, value_enum, default_value_t)]
+    mode: ModeChoice,
+
+    /// Only for photos like this one: the ground resolution comes from its metadata
+    #[arg(long, value_name = "SAMPLE.jpg", conflicts_with = "gsd", help_heading = LEVELS)]
+    photo: Option<PathBuf>,
+
+    /// Only for photos from this height (with --hfov), metres above ground
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::length_m,
+        allow_hyphen_values = true,
+        requires = "hfov",
+        conflicts_with_all = ["gsd", "photo"],
+        help_heading = LEVELS
+    )]
+    height_agl: Option<f64>,
+
+    /// Horizontal field of view, degrees (with --height-agl or --photo)
+    #[arg(
+        long,
+        value_name = "DEG",
+        value_parser = values::fov_deg,
+        allow_hyphen_values = true,
+        requires = "view",
+        help_heading = LEVELS
+    )]
+    hfov: Option<f64>,
+
+    /// Only these ground resolutions, metres per pixel
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::gsd_m,
+        allow_hyphen_values = true,
+        value_delimiter = ',',
+        help_heading = LEVELS
+    )]
+    gsd: Option<Vec<f64>>,
+
+    /// Recompute batch-normalisation statistics from this map
+    #[arg(long)]
+    adapt: bool,
+
+    /// Side in pixels that a tile is resized to in paper mode
+    #[arg(long, value_name = "PX", default_value_t = 320)]
+    resolution: u32,
+}
+
+/// Runs the command.
+///
+/// # Errors
+/// Unreadable map, model or photo; a pack that cannot be written.
+pub fn run(arguments: &BuildArgs) -> Result<Exit> {
+    let out = &arguments.out;
+    let policy = arguments
+        .overwrite
+        .policy()
+        .protect(&arguments.map)
+        .protect_all(&arguments.model.model)
+        .protect_all(&arguments.photo);
+    policy.check_file(out, OWN_MAGICS)?;
+    for working_file in WORKING_FILES {
+        policy.check_not_input(beside(out, working_file))?;
+    }
+    inputs::check_regular(&arguments.map)?;
+    let options = BuildOptions {
+        levels: levels(arguments)?,
+        adapt: arguments.adapt,
+        resolution: arguments.resolution,
+        ..match arguments.mode {
+            ModeChoice::Default => BuildOptions::standard(),
+            ModeChoice::Paper => BuildOptions::paper(),
+        }
+    };
+    let model = arguments.model.open()?;
+    let map = open_map(&arguments.map, &arguments.place.options())?;
+    if TargetKind::of(out)? == TargetKind::Stream {
+        let report = build_into_stream(map.as_ref(), &model, &options, out)?;
+        // Standard output may be where the pack went.
+        print_report(&mut std::io::stderr(), &report, out)?;
+    } else {
+        let report = build_with_bar(map.as_ref(), &model, &options, out)?;
+        print_report(&mut std::io::stdout(), &report, out)?;
+    }
+    Ok(Exit::Done)
+}
+
+fn print_report(to: &mut dyn Write, report: &BuildReport, out: &Path) -> Result<()> {
+    let path = out.display().to_string();
+    let path = printable(&path);
+    if report.was_complete {
+        writeln!(to, "{path}: already built from this map, model and options")?;
+    } else {
+        writeln!(
+            to,
+            "{path}: {} tiles, {:.1} MB; {} skipped (no data or black), {} taken from an interrupted run",
+            report.tiles,
+            report.len_bytes as f64 / 1e6,
+            report.tiles_skipped,
+            report.tiles_resumed
+        )?;
+    }
+    Ok(())
+}
+
+/// Endings of the files that a build keeps beside its output.
+const WORKING_FILES: [&str; 2] = ["partial", "assembling"];
+
+/// `AREA.grim` -> `AREA.grim.ENDING`.
+fn beside(out: &Path, ending: &str) -> PathBuf {
+    let mut name = out.as_os_str().to_owned();
+    name.push(".");
+    name.push(ending);
+    PathBuf::from(name)
+}
+
+/// Builds a pack under a progress bar.
+///
+/// # Errors
+/// As [`build()`].
+pub fn build_with_bar(
+    map: &dyn Raster,
+    model: &Model,
+    options: &BuildOptions,
+    out: &Path,
+) -> Result<BuildReport> {
+    let partial = beside(out, WORKING_FILES[0]);
+    let had_partial = partial.exists();
+    let bar = progress::bar(0, "building the pack", "tiles");
+    let mut done = 0;
+    let mut on_progress = |p: &Progress| {
+        done = p.tiles_done;
+        bar.set_length(p.tiles_total);
+        bar.set_position(p.tiles_done);
+    };
+    let report = build(map, model, options, out, &mut on_progress);
+    bar.finish_and_clear();
+    if let Err(error) = &report
+        && !matches!(error, PackError::Busy { .. })
+        && done == 0
+        && !had_partial
+    {
+        // Nothing was computed, as with a map that cannot be read: there is nothing to continue.
+        let _ = fs_err::remove_file(&partial);
+    }
+    Ok(report?)
+}
+
+/// Builds a pack in a temporary folder and writes it through to a device or pipe.
+fn build_into_stream(
+    map: &dyn Raster,
+    model: &Model,
+    options: &BuildOptions,
+    out: &Path,
+) -> Result<BuildReport> {
+    let folder = tempfile::tempdir()?;
+    let pack = folder.path().join("area.grim");
+    let report = build_with_bar(map, model, options, &pack)?;
+    let mut stream = AtomicFile::create(out)?;
+    std::io::copy(&mut fs_err::File::open(&pack)?, &mut stream)?;
+    stream.commit()?;
+    Ok(report)
+}
+
+/// Which ground resolutions the arguments ask for.
+fn levels(arguments: &BuildArgs) -> Result<Levels> {
+    if let Some(gsd) = &arguments.gsd {
+        return Ok(Levels::Gsd(gsd.clone()));
+    }
+    let footprint_m = if let (Some(height), Some(hfov)) = (arguments.height_agl, arguments.hfov) {
+        2.0 * height * (hfov.to_radians() / 2.0).tan()
+    } else if let Some(path) = &arguments.photo {
+        inputs::check_regular(path)?;
+        let photo = Photo::open(path)?;
+        let overrides = ViewPrior {
+            heading: HeadingPrior::Unknown,
+            hfov_deg: arguments.hfov,
+            ..ViewPrior::default()
+        };
+        photo
+            .view(&overrides)
+            .footprint
+            .map(|footprint| footprint.width_m)
+            .with_context(|| {
+                format!(
+                    "{}: its metadata does not tell how much ground it shows; give --height-agl with --hfov, or --gsd",
+                    path.display()
+                )
+            })?
+    } else {
+        return Ok(Levels::Auto);
+    };
+    Ok(Levels::Gsd(vec![
+        footprint_m / Options::default().query_width_px,
+    ]))
+}

@@ -1,0 +1,121 @@
+//! `grim map info` and `grim map verify`.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result};
+use clap::Args;
+use grimnet_geo::open_map;
+use grimnet_pack::Pack;
+use image::ImageFormat;
+
+use super::map_place::{MapPlace, check_built_from};
+use crate::exit::Exit;
+use crate::inputs;
+use crate::outputs::OverwriteChoice;
+use crate::terminal::printable_text;
+
+/// Examples under the help of `grim map info`.
+pub const INFO_EXAMPLES: &str = "\
+Example:
+  grim map info town.grim
+  grim map info town.grim --map town.tif --draw tiles.png";
+
+/// Examples under the help of `grim map verify`.
+pub const VERIFY_EXAMPLES: &str = "\
+Example:
+  grim map verify town.grim
+
+Exit status: 0 the pack is whole, 2 it is damaged or cannot be read.";
+
+/// Arguments of `grim map info`.
+#[derive(Debug, Args)]
+pub struct InfoArgs {
+    /// The pack
+    pack: PathBuf,
+
+    /// Print JSON
+    #[arg(long)]
+    json: bool,
+
+    /// Draw the map with its tiles into this picture (with --map)
+    #[arg(long, value_name = "PICTURE.png", requires = "map")]
+    draw: Option<PathBuf>,
+
+    /// The map that the pack was built from, for --draw
+    #[arg(long, value_name = "MAP", requires = "draw")]
+    map: Option<PathBuf>,
+
+    /// Level to draw; 0 is the finest
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    level: usize,
+
+    #[command(flatten)]
+    overwrite: OverwriteChoice,
+
+    #[command(flatten)]
+    place: MapPlace,
+}
+
+/// Arguments of `grim map verify`.
+#[derive(Debug, Args)]
+pub struct VerifyArgs {
+    /// The pack
+    pack: PathBuf,
+}
+
+/// Prints what a pack holds, and draws its tiles if asked to.
+///
+/// # Errors
+/// Unreadable pack or map, a picture that cannot be written.
+pub fn info(arguments: &InfoArgs) -> Result<Exit> {
+    inputs::check_regular(&arguments.pack)?;
+    let pack = Pack::open(&arguments.pack)?;
+    if let (Some(picture), Some(map)) = (&arguments.draw, &arguments.map) {
+        let format = ImageFormat::from_path(picture).with_context(|| {
+            format!(
+                "{}: expected the name of a picture, such as tiles.png",
+                picture.display()
+            )
+        })?;
+        let policy = arguments
+            .overwrite
+            .policy()
+            .protect(&arguments.pack)
+            .protect(map);
+        policy.check_file(picture, &[])?;
+        inputs::check_regular(map)?;
+        let raster = open_map(map, &arguments.place.options())?;
+        check_built_from(&pack, raster.as_ref(), map)?;
+        let drawn = grimnet_pack::draw(&pack, arguments.level, raster.as_ref())?;
+        policy.write(picture, |file| {
+            drawn.write_to(file, format).map_err(std::io::Error::other)
+        })?;
+    }
+    let info = pack.info();
+    let mut out = std::io::stdout().lock();
+    if arguments.json {
+        serde_json::to_writer_pretty(&mut out, &info)?;
+        writeln!(out)?;
+    } else {
+        writeln!(out, "{}", printable_text(&info.to_string()))?;
+    }
+    Ok(Exit::Done)
+}
+
+/// Checks every byte of a pack.
+///
+/// # Errors
+/// The pack is damaged or cannot be read.
+pub fn verify(arguments: &VerifyArgs) -> Result<Exit> {
+    inputs::check_regular(&arguments.pack)?;
+    let pack = Pack::open(&arguments.pack)?;
+    pack.verify()?;
+    writeln!(
+        std::io::stdout(),
+        "{}: whole, {:.1} MB",
+        printable_text(&arguments.pack.display().to_string()),
+        pack.len_bytes() as f64 / 1e6
+    )?;
+    Ok(Exit::Done)
+}

@@ -1,0 +1,88 @@
+//! Which map, and where it lies.
+
+use std::path::Path;
+use std::str::FromStr;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use grimnet_geo::{MapOptions, Raster};
+use grimnet_pack::Pack;
+
+/// Heading of the options that say where a map lies.
+const MAP: &str = "Map without georeference";
+
+/// Where a map lies, if its file does not tell it.
+#[derive(Debug, Clone, Args)]
+pub struct MapPlace {
+    /// Coordinate system of a map that does not state it, such as EPSG:25833
+    #[arg(long, value_name = "CRS", help_heading = MAP)]
+    pub crs: Option<String>,
+
+    /// Corners of a picture without georeference, degrees: lower left, then upper right
+    #[arg(
+        long,
+        value_name = "LL_LON,LL_LAT,UR_LON,UR_LAT",
+        allow_hyphen_values = true,
+        help_heading = MAP
+    )]
+    pub corners: Option<CornersChoice>,
+}
+
+/// `LL_LON,LL_LAT,UR_LON,UR_LAT`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct CornersChoice([f64; 4]);
+
+impl FromStr for CornersChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse()).collect();
+        numbers
+            .ok()
+            .and_then(|n| n.try_into().ok())
+            .map(Self)
+            .ok_or_else(|| {
+                "expected longitude and latitude of the lower left, then of the upper right corner, degrees, such as \
+                 13.40,52.50,13.42,52.52"
+                    .to_owned()
+            })
+    }
+}
+
+impl MapPlace {
+    /// The options of the map reader.
+    pub fn options(&self) -> MapOptions {
+        MapOptions {
+            crs: self.crs.clone(),
+            corners: self.corners.map(|c| c.0),
+            ..MapOptions::default()
+        }
+    }
+}
+
+/// Checks that `map` is the map that the pack was built from: drawings take the pack's pixel positions.
+///
+/// # Errors
+/// The map is another one or cannot be read.
+pub fn check_built_from(pack: &Pack, map: &dyn Raster, path: &Path) -> Result<()> {
+    let hash: String = map
+        .content_hash()?
+        .iter()
+        .map(|byte| format!("{byte:02x}"))
+        .collect();
+    if hash != pack.manifest().map.hash {
+        bail!(
+            "{} is not the map that {} was built from, or was changed since: expected content hash {}, found {}; give that \
+             map, or build the pack again",
+            path.display(),
+            pack.path().display(),
+            short(&pack.manifest().map.hash),
+            short(&hash)
+        );
+    }
+    Ok(())
+}
+
+fn short(hash: &str) -> &str {
+    hash.get(..16).unwrap_or(hash)
+}

@@ -1,0 +1,86 @@
+//! Pictures of what was matched.
+
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, Result};
+use grimnet_geo::Raster;
+use grimnet_locate::Outcome;
+use grimnet_locate::draw::{DrawOptions, draw_matches};
+use grimnet_output::{OutputFolder, OutputPolicy};
+use grimnet_photo::Photo;
+use image::ImageFormat;
+
+use crate::{errors, photos};
+
+/// A folder with a drawing for each photo of a run.
+pub struct Drawings {
+    folder: OutputFolder,
+    map: Option<Box<dyn Raster>>,
+    /// File name for each photo.
+    names: Vec<String>,
+    /// How many drawings could not be made or written.
+    pub failed: usize,
+}
+
+impl Drawings {
+    /// Opens the folder, and checks every file name before the work begins.
+    ///
+    /// # Errors
+    /// A drawing would replace a file that it may not replace, or the folder cannot be written.
+    pub fn open(
+        folder: &Path,
+        policy: &OutputPolicy,
+        photos: &[PathBuf],
+        map: Option<Box<dyn Raster>>,
+    ) -> Result<Self> {
+        let names: Vec<String> = photos::picture_names(photos)
+            .into_iter()
+            .map(|name| name + ".jpg")
+            .collect();
+        let folder = OutputFolder::open(folder, policy)?;
+        folder.check(&names)?;
+        Ok(Self {
+            folder,
+            map,
+            names,
+            failed: 0,
+        })
+    }
+
+    /// Draws the answer of one photo. A failure is reported and counted: the answers are worth more than a picture.
+    pub fn draw(&mut self, number: usize, photo: &Photo, outcome: &Outcome) {
+        let name = &self.names[number];
+        let drawn = jpeg_of(photo, outcome, self.map.as_deref()).and_then(|jpeg| match jpeg {
+            Some(jpeg) => Ok(self.folder.write_bytes(name, &jpeg)?),
+            None => Ok(()),
+        });
+        if let Err(error) = drawn {
+            self.failed += 1;
+            tracing::error!("no drawing {name}: {}", errors::message(&error));
+        }
+    }
+}
+
+/// A JPEG of one answer's matches; `None` if nothing was matched.
+///
+/// # Errors
+/// The map cannot be read, or the picture not be encoded.
+pub fn jpeg_of(
+    photo: &Photo,
+    outcome: &Outcome,
+    map: Option<&dyn Raster>,
+) -> Result<Option<Vec<u8>>> {
+    let matched = match outcome {
+        Outcome::Fix(fix) => fix.drawn.as_deref(),
+        Outcome::NoFix(no_fix) => no_fix.drawn.as_deref(),
+    };
+    let Some(matched) = matched else {
+        return Ok(None);
+    };
+    let mut jpeg = Cursor::new(Vec::new());
+    draw_matches(photo, matched, map, &DrawOptions::default())?
+        .write_to(&mut jpeg, ImageFormat::Jpeg)
+        .context("cannot encode the drawing")?;
+    Ok(Some(jpeg.into_inner()))
+}

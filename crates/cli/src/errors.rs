@@ -1,0 +1,77 @@
+//! Errors in words: each cause once, and what to type.
+
+use std::io;
+
+use grimnet_output::OutputError;
+
+/// The error and its causes, each told once: many libraries repeat their cause in their own message.
+pub fn message(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1) {
+        let cause = cause.to_string();
+        if !text.contains(&cause) {
+            text.push_str(": ");
+            text.push_str(&cause);
+        }
+    }
+    text
+}
+
+/// As [`message`], with the option of the program that helps, which libraries do not know.
+pub fn message_with_hint(error: &anyhow::Error) -> String {
+    let mut text = message(error);
+    if let Some(hint) = error.chain().find_map(hint) {
+        text.push_str(" (");
+        text.push_str(hint);
+        text.push(')');
+    }
+    text
+}
+
+fn hint(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
+    match error.downcast_ref::<OutputError>()? {
+        OutputError::NotOwn { .. } => Some("--overwrite allows it"),
+        _ => None,
+    }
+}
+
+/// Whether the error is that the reader of our output went away.
+pub fn is_broken_pipe(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        let kind = cause.downcast_ref::<io::Error>().map(io::Error::kind);
+        let json = cause
+            .downcast_ref::<serde_json::Error>()
+            .and_then(serde_json::Error::io_error_kind);
+        let broken = Some(io::ErrorKind::BrokenPipe);
+        kind == broken || json == broken
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context as _;
+
+    #[test]
+    fn each_cause_is_told_once() {
+        let inner = io::Error::other("no space left");
+        let error = anyhow::Error::new(inner)
+            .context("cannot write a.csv: no space left")
+            .context("stopped");
+        assert_eq!(
+            message(&error),
+            "stopped: cannot write a.csv: no space left"
+        );
+    }
+
+    #[test]
+    fn a_gone_reader_is_told_from_other_errors() {
+        let of = |kind: io::ErrorKind| {
+            Err::<(), _>(io::Error::from(kind))
+                .context("cannot write")
+                .unwrap_err()
+        };
+        assert!(is_broken_pipe(&of(io::ErrorKind::BrokenPipe)));
+        assert!(!is_broken_pipe(&of(io::ErrorKind::StorageFull)));
+    }
+}

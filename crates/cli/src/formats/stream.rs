@@ -1,0 +1,145 @@
+//! Answers written one by one, so that a long run shows what it has and a killed one keeps it.
+
+use std::io::{Seek as _, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use grimnet_output::{AtomicFile, OutputPolicy};
+
+use super::{AnswerFormat, Format};
+use crate::answer::Answer;
+
+/// Where answers go as they come.
+///
+/// In a file, the text is well-formed after every answer: the closing is written behind each answer and overwritten by
+/// the next one. The file is `FILE.partial` until the run ends.
+pub struct AnswerStream {
+    format: Box<dyn AnswerFormat>,
+    out: Out,
+    opened: bool,
+}
+
+enum Out {
+    Stdout(std::io::Stdout),
+    File(AtomicFile),
+}
+
+impl AnswerStream {
+    /// Answers go to standard output.
+    pub fn to_stdout(format: Format) -> Self {
+        Self {
+            format: format.start(),
+            out: Out::Stdout(std::io::stdout()),
+            opened: false,
+        }
+    }
+
+    /// Answers go to a file.
+    ///
+    /// # Errors
+    /// The file may not be replaced, or nothing can be written there.
+    pub fn to_file(format: Format, path: &Path, policy: &OutputPolicy) -> Result<Self> {
+        Ok(Self {
+            format: format.start(),
+            out: Out::File(policy.create_partial(path)?),
+            opened: false,
+        })
+    }
+
+    /// Where the answers are until the run ends; `None` if they are written through.
+    pub fn partial_path(&self) -> Option<PathBuf> {
+        match &self.out {
+            Out::Stdout(_) => None,
+            Out::File(file) => file.partial_path().map(Path::to_owned),
+        }
+    }
+
+    /// Writes one answer.
+    ///
+    /// # Errors
+    /// The output cannot be written.
+    pub fn write(&mut self, answer: &Answer) -> Result<()> {
+        let mut text = self.opening();
+        text += &self.format.answer(answer)?;
+        let closing = self.format.closing();
+        match &mut self.out {
+            // What was written to a pipe cannot be taken back: the closing waits for the end.
+            Out::File(file) if file.partial_path().is_some() => {
+                text += closing;
+                file.write_all(text.as_bytes())?;
+                file.seek(SeekFrom::Current(-(closing.len() as i64)))?;
+            }
+            out => out.write(&text)?,
+        }
+        Ok(())
+    }
+
+    /// Writes what ends the text, and puts a file in its place.
+    ///
+    /// # Errors
+    /// The output cannot be written.
+    pub fn finish(mut self) -> Result<()> {
+        let mut text = self.opening();
+        text += self.format.closing();
+        text += &self.format.summary();
+        self.out.write(&text)?;
+        match self.out {
+            Out::Stdout(_) => {}
+            Out::File(file) => file.commit()?,
+        }
+        Ok(())
+    }
+
+    /// The opening, once.
+    fn opening(&mut self) -> String {
+        if std::mem::replace(&mut self.opened, true) {
+            String::new()
+        } else {
+            self.format.opening()
+        }
+    }
+}
+
+impl Out {
+    fn write(&mut self, text: &str) -> std::io::Result<()> {
+        let write = |out: &mut dyn Write| {
+            out.write_all(text.as_bytes())?;
+            out.flush()
+        };
+        match self {
+            Self::Stdout(out) => write(out),
+            Self::File(file) => write(file),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::formats::tests::answers;
+
+    #[test]
+    fn the_partial_file_is_well_formed_after_every_answer() {
+        let folder = tempfile::tempdir().unwrap();
+        for (format, name) in [
+            (Format::Geojson, "a.geojson"),
+            (Format::Kml, "a.kml"),
+            (Format::Csv, "a.csv"),
+            (Format::Jsonl, "a.jsonl"),
+        ] {
+            let path = folder.path().join(name);
+            let partial = folder.path().join(format!("{name}.partial"));
+            let mut stream = AnswerStream::to_file(format, &path, &OutputPolicy::new()).unwrap();
+            for (i, answer) in answers().iter().enumerate() {
+                stream.write(answer).unwrap();
+                assert!(!path.exists());
+                let text = fs_err::read_to_string(&partial).unwrap();
+                assert_eq!(text, format.text_of(&answers()[..=i]).unwrap(), "{name}");
+            }
+            stream.finish().unwrap();
+            let text = fs_err::read_to_string(&path).unwrap();
+            assert_eq!(text, format.text_of(&answers()).unwrap());
+            assert!(!partial.exists());
+        }
+    }
+}

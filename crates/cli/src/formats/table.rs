@@ -1,0 +1,63 @@
+//! Aligned columns, for reading.
+
+use std::fmt::Write as _;
+use std::path::Path;
+
+use anyhow::Result;
+
+use super::{AnswerFormat, or_dash};
+use crate::answer::{Answer, State};
+use crate::terminal::printable;
+
+#[derive(Default)]
+pub struct Table {
+    answers: usize,
+    fixes: usize,
+}
+
+impl AnswerFormat for Table {
+    fn opening(&self) -> String {
+        format!(
+            "{:<24} {:>12} {:>13} {:>8} {:>8} {:>8} {:>7}\n",
+            "photo", "latitude", "longitude", "±95% m", "heading", "inliers", "ms"
+        )
+    }
+
+    fn answer(&mut self, answer: &Answer) -> Result<String> {
+        self.answers += 1;
+        let name = Path::new(&answer.photo).file_name().map_or_else(
+            || answer.photo.clone(),
+            |n| n.to_string_lossy().into_owned(),
+        );
+        let name = printable(&name);
+        let mut line = format!("{name:<24} ");
+        match answer.state {
+            State::Fix => {
+                self.fixes += 1;
+                write!(
+                    line,
+                    "{:>12} {:>13} {:>8} {:>8} {:>8} {:>7}",
+                    or_dash(answer.lat_deg, 7),
+                    or_dash(answer.lon_deg, 7),
+                    or_dash(answer.radius95_m, 1),
+                    or_dash(answer.heading_deg, 1),
+                    answer.inliers.unwrap_or(0),
+                    or_dash(answer.time_ms.get("total").copied(), 0),
+                )?;
+                if let Some(check) = answer.check_m {
+                    write!(line, "  {check:.1} m from its metadata")?;
+                }
+            }
+            State::NoFix => {
+                let reason = answer.reason.as_deref().unwrap_or("");
+                write!(line, "no fix: {}", printable(reason))?;
+            }
+        }
+        line.push('\n');
+        Ok(line)
+    }
+
+    fn summary(&self) -> String {
+        format!("{} of {} photos located\n", self.fixes, self.answers)
+    }
+}

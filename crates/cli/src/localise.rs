@@ -1,0 +1,50 @@
+//! Localising single photos, as several commands do.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use grimnet_locate::{Localizer, Outcome, Prior, Trace};
+use grimnet_photo::Photo;
+
+use crate::inputs;
+
+/// Opens a photo at the size that a query needs and localises it.
+///
+/// # Errors
+/// The photo cannot be read.
+pub fn locate_one(localizer: &Localizer, path: &Path, prior: &Prior) -> Result<(Photo, Outcome)> {
+    let (photo, outcome, _) = locate_one_traced(localizer, path, prior)?;
+    Ok((photo, outcome))
+}
+
+/// As [`locate_one`], with what was searched on the way.
+///
+/// # Errors
+/// The photo cannot be read.
+pub fn locate_one_traced(
+    localizer: &Localizer,
+    path: &Path,
+    prior: &Prior,
+) -> Result<(Photo, Outcome, Trace)> {
+    inputs::check_regular(path)?;
+    let photo = Photo::open(path)?;
+    let (outcome, trace) = localizer.locate_traced(&photo, prior)?;
+    Ok((photo, outcome, trace))
+}
+
+/// A localiser whose photo statistics come from all the given photos; unreadable ones are left out.
+///
+/// # Errors
+/// None of the photos can be used.
+pub fn adapt_to_flight(
+    localizer: Localizer,
+    paths: &[PathBuf],
+    prior: &Prior,
+) -> Result<Localizer> {
+    let photos: Vec<Photo> = paths
+        .iter()
+        .filter(|path| inputs::check_regular(path).is_ok())
+        .filter_map(|path| Photo::open(path).ok())
+        .collect();
+    Ok(localizer.adapted_to_flight(photos.iter().map(|photo| (photo, prior)))?)
+}

@@ -144,3 +144,53 @@ impl Cli {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::{Command as Clap, CommandFactory as _};
+
+    /// Commands whose options depend on the features of the build.
+    const OPTIONAL: [&str; 3] = ["eval", "calibrate", "train"];
+
+    fn program() -> Clap {
+        let mut program = Cli::command().term_width(100).disable_help_subcommand(true);
+        program.build();
+        program
+    }
+
+    /// Calls `each` with every command below `command`, by its full name.
+    fn visit(command: &Clap, each: &mut dyn FnMut(&str, &Clap)) {
+        let name = command.get_display_name().unwrap_or("grim");
+        each(name, command);
+        for below in command.get_subcommands() {
+            visit(below, each);
+        }
+    }
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        program().debug_assert();
+    }
+
+    #[test]
+    fn help_of_every_command() {
+        visit(&program(), &mut |name, command| {
+            if !OPTIONAL.iter().any(|other| name.ends_with(other)) {
+                let help = command.clone().render_long_help().to_string();
+                insta::assert_snapshot!(name, help);
+            }
+        });
+    }
+
+    #[test]
+    fn every_command_that_does_something_shows_an_example() {
+        visit(&program(), &mut |name, command| {
+            if command.get_subcommands().next().is_none() {
+                let help = command.clone().render_long_help().to_string();
+                let example = format!("\n  {}", name.replace('-', " "));
+                assert!(help.contains(&example), "{name}: {help}");
+            }
+        });
+    }
+}

@@ -12,7 +12,7 @@ use grimnet_net::Model;
 use super::ModelChoice;
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
-use crate::progress;
+use crate::{progress, values};
 
 /// Arguments of `grim calibrate`.
 #[derive(Debug, Args)]
@@ -44,11 +44,11 @@ pub struct CalibrateArgs {
     pictures: Vec<PathBuf>,
 
     /// Ground resolution that the pictures are taken to have, metres per pixel
-    #[arg(long, value_name = "M", default_value_t = 0.15)]
+    #[arg(long, value_name = "M", default_value_t = 0.15, value_parser = values::gsd_m, allow_hyphen_values = true)]
     pictures_gsd: f64,
 
     /// Share of photos taken elsewhere that may be given a fix: a smaller share costs right answers
-    #[arg(long, value_name = "SHARE", default_value_t = ELSEWHERE_ANSWERED)]
+    #[arg(long, value_name = "SHARE", default_value_t = ELSEWHERE_ANSWERED, value_parser = values::inner_share, allow_hyphen_values = true)]
     elsewhere_answered: f64,
 
     /// Also write what was observed, a line a photo
@@ -86,12 +86,6 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         observation::write(path, &observations)
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    if !(arguments.elsewhere_answered > 0.0 && arguments.elsewhere_answered < 1.0) {
-        bail!(
-            "--elsewhere-answered {}: must be a share above 0 and below 1",
-            arguments.elsewhere_answered
-        );
-    }
     let calibration = calibration::fit(&observations, &data, arguments.elsewhere_answered)?;
     model
         .with_calibration(calibration.clone())?
@@ -114,12 +108,6 @@ fn observe(
     if arguments.worlds + arguments.pictures.len() < 2 {
         bail!(
             "at least two worlds or folders of pictures are needed: each is the other's wrong area"
-        );
-    }
-    if !(arguments.pictures_gsd > 0.0 && arguments.pictures_gsd.is_finite()) {
-        bail!(
-            "--pictures-gsd {}: must be a positive number of metres per pixel",
-            arguments.pictures_gsd
         );
     }
     let folder = tempfile::tempdir()?;

@@ -2,6 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+mod interruptions;
+mod outputs;
+mod words;
+
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -21,7 +25,7 @@ fn grim() -> Command {
 fn demo() -> &'static Path {
     static DEMO: OnceLock<PathBuf> = OnceLock::new();
     DEMO.get_or_init(|| {
-        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("demo");
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("flight");
         grim()
             .args(["demo", "--photos", &PHOTOS.to_string(), "--out"])
             .arg(&folder)
@@ -187,7 +191,7 @@ fn one_bad_photo_leaves_the_others_as_they_are() {
     let bad = [cut, text, empty].map(|name| folder.path().join(name));
     let photos = [&bad[..], &[photo(1)]].concat();
     let (output, status) = locate(&[], &photos);
-    assert_eq!(status, 1);
+    assert_eq!(status, 2, "unreadable input");
     let answers = lines(&output);
     for (answer, path) in answers.iter().zip(&bad) {
         assert_eq!(answer["state"], "no_fix");
@@ -309,7 +313,14 @@ fn a_pack_tells_what_it_holds_and_is_not_built_twice() {
         .unwrap();
     let info: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(info.is_object());
-    let picture = demo().join("tiles.png");
+    grim()
+        .args(["map", "verify"])
+        .arg(pack())
+        .assert()
+        .success()
+        .stdout(contains("whole"));
+    let folder = tempfile::tempdir().unwrap();
+    let picture = folder.path().join("tiles.png");
     grim()
         .args(["map", "info"])
         .arg(pack())

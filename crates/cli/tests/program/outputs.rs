@@ -1,0 +1,276 @@
+//! Outputs never replace an input, nor a file that the program did not write.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use predicates::prelude::*;
+use predicates::str::contains;
+
+use super::{demo, grim, locate, pack, photo};
+
+/// Every file below a folder with its content, but for the list of outputs.
+fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            found.extend(contents(&path));
+        } else if path.file_name().unwrap() != ".grim-output" {
+            found.insert(path.clone(), fs::read(path).unwrap());
+        }
+    }
+    found
+}
+
+/// A map of noise whose pack has a few tiles, and the options that place it.
+fn small_map(folder: &Path) -> (PathBuf, [&'static str; 2]) {
+    let mut state = 1u32;
+    let noise = image::RgbImage::from_fn(1100, 1100, |_, _| {
+        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        let bytes = state.to_be_bytes();
+        image::Rgb([bytes[0], bytes[1], bytes[0] ^ bytes[1]])
+    });
+    let path = folder.join("map.png");
+    noise.save(&path).unwrap();
+    (path, ["--corners", "13.400,52.500,13.404,52.5025"])
+}
+
+fn build(map: &Path, place: &[&str], out: &Path) -> assert_cmd::Command {
+    let mut command = grim();
+    command.args(["map", "build", "--gsd", "0.25"]);
+    command.args(place).arg(map).arg("-o").arg(out);
+    command
+}
+
+#[test]
+fn the_demo_spares_what_a_user_keeps_in_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("photos");
+    fs::create_dir(&photos).unwrap();
+    fs::write(photos.join("mine.jpg"), "my photo").unwrap();
+    fs::write(folder.path().join("truth.csv"), "my truth").unwrap();
+    let before = contents(folder.path());
+    let demo = |photos: &str| {
+        let mut command = grim();
+        command.args(["demo", "--photos", photos, "--out"]);
+        command.arg(folder.path());
+        command
+    };
+    demo("1")
+        .assert()
+        .code(2)
+        .stderr(contains("truth.csv").and(contains("--overwrite")));
+    assert_eq!(contents(folder.path()), before);
+
+    // Without a file in its way it runs, also a second time, and removes only its own.
+    fs::remove_file(folder.path().join("truth.csv")).unwrap();
+    demo("2").assert().success();
+    assert!(photos.join("flight_002.jpg").exists());
+    demo("1").assert().success();
+    assert!(!photos.join("flight_002.jpg").exists());
+    assert_eq!(fs::read(photos.join("mine.jpg")).unwrap(), b"my photo");
+}
+
+#[test]
+fn a_pack_replaces_packs_only() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, place) = small_map(folder.path());
+    let before = fs::read(&map).unwrap();
+    for overwrite in [&[][..], &["--overwrite"]] {
+        build(&map, &place, &map)
+            .args(overwrite)
+            .assert()
+            .code(2)
+            .stderr(contains("never replaces an input"));
+    }
+    assert_eq!(fs::read(&map).unwrap(), before);
+
+    let out = folder.path().join("x.grim");
+    fs::write(&out, "a letter").unwrap();
+    build(&map, &place, &out)
+        .assert()
+        .code(2)
+        .stderr(contains("--overwrite"));
+    assert_eq!(fs::read(&out).unwrap(), b"a letter");
+    build(&map, &place, &out)
+        .arg("--overwrite")
+        .assert()
+        .success();
+    // Another map's pack is replaced without a word, as it was always.
+    let other = ["--corners", "13.500,52.500,13.504,52.5025"];
+    build(&map, &other, &out).assert().success();
+}
+
+#[test]
+fn an_existing_folder_is_refused_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, place) = small_map(folder.path());
+    let out = folder.path().join("folder");
+    fs::create_dir(&out).unwrap();
+    build(&map, &place, &out)
+        .assert()
+        .code(2)
+        .stderr(contains("is a folder"));
+    build(&map, &place, &folder.path().join("no/x.grim"))
+        .assert()
+        .code(2)
+        .stderr(contains("does not exist"));
+    assert!(!folder.path().join("folder.partial").exists());
+    let (_, status) = locate(&["--out", out.to_str().unwrap()], &[photo(1)]);
+    assert_eq!(status, 2);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_device_is_written_through() {
+    use std::os::unix::fs::FileTypeExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let (map, place) = small_map(folder.path());
+    let null = Path::new("/dev/null");
+    build(&map, &place, null).assert().success();
+    assert!(fs::metadata(null).unwrap().file_type().is_char_device());
+    assert!(!Path::new("/dev/null.partial").exists());
+    // Standard output gets the same pack as a file.
+    let file = folder.path().join("x.grim");
+    build(&map, &place, &file).assert().success();
+    let piped = build(&map, &place, Path::new("/dev/stdout"))
+        .output()
+        .unwrap();
+    assert!(piped.stdout == fs::read(file).unwrap());
+}
+
+#[test]
+fn drawings_spare_the_photos() {
+    let folder = tempfile::tempdir().unwrap();
+    for number in [1, 2] {
+        let name = format!("{number}.jpg");
+        fs::copy(photo(number), folder.path().join(name)).unwrap();
+    }
+    let before = contents(folder.path());
+    let path = folder.path().to_str().unwrap();
+    for overwrite in [&[][..], &["--overwrite"]] {
+        let arguments = [&["--draw", path], overwrite].concat();
+        let (text, status) = locate(&arguments, &[folder.path().to_owned()]);
+        assert_eq!((status, text.as_str()), (2, ""));
+    }
+    assert_eq!(contents(folder.path()), before);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_failed_drawing_costs_no_answer() {
+    let folder = tempfile::tempdir().unwrap();
+    std::os::unix::fs::symlink("/dev/full", folder.path().join("flight_001.jpg")).unwrap();
+    let (text, status) = locate(
+        &["--draw", folder.path().to_str().unwrap()],
+        &[photo(1), photo(2)],
+    );
+    assert_eq!(super::lines(&text).len(), 2);
+    assert_eq!(status, 2, "not all was written that was asked for");
+    let drawn = folder.path().join("flight_002.jpg");
+    assert!(image::open(drawn).unwrap().width() > 100);
+}
+
+#[test]
+fn an_evaluation_spares_the_photos_wherever_the_truth_file_names_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, out) = (folder.path().join("data"), folder.path().join("out"));
+    fs::create_dir_all(data.join("photos/sub")).unwrap();
+    let absolute = folder.path().join("elsewhere.jpg");
+    fs::copy(photo(1), &absolute).unwrap();
+    fs::copy(photo(2), data.join("photos/sub/a.jpg")).unwrap();
+    let truth = fs::read_to_string(demo().join("truth.csv")).unwrap();
+    let rows: Vec<&str> = truth.lines().collect();
+    let renamed = |row: &str, name: &str| format!("{name},{}", row.split_once(',').unwrap().1);
+    let table = [
+        rows[0].to_owned(),
+        renamed(rows[1], absolute.to_str().unwrap()),
+        renamed(rows[2], "sub/a.jpg"),
+    ];
+    fs::write(data.join("truth.csv"), table.join("\n")).unwrap();
+    let before = [contents(&data), contents(&demo().join("photos"))];
+    let photo_before = fs::read(&absolute).unwrap();
+    let eval = || {
+        let mut command = grim();
+        command.arg("eval").arg(&data);
+        command.arg("--map").arg(demo().join("map.tif"));
+        command.args(["--heading", "exif", "--out"]).arg(&out);
+        command
+    };
+    eval().assert().success();
+    assert_eq!(fs::read(&absolute).unwrap(), photo_before);
+    assert_eq!([contents(&data), contents(&demo().join("photos"))], before);
+    let summary = super::json(&out.join("summary.json"));
+    assert_eq!(summary["heading_from_the_photo"]["frames"], 2);
+    assert!(out.join("matches/sub_a.jpg").exists());
+
+    // A second run replaces its own results, and not what was edited in the meantime.
+    eval().assert().success();
+    fs::write(out.join("report.html"), "my notes").unwrap();
+    eval().assert().code(2).stderr(contains("report.html"));
+    assert_eq!(fs::read(out.join("report.html")).unwrap(), b"my notes");
+}
+
+#[test]
+#[cfg(unix)]
+fn answers_are_readable_by_whom_the_umask_lets() {
+    use std::os::unix::fs::PermissionsExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let (plain, answers) = (folder.path().join("plain"), folder.path().join("a.jsonl"));
+    fs::write(&plain, "").unwrap();
+    let (_, status) = locate(&["--out", answers.to_str().unwrap()], &[photo(1)]);
+    assert_eq!(status, 0);
+    let mode = |path: &Path| fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(&answers), mode(&plain));
+    // The answers of a run are not replaced by those of another without being asked.
+    let again = ["--out", answers.to_str().unwrap()];
+    assert_eq!(locate(&again, &[photo(2)]).1, 2);
+    let allowed = [&again[..], &["--overwrite"]].concat();
+    assert_eq!(locate(&allowed, &[photo(2)]).1, 0);
+    let text = fs::read_to_string(&answers).unwrap();
+    assert!(text.contains("flight_002"));
+    assert!(!folder.path().join("a.jsonl.partial").exists());
+}
+
+#[test]
+fn an_unreadable_map_leaves_nothing_behind() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("cut.tif");
+    let whole = fs::read(demo().join("map.tif")).unwrap();
+    // The tail holds the directory: damage the pixels, keep the structure.
+    let mut damaged = whole.clone();
+    let len = damaged.len();
+    damaged[64..len / 2].fill(0xff);
+    fs::write(&map, damaged).unwrap();
+    let out = folder.path().join("x.grim");
+    build(&map, &[], &out)
+        .assert()
+        .code(2)
+        .stderr(contains("cut.tif"));
+    let left: Vec<_> = contents(folder.path()).into_keys().collect();
+    assert_eq!(left, [map]);
+}
+
+#[test]
+fn manual_pages_and_completions() {
+    let folder = tempfile::tempdir().unwrap();
+    let man = folder.path().join("man1");
+    for _ in 0..2 {
+        grim().arg("man").arg(&man).assert().success();
+    }
+    for name in ["grim.1", "grim-locate.1", "grim-map-build.1"] {
+        let page = fs::read_to_string(man.join(name)).unwrap();
+        assert!(page.contains(".SH NAME"), "{name}");
+        assert!(page.contains(name.trim_end_matches(".1")) || page.contains("grim\\-"));
+    }
+    for shell in ["bash", "zsh", "fish"] {
+        grim()
+            .args(["completions", shell])
+            .assert()
+            .success()
+            .stdout(contains("locate").and(contains("overwrite")));
+    }
+    // Packs can be read while they are built into.
+    assert!(pack().exists());
+}

@@ -1,0 +1,252 @@
+//! Exit status, messages, and what is refused before any work.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::time::Duration;
+
+use predicates::prelude::*;
+use predicates::str::contains;
+
+use super::{demo, grim, lines, locate, pack, photo};
+
+#[test]
+fn a_missing_photo_is_unreadable_input_among_others_too() {
+    let gone = || PathBuf::from("/no/such.jpg");
+    assert_eq!(locate(&[], &[gone()]).1, 2);
+    let (text, status) = locate(&[], &[gone(), photo(1)]);
+    assert_eq!(status, 2);
+    let answers = lines(&text);
+    assert_eq!(answers[1]["state"], "fix", "the others are answered");
+    let reason = answers[0]["reason"].as_str().unwrap();
+    assert_eq!(reason.matches("/no/such.jpg").count(), 1, "{reason}");
+    assert_eq!(reason.matches("No such file").count(), 1, "{reason}");
+    // A photo without a fix is no error.
+    assert_eq!(locate(&["--near", "52.5,13.4,100"], &[photo(1)]).1, 1);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_reader_that_goes_away_is_no_error() {
+    let grim = assert_cmd::cargo::cargo_bin("grim");
+    let run = |arguments: &str| {
+        let line = format!("{} {arguments} | head -c 1", grim.display());
+        let output = Command::new("bash").args(["-c", &line]).output().unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!((output.stdout.len(), errors.as_str()), (1, ""), "{line}");
+    };
+    let (pack, photos) = (pack(), demo().join("photos"));
+    for format in ["jsonl", "csv", "kml", "table", "geojson"] {
+        run(&format!(
+            "locate --pack {} {} --format {format}",
+            pack.display(),
+            photos.display()
+        ));
+    }
+    run(&format!("map info {} --json", pack.display()));
+    run("completions bash");
+    run("--help");
+    run("");
+}
+
+#[test]
+#[cfg(unix)]
+fn a_full_disk_is_said_once_with_the_file() {
+    let output = grim()
+        .args(["locate", "--out", "/dev/full", "--pack"])
+        .arg(pack())
+        .arg(photo(1))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(errors.matches("/dev/full").count(), 1, "{errors}");
+    assert_eq!(errors.matches("No space left").count(), 1, "{errors}");
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_with_their_option() {
+    let cases: &[(&[&str], &str)] = &[
+        (
+            &[
+                "map",
+                "build",
+                "m",
+                "-o",
+                "o",
+                "--height-agl",
+                "100",
+                "--hfov",
+                "400",
+            ],
+            "--hfov",
+        ),
+        (&["map", "build", "m", "-o", "o", "--hfov", "70"], "--hfov"),
+        (
+            &[
+                "map",
+                "build",
+                "m",
+                "-o",
+                "o",
+                "--height-agl",
+                "-5",
+                "--hfov",
+                "70",
+            ],
+            "--height-agl",
+        ),
+        (
+            &["map", "build", "m", "-o", "o", "--gsd", "0.2,-1"],
+            "--gsd",
+        ),
+        (&["map", "build", "m", "-o", "o", "--gsd", "nan"], "--gsd"),
+        (
+            &["locate", "-p", "p", "a", "--height-agl=-1"],
+            "--height-agl",
+        ),
+        (
+            &["locate", "-p", "p", "a", "--map-error", "nan"],
+            "--map-error",
+        ),
+        (
+            &["locate", "-p", "p", "a", "--min-confidence", "1.5"],
+            "--min-confidence",
+        ),
+        (
+            &["locate", "-p", "p", "a", "--budget-ms", "0"],
+            "--budget-ms",
+        ),
+        (&["locate", "-p", "p", "a", "--top-k", "0"], "--top-k"),
+        (
+            &["locate", "-p", "p", "a", "--threads", "5000"],
+            "--threads",
+        ),
+        (
+            &["eval", "f", "-o", "o", "--map-error", "nan"],
+            "--map-error",
+        ),
+        (
+            &["eval", "f", "-o", "o", "--footprint-width=-5"],
+            "--footprint-width",
+        ),
+        (
+            &["eval", "f", "-o", "o", "--truth-error", "-1"],
+            "--truth-error",
+        ),
+        (&["demo", "--photos", "0"], "--photos"),
+    ];
+    for (arguments, option) in cases {
+        grim()
+            .args(*arguments)
+            .assert()
+            .code(2)
+            .stderr(contains(*option));
+    }
+}
+
+#[test]
+fn another_map_than_the_packs_is_noticed() {
+    let folder = tempfile::tempdir().unwrap();
+    // The same map in content, another in bytes.
+    let map = folder.path().join("other.tif");
+    let mut bytes = fs::read(demo().join("map.tif")).unwrap();
+    bytes.push(0);
+    fs::write(&map, bytes).unwrap();
+    let drawings = folder.path().join("drawings");
+    grim()
+        .args(["locate", "--pack"])
+        .arg(pack())
+        .arg(photo(1))
+        .arg("--draw")
+        .arg(&drawings)
+        .arg("--map")
+        .arg(&map)
+        .assert()
+        .code(2)
+        .stderr(contains("is not the map that").and(contains("other.tif")));
+    assert!(!drawings.exists());
+}
+
+#[test]
+#[cfg(unix)]
+fn pipes_are_refused_and_never_waited_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let fifo = folder.path().join("fifo.jpg");
+    assert!(
+        Command::new("mkfifo")
+            .arg(&fifo)
+            .status()
+            .unwrap()
+            .success()
+    );
+    let fifo = fifo.to_str().unwrap();
+    let pack = pack();
+    let (pack, photo) = (pack.to_str().unwrap(), photo(1));
+    let photo = photo.to_str().unwrap();
+    let refused = |arguments: &[&str]| {
+        grim()
+            .args(arguments)
+            .timeout(Duration::from_secs(60))
+            .assert()
+            .code(2)
+            .stdout(contains("is a pipe").or(predicate::str::is_empty()))
+            .stderr(contains("pipe").or(contains("could not be read")));
+    };
+    let out = folder.path().join("x.grim");
+    let out = out.to_str().unwrap();
+    refused(&["locate", "--pack", pack, fifo]);
+    refused(&["locate", "--pack", fifo, photo]);
+    refused(&["map", "build", fifo, "-o", out]);
+    refused(&["map", "info", fifo]);
+    refused(&["map", "verify", fifo]);
+    refused(&["model", "info", fifo]);
+}
+
+#[test]
+#[cfg(unix)]
+fn nothing_from_a_file_name_steers_the_terminal() {
+    let folder = tempfile::tempdir().unwrap();
+    let name = folder.path().join("a\x1b[2J\x07.jpg");
+    fs::copy(photo(1), &name).unwrap();
+    let missing = folder.path().join("b\x1b]0;title\x07.grim");
+    for format in ["table", "jsonl", "kml"] {
+        let (text, _) = locate(&["--format", format], std::slice::from_ref(&name));
+        assert!(!text.contains('\x1b') && !text.contains('\x07'), "{text:?}");
+    }
+    let output = grim()
+        .args(["locate", "--pack"])
+        .arg(&missing)
+        .arg(&name)
+        .env("GRIM_LOG", "debug")
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    // Neither from the name nor as colour: this is no terminal.
+    assert!(!output.stderr.contains(&0x1b));
+}
+
+#[test]
+fn a_damaged_pack_is_found_by_verify() {
+    let folder = tempfile::tempdir().unwrap();
+    let path: &Path = &folder.path().join("x.grim");
+    let mut bytes = fs::read(pack()).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    fs::write(path, bytes).unwrap();
+    grim()
+        .args(["map", "verify"])
+        .arg(path)
+        .assert()
+        .code(2)
+        .stderr(contains("x.grim").and(contains("damaged")));
+}
+
+#[test]
+fn without_a_command_three_are_shown() {
+    grim().assert().success().stdout(
+        contains("grim demo")
+            .and(contains("grim map build"))
+            .and(contains("grim locate")),
+    );
+}

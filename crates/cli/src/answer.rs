@@ -1,4 +1,4 @@
-//! One photo's answer as it is written out. The field names are scripted against: they stay.
+//! One photo's answer as it is written. Scripts rely on the field names: they must not change.
 
 use std::collections::BTreeMap;
 
@@ -27,27 +27,27 @@ pub struct Answer {
     pub radius95_m: Option<f64>,
     /// Covariance in square metres: east-east, east-north, north-north.
     pub covariance_en_m2: Option<[f64; 3]>,
-    /// Probability that it is right and not another place; `null` where the model was never calibrated.
+    /// Probability that the position is right and not another place; `null` if the model was not calibrated.
     pub confidence: Option<f64>,
-    /// Matches that agree with the answer.
+    /// Matches that agree with the transform.
     pub inliers: Option<usize>,
     /// Why there is no fix.
     pub reason: Option<String>,
     /// Milliseconds by stage, and `total`.
     pub time_ms: BTreeMap<String, f64>,
-    /// Mutual matches before geometry.
+    /// Mutual matches before geometric verification.
     pub matches: Option<usize>,
-    /// The best answer at another place, by its inliers.
+    /// Inliers of the best candidate at another place.
     pub runner_up_inliers: Option<usize>,
     /// Distance in metres from the position in the photo's own metadata (`--check`).
     pub check_m: Option<f64>,
     /// Corners of the photo on the ground, `[lon, lat]` in degrees, clockwise from the top left.
     pub outline_lon_lat_deg: Option<Vec<[f64; 2]>>,
-    /// Metadata and options that the answer rests on.
+    /// Metadata and options that were used.
     pub used: Vec<Evidence>,
-    /// Metadata that was set aside, with the reason.
+    /// Metadata that were not used, with the reason.
     pub set_aside: Vec<Evidence>,
-    /// What was assumed of heading and scale where nothing was known.
+    /// Assumptions about heading and scale if nothing was known.
     pub assumed: Option<String>,
 }
 
@@ -73,7 +73,7 @@ impl Answer {
         }
     }
 
-    /// What the localiser said of `photo`.
+    /// The answer for `photo` from the result of the localiser.
     #[must_use]
     pub fn of(photo: &str, outcome: &Outcome) -> Self {
         match outcome {
@@ -127,7 +127,7 @@ impl Answer {
         }
     }
 
-    /// The fix as it is scored; none where there is none.
+    /// The fix as it is scored; `None` without a fix.
     #[must_use]
     pub fn scored_fix(&self) -> Option<ScoredFix> {
         let (lat_deg, lon_deg) = self.lat_deg.zip(self.lon_deg)?;
@@ -139,7 +139,7 @@ impl Answer {
     }
 }
 
-/// To so many decimals: 8 of a degree are a millimetre, and what lies below is noise that makes lines long.
+/// Rounds to `decimals`: 8 decimals of a degree are a millimetre.
 fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale

@@ -12,6 +12,7 @@ mod interrupt;
 mod localise;
 mod outputs;
 mod photos;
+mod procedural_flight;
 mod progress;
 mod terminal;
 mod values;

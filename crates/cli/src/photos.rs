@@ -1,4 +1,4 @@
-//! Which photos the command line means: files, folders and patterns.
+//! The photos that a command line names: files, folders and patterns.
 
 use std::collections::{HashMap, HashSet};
 use std::ffi::OsStr;
@@ -9,18 +9,18 @@ use anyhow::{Context, Result, bail};
 /// File endings that are taken from a folder, lower case.
 const PHOTO_ENDINGS: &[&str] = &["jpg", "jpeg", "png", "tif", "tiff", "webp"];
 
-/// Expands arguments to photos: a file as it stands, a folder to the pictures directly in it (sorted), a
-/// pattern with `*`, `?` or `[` to what it matches (sorted).
+/// Expands arguments to photos: a file to itself, a folder to the pictures directly in it (sorted), a
+/// pattern with `*`, `?` or `[` to the files that it matches (sorted).
 ///
 /// # Errors
-/// An argument that names nothing.
+/// A folder or pattern without photos.
 pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
     let mut photos = Vec::new();
     for argument in arguments {
         let found = expand_one(argument)?;
         if found.is_empty() {
             bail!(
-                "{}: no photos there (looked for {})",
+                "{}: no photos found (looked for {})",
                 argument.display(),
                 PHOTO_ENDINGS.join(", ")
             );
@@ -44,18 +44,18 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
     }
     let text = argument.to_string_lossy();
     if argument.exists() || !text.contains(['*', '?', '[']) {
-        // A file that is not there is answered in its own line, so that the other photos are localised.
+        // A missing file is reported in its own answer, so that the other photos are located.
         return Ok(vec![argument.to_owned()]);
     }
-    let matches = glob::glob(&text).with_context(|| format!("{text}: not a usable pattern"))?;
+    let matches = glob::glob(&text).with_context(|| format!("{text}: not a valid pattern"))?;
     Ok(matches
         .filter_map(Result::ok)
         .filter(|p| p.is_file())
         .collect())
 }
 
-/// What to call the picture of each photo, without its ending: the photo's name; where several share it, with the name of their
-/// folder before it; where these are one too, numbered.
+/// A different name for the drawing of each photo, without ending: the photo's name; if several photos share it, with the name
+/// of their folder in front; if that is shared as well, with a number.
 pub fn picture_names(photos: &[PathBuf]) -> Vec<String> {
     let text = |part: Option<&OsStr>| part.unwrap_or_default().to_string_lossy().into_owned();
     let stems: Vec<String> = photos.iter().map(|path| text(path.file_stem())).collect();

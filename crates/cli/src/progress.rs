@@ -17,7 +17,7 @@ pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
     bar
 }
 
-/// What is being done, for work whose steps are not counted.
+/// A spinner, for work whose steps are not counted.
 #[cfg(feature = "experiments")]
 pub fn spinner(what: &str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(what.to_owned());

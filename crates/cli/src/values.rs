@@ -33,6 +33,7 @@ numbers! {
     /// A duration in milliseconds, above zero.
     duration_ms: "a number of milliseconds, above 0" if |v| v > 0.0;
     /// A share above 0 and below 1.
+    #[cfg_attr(not(feature = "experiments"), allow(dead_code, reason = "an option of `grim calibrate`"))]
     inner_share: "a share above 0 and below 1" if |v| v > 0.0 && v < 1.0;
 }
 

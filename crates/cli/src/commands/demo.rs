@@ -12,11 +12,7 @@ use grimnet_geo::{MapOptions, Raster, open_map};
 use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_output::OutputFolder;
 use grimnet_pack::{BuildOptions, Pack};
-use grimnet_world::{
-    Camera, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World, WorldConfig,
-    write_geotiff, write_jpeg_with_exif, write_truth_csv,
-};
-use image::RgbImage;
+use grimnet_world::WorldConfig;
 
 use super::ModelChoice;
 use super::eval::{HeadingMode, locate_all, score};
@@ -27,27 +23,9 @@ use crate::drawings::jpeg_of;
 use crate::exit::Exit;
 use crate::formats::Format;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
+use crate::procedural_flight::{MAP_GSD_M, make_flight};
 use crate::terminal::printable;
-use crate::{progress, values};
-
-/// Ground resolution of the map, metres per pixel: that of a good aerial orthophoto.
-const MAP_GSD_M: f64 = 0.3;
-
-/// The camera: similar to that of a small consumer drone, at a resolution that keeps the demo short.
-const CAMERA: Camera = Camera {
-    hfov_deg: 70.0,
-    width_px: 1200,
-    height_px: 900,
-};
-
-/// Where the town is placed: in the Gulf of Guinea, where there is none.
-const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];
-
-/// Ground above the sea, metres, as the photos' GPS altitude has it.
-const GROUND_ALTITUDE_M: f64 = 40.0;
-
-/// Quality of the photos' JPEG.
-const JPEG_QUALITY: u8 = 90;
+use crate::values;
 
 /// Match pictures that the report shows.
 const PICTURES: usize = 6;
@@ -172,82 +150,6 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         printable(&matches.path().display().to_string())
     )?;
     Ok(Exit::Done)
-}
-
-/// Renders the map and the photos with their metadata, and writes the true positions: `map.tif`, `photos/`, `truth.csv`.
-///
-/// # Errors
-/// The folder cannot be written, or holds files of these names that the program did not write.
-pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
-    let photos = out.subfolder("photos")?;
-    let names: Vec<String> = (1..=count)
-        .map(|number| format!("flight_{number:03}.jpg"))
-        .collect();
-    out.check(["map.tif", "truth.csv"])?;
-    photos.check(&names)?;
-    // The renderer writes to paths.
-    let scratch = tempfile::tempdir()?;
-    let scratch = scratch.path();
-    let world = World::new(WorldConfig {
-        seed,
-        ..WorldConfig::default()
-    });
-    let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
-    let placement = Placement::at(lon_deg, lat_deg)?;
-    let size_m = world.size_m();
-    let flight = Flight::plan(&world, count, seed);
-
-    let bar = progress::bar(
-        flight.frames.len() as u64 + 1,
-        "drawing the town",
-        "pictures",
-    );
-    let whole = RegionM {
-        x_min_m: 0.0,
-        y_min_m: 0.0,
-        width_m: size_m,
-        height_m: size_m,
-    };
-    let map = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
-    let north_west_m = placement.utm_from_world([0.0, size_m]);
-    write_geotiff(
-        &scratch.join("map.tif"),
-        &map,
-        MAP_GSD_M,
-        north_west_m,
-        placement.epsg(),
-    )?;
-    move_into(out, "map.tif", scratch)?;
-    bar.inc(1);
-
-    let look = Look::drone(Season::Autumn);
-    let mut rows = Vec::with_capacity(flight.frames.len());
-    for (frame, name) in flight.frames.iter().zip(&names) {
-        let photo: RgbImage = world.render_photo(&frame.pose, &CAMERA, &look);
-        let tags = PhotoTags::for_pose(&frame.reported, &CAMERA, &placement, GROUND_ALTITUDE_M)?;
-        write_jpeg_with_exif(&scratch.join(name), &photo, JPEG_QUALITY, &tags)?;
-        move_into(&photos, name, scratch)?;
-        rows.push(TruthRow::new(name, &frame.pose, &CAMERA, &placement)?);
-        bar.inc(1);
-    }
-    write_truth_csv(&scratch.join("truth.csv"), &rows)?;
-    move_into(out, "truth.csv", scratch)?;
-    // Photos of an earlier, longer flight have no truth any more.
-    photos.prune(|_| true)?;
-    bar.finish_and_clear();
-    Ok(())
-}
-
-/// Moves a file from a scratch folder to where it belongs.
-///
-/// # Errors
-/// It cannot be read or written.
-pub fn move_into(folder: &OutputFolder, name: &str, scratch: &Path) -> Result<()> {
-    let written = scratch.join(name);
-    let mut file = fs_err::File::open(&written)?;
-    folder.write(name, |out| std::io::copy(&mut file, out).map(drop))?;
-    fs_err::remove_file(&written)?;
-    Ok(())
 }
 
 /// Draws the matches of a few photos, those with the largest errors first.

@@ -10,9 +10,9 @@ use grimnet_geo::{LonLat, MapOptions, Raster};
 use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_photo::Metadata;
 
-use super::demo::{make_flight, move_into};
 use super::map::MapPlace;
 use crate::photos;
+use crate::procedural_flight::{make_flight, move_into};
 
 /// Photos of the procedural flight of `--world`.
 const WORLD_PHOTOS: usize = 40;

@@ -2,7 +2,9 @@
 
 use std::io;
 
+use grimnet_geo::GeoError;
 use grimnet_output::OutputError;
+use grimnet_pack::PackError;
 
 /// The error and its causes, each told once: many libraries repeat their cause in their own message.
 pub fn message(error: &anyhow::Error) -> String {
@@ -17,10 +19,12 @@ pub fn message(error: &anyhow::Error) -> String {
     text
 }
 
-/// As [`message`], with the option of the program that helps, which libraries do not know.
+/// As [`message`], with the option or command of the program that helps, which libraries do not know.
 pub fn message_with_hint(error: &anyhow::Error) -> String {
     let mut text = message(error);
-    if let Some(hint) = error.chain().find_map(hint) {
+    if let Some((option, hint)) = error.chain().find_map(hint)
+        && !text.contains(option)
+    {
         text.push_str(" (");
         text.push_str(hint);
         text.push(')');
@@ -28,9 +32,33 @@ pub fn message_with_hint(error: &anyhow::Error) -> String {
     text
 }
 
-fn hint(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    match error.downcast_ref::<OutputError>()? {
-        OutputError::NotOwn { .. } => Some("--overwrite allows it"),
+/// What helps, and its name.
+fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'static str)> {
+    if let Some(error) = error.downcast_ref::<OutputError>() {
+        return match error {
+            OutputError::NotOwn { .. } => Some(("--overwrite", "--overwrite allows it")),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref::<GeoError>() {
+        return match error {
+            GeoError::NoGeoreference { .. } => Some((
+                "--corners",
+                "--corners LL_LON,LL_LAT,UR_LON,UR_LAT gives the corners; a world file needs --crs EPSG:CODE",
+            )),
+            GeoError::MissingCrs { .. } | GeoError::UnsupportedCrs { .. } => Some((
+                "--crs",
+                "--crs EPSG:CODE or --crs '+proj=...' gives the coordinate system",
+            )),
+            _ => None,
+        };
+    }
+    match error.downcast_ref::<PackError>()? {
+        PackError::NotAPack { .. } => Some((
+            "grim map build",
+            "grim map build MAP -o AREA.grim makes a pack",
+        )),
+        PackError::ModelMismatch { .. } => Some(("--model", "--model FILE chooses the model")),
         _ => None,
     }
 }

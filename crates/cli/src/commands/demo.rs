@@ -1,7 +1,7 @@
 //! `grim demo`: a procedural town, a flight over it, every photo located. Nothing to download.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Result;

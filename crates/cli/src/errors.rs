@@ -3,6 +3,7 @@
 use std::io;
 
 use grimnet_geo::GeoError;
+use grimnet_locate::LocateError;
 use grimnet_output::OutputError;
 use grimnet_pack::PackError;
 
@@ -50,6 +51,16 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
                 "--crs",
                 "--crs EPSG:CODE or --crs '+proj=...' gives the coordinate system",
             )),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref::<LocateError>() {
+        return match error {
+            LocateError::Pack(error) => hint(error),
+            LocateError::Geo(error) => hint(error),
+            LocateError::NotAPaperPack { .. } => {
+                Some(("--mode", "--mode paper builds such a pack"))
+            }
             _ => None,
         };
     }

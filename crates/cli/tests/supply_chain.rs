@@ -1,6 +1,8 @@
 //! Checks every dependency against `deny.toml` with cargo alone: licences, banned packages, sources.
 //! `cargo deny check licenses bans sources` reads the same file and checks more.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

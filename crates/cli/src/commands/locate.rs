@@ -32,7 +32,7 @@ Examples:
   grim locate --pack town.grim a.jpg --heading unknown --height-agl 120 --hfov 73
   grim locate --pack town.grim flight/ --draw drawings --map town.tif
 
-Exit status: 0 every photo has a fix, 1 some photos have no fix, 2 wrong use or a photo that cannot be read (the other
+Exit status: 0 every photo has a fix, 1 some photos have no fix, 2 wrong use or a photo that cannot be read (the other \
 photos are still answered), 130 stopped by Ctrl-C (the answers so far are written).";
 
 /// Arguments of `grim locate`.

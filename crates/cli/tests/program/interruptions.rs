@@ -1,7 +1,5 @@
 //! Runs that end before their time keep what they have.
 
-#![cfg(unix)]
-
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
@@ -12,7 +10,7 @@ use serde_json::Value;
 use super::{PHOTOS, demo, pack};
 
 /// A `grim` of which the test holds the process.
-fn start(arguments: &[&str]) -> Child {
+pub fn start(arguments: &[&str]) -> Child {
     Command::new(assert_cmd::cargo::cargo_bin("grim"))
         .args(arguments)
         .stdout(Stdio::null())
@@ -79,6 +77,7 @@ fn a_killed_run_leaves_its_answers() {
 }
 
 #[test]
+#[cfg(unix)]
 fn an_interrupted_run_completes_its_file() {
     let folder = tempfile::tempdir().unwrap();
     for (format, signal) in [("geojson", "INT"), ("kml", "TERM")] {
@@ -103,48 +102,4 @@ fn an_interrupted_run_completes_its_file() {
         };
         assert!((1..=2 * PHOTOS).contains(&answers));
     }
-}
-
-/// Kills the program at moments spread over the time that a run takes.
-fn kill_at_moments(arguments: &[&str], moments: u32, mut check: impl FnMut()) {
-    let started = Instant::now();
-    let mut whole = start(arguments);
-    whole.wait().unwrap();
-    check();
-    let duration = started.elapsed();
-    for moment in 0..moments {
-        let mut child = start(arguments);
-        std::thread::sleep(duration * (2 * moment + 1) / (2 * moments));
-        // It may have ended by itself.
-        let _ = child.kill();
-        child.wait().unwrap();
-        check();
-    }
-}
-
-#[test]
-fn a_killed_demo_leaves_whole_files_and_runs_again() {
-    let folder = tempfile::tempdir().unwrap();
-    fs::create_dir(folder.path().join("photos")).unwrap();
-    fs::write(folder.path().join("photos/mine.jpg"), "mine").unwrap();
-    let path = folder.path().to_str().unwrap();
-    let arguments = ["demo", "--photos", "2", "--out", path];
-    kill_at_moments(&arguments, 6, || {
-        let mine = fs::read(folder.path().join("photos/mine.jpg")).unwrap();
-        assert_eq!(mine, b"mine");
-        for name in ["summary.json", "fixes.jsonl"] {
-            if let Ok(text) = fs::read_to_string(folder.path().join(name)) {
-                for line in serde_json::Deserializer::from_str(&text).into_iter::<Value>() {
-                    line.unwrap();
-                }
-            }
-        }
-        for name in ["photos/flight_001.jpg", "map.tif"] {
-            let path = folder.path().join(name);
-            if path.exists() {
-                image::open(path).unwrap();
-            }
-        }
-    });
-    assert!(start(&arguments).wait().unwrap().success());
 }

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use predicates::prelude::*;
 use predicates::str::contains;
 
+use super::interruptions::start;
 use super::{demo, grim, locate, pack, photo};
 
 /// Every file below a folder with its content, but for the list of outputs.
@@ -43,31 +44,47 @@ fn build(map: &Path, place: &[&str], out: &Path) -> assert_cmd::Command {
     command
 }
 
+/// Starts a demo and kills it when it has written a file.
+fn demo_killed_after(folder: &Path, file: &str) {
+    let arguments = ["demo", "--photos", "2", "--out", folder.to_str().unwrap()];
+    let mut child = start(&arguments);
+    while !folder.join(file).exists() {
+        assert!(child.try_wait().unwrap().is_none(), "ended without {file}");
+        std::thread::sleep(std::time::Duration::from_millis(5));
+    }
+    child.kill().unwrap();
+    child.wait().unwrap();
+}
+
 #[test]
-fn the_demo_spares_what_a_user_keeps_in_its_folder() {
+fn the_demo_spares_what_a_user_keeps_in_its_folder_and_survives_kills() {
     let folder = tempfile::tempdir().unwrap();
     let photos = folder.path().join("photos");
     fs::create_dir(&photos).unwrap();
     fs::write(photos.join("mine.jpg"), "my photo").unwrap();
     fs::write(folder.path().join("truth.csv"), "my truth").unwrap();
     let before = contents(folder.path());
-    let demo = |photos: &str| {
+    let demo = || {
         let mut command = grim();
-        command.args(["demo", "--photos", photos, "--out"]);
+        command.args(["demo", "--photos", "1", "--out"]);
         command.arg(folder.path());
         command
     };
-    demo("1")
+    demo()
         .assert()
         .code(2)
         .stderr(contains("truth.csv").and(contains("--overwrite")));
     assert_eq!(contents(folder.path()), before);
 
-    // Without a file in its way it runs, also a second time, and removes only its own.
+    // Without a file in its way it runs, whatever a killed run left, and removes only its own.
     fs::remove_file(folder.path().join("truth.csv")).unwrap();
-    demo("2").assert().success();
-    assert!(photos.join("flight_002.jpg").exists());
-    demo("1").assert().success();
+    demo_killed_after(folder.path(), "photos/flight_002.jpg");
+    image::open(photos.join("flight_001.jpg")).unwrap();
+    image::open(folder.path().join("map.tif")).unwrap();
+    demo_killed_after(folder.path(), "fixes.jsonl");
+    let fixes = fs::read_to_string(folder.path().join("fixes.jsonl")).unwrap();
+    assert_eq!(super::lines(&fixes).len(), 2);
+    demo().assert().success();
     assert!(!photos.join("flight_002.jpg").exists());
     assert_eq!(fs::read(photos.join("mine.jpg")).unwrap(), b"my photo");
 }

@@ -11,9 +11,9 @@ use image::ImageFormat;
 
 use super::map_place::{MapPlace, check_built_from};
 use crate::exit::Exit;
-use crate::inputs;
 use crate::outputs::OverwriteChoice;
 use crate::terminal::printable_text;
+use crate::{inputs, progress};
 
 /// Examples under the help of `grim map info`.
 pub const INFO_EXAMPLES: &str = "\
@@ -110,7 +110,12 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
 pub fn verify(arguments: &VerifyArgs) -> Result<Exit> {
     inputs::check_regular(&arguments.pack)?;
     let pack = Pack::open(&arguments.pack)?;
-    pack.verify()?;
+    let bar = progress::bar(0, "verifying", "MB");
+    pack.verify(&mut |progress| {
+        bar.set_length(progress.total_bytes / 1_000_000);
+        bar.set_position(progress.done_bytes / 1_000_000);
+    })?;
+    bar.finish_and_clear();
     writeln!(
         std::io::stdout(),
         "{}: whole, {:.1} MB",

@@ -131,16 +131,15 @@ fn area() -> &'static Area {
 fn photos_are_localised_from_their_metadata_and_without_a_heading() {
     let area = area();
     let localizer = Localizer::open(area.file("area.grim")).unwrap();
-    for index in 0..POSES.len() {
+    for (index, pose) in POSES.iter().enumerate() {
         let photo = area.photo(index);
         for prior in [Prior::none(), Prior::none().with_unknown_heading()] {
             let outcome = localizer.locate(&photo, &prior).unwrap();
             let error_m = area.error_m(&outcome, index);
             assert!(error_m < 5.0, "photo {index}: {error_m} m");
             let fix = outcome.fix().unwrap();
-            let turn_deg = (fix.heading_deg.unwrap() - POSES[index].heading_deg + 540.0)
-                .rem_euclid(360.0)
-                - 180.0;
+            let turn_deg =
+                (fix.heading_deg.unwrap() - pose.heading_deg + 540.0).rem_euclid(360.0) - 180.0;
             assert!(turn_deg.abs() < 4.0, "photo {index}: {turn_deg} degrees");
             assert!(fix.radius95_m > 0.0 && fix.radius95_m < 20.0);
         }

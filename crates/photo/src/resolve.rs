@@ -11,7 +11,7 @@ impl View {
     /// Prior knowledge overrides metadata. Of the metadata, the gimbal's yaw is preferred to the aircraft's yaw and that to EXIF's
     /// image direction. Altitude above sea level is never used as height above ground; height above the take-off point is used with
     /// a relative 1-sigma of 15 %. Prior values that are no numbers or out of range are ignored, with an entry in
-    /// [`View::set_aside`].
+    /// `View::set_aside`.
     pub fn resolve(metadata: &Metadata, size_px: (u32, u32), prior: &ViewPrior) -> Self {
         let mut view = Self::default();
         view.set_aside.extend(metadata.notes.iter().cloned());

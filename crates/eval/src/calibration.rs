@@ -1,49 +1,26 @@
-//! How far answers may be off and how often they are wrong, fitted on answers whose truth is known.
+//! Calibration: fits how far a model's answers are off and how often they are wrong to answers whose truth is known.
 //!
-//! [`scene`] makes maps and photos with exact truth; [`trial`] has each photo localised on its own map and on another, with
-//! the gates nearly open; [`position`] and [`confidence`] fit the two halves of a [`Calibration`] to what came out. Photos of
-//! one scene never stand on both sides of a check.
+//! [`scenes`] makes maps and photos with exact truth; [`trial`] localises each photo on its own map and on another, with the gates
+//! nearly open; [`position`] and [`confidence`] fit the two parts of a [`Calibration`] to the answers. Photos of one scene are
+//! never on both sides of a check.
 
 pub mod confidence;
 mod cut;
+mod error;
+mod normal;
 pub mod observation;
 pub mod position;
-pub mod scene;
+pub mod scenes;
 pub mod trial;
 
 use grimnet_locate::Gates;
 use grimnet_net::{Calibration, FittedOn};
 
+pub use error::FitError;
 use observation::Observation;
 
-/// An answer nearer than this to the truth is of the right place: the paper's success radius, metres.
-pub const RIGHT_WITHIN_M: f64 = 20.0;
-
-/// Why a calibration cannot be fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-pub enum FitError {
-    /// Too few right answers.
-    #[error(
-        "only {found} right answers, at least {needed} are needed: does the model localise at all?"
-    )]
-    TooFewFixes {
-        /// How many there are.
-        found: usize,
-        /// How many there must be.
-        needed: usize,
-    },
-    /// Too few photos taken elsewhere.
-    #[error("only {found} photos taken elsewhere, at least {needed} are needed")]
-    TooFewElsewhere {
-        /// How many there are.
-        found: usize,
-        /// How many there must be.
-        needed: usize,
-    },
-}
-
-/// Fits both halves to all observations, so that a share `elsewhere_answered` of photos taken elsewhere is answered, and says how they do on scenes held out: each half of the scenes is checked with
-/// what the other half gives.
+/// Fits both parts to all observations, so that a share `elsewhere_answered` of photos taken elsewhere gets a fix. The figures on
+/// held-out scenes come from fitting to each half of the scenes and checking on the other half.
 ///
 /// # Errors
 /// Too few observations to fit anything.
@@ -87,7 +64,7 @@ fn fit_once(
     })
 }
 
-/// Whether an observation would have been given as a fix under `calibration` and the usual gates.
+/// Returns whether an observation would get a fix under `calibration` and the default gates.
 #[must_use]
 pub fn is_answered(observation: &Observation, calibration: &Calibration) -> bool {
     let gates = Gates::default();
@@ -107,20 +84,20 @@ pub fn is_answered(observation: &Observation, calibration: &Calibration) -> bool
             .is_ok()
 }
 
-/// What a calibration does on observations that it has not seen.
+/// How a calibration performs on observations that it was not fitted to.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Check {
-    /// Photos that lie on their map.
+    /// Photos on their own map.
     pub here: usize,
-    /// Those that are answered.
+    /// Those with a fix.
     pub answered: usize,
-    /// Those that are answered rightly.
+    /// Those with a right fix.
     pub right: usize,
-    /// Those whose error lies within the stated 95 % radius.
+    /// Those with an error within the stated 95 % radius.
     pub covered: usize,
-    /// Photos that lie elsewhere.
+    /// Photos on another map.
     pub elsewhere: usize,
-    /// Those that are answered nevertheless.
+    /// Those with a fix nevertheless.
     pub elsewhere_answered: usize,
 }
 

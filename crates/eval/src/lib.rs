@@ -1,22 +1,15 @@
-//! Truth files, metrics and reports: how far off, how often, how honest.
+//! Evaluation of localisation: data sets with known positions, the evaluation loop, metrics, calibration and reports.
 //!
-//! The way of the data: [`truth::read`] gives what each photo's answer should be,
-//! [`metrics::Frame::score`] compares one answer with it, and [`metrics::Summary::of`] condenses all
-//! frames into the figures that the field uses; [`report::Report`] shows them on one page.
+//! Data flow: [`datasets::DataSet`] reads a folder into a [`scene::Scene`], a map with photos and their truth;
+//! [`evaluation::evaluate`] localises each photo and compares the answer with the truth; [`metrics::Summary`] and its neighbours
+//! make figures of the comparisons; [`report`] shows them. [`elsewhere`] localises photos that are not on the map, which must get
+//! no fix. [`calibration`] fits the stated radius and confidence of a model to answers whose truth is known.
 
-pub mod anyvisloc;
 pub mod calibration;
-pub mod html;
-pub mod map_picture;
+pub mod datasets;
+pub mod evaluation;
 pub mod metrics;
-pub mod msdi;
-mod npy;
-mod npz;
-pub mod plot;
-pub mod rank_distance;
-pub mod recall;
+pub mod pictures;
 pub mod report;
-pub mod risk_coverage;
-pub mod sample;
-pub mod truth;
-pub mod visloc;
+pub mod retrieval;
+pub mod scene;

@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use grimnet_eval::anyvisloc::{AnyVisLocError, is_scene, read};
+use grimnet_eval::datasets::anyvisloc::{AnyVisLocError, is_scene, read};
 use grimnet_photo::Photo;
 use serde_json::Value;
 

@@ -6,10 +6,10 @@
 use std::error::Error;
 use std::path::Path;
 
-use grimnet_eval::recall::{RECALL_AT, RightTile, rank_of_right};
-use grimnet_eval::truth;
-use grimnet_experiments::scene::{Scene, Shot};
-use grimnet_geo::{MapOptions, MapPx, Raster, WindowPx, open_map};
+use grimnet_eval::metrics::recall::{RECALL_AT, RightTile, rank_of_right};
+use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::scene::{HeadingMode, Scene, Shot};
+use grimnet_geo::{MapOptions, MapPx, Raster, WindowPx};
 use grimnet_locate::Options;
 use grimnet_net::{Domain, Extractor, Model};
 use grimnet_pack::{BuildOptions, Level, Levels, Pack, build};
@@ -89,7 +89,7 @@ fn rank(
     let scores: Vec<f32> = tiles.iter().map(|tile| photo.nearest(tile)).collect();
     let mut order: Vec<usize> = (0..tiles.len()).collect();
     order.sort_by(|&a, &b| scores[b].total_cmp(&scores[a]));
-    let truth_px = level.level_px_from_lonlat(shot.truth)?;
+    let truth_px = level.level_px_from_lonlat(shot.truth.position)?;
     let side_px = f64::from(level.tile_px());
     Ok(rank_of_right(&order, |tile| {
         RightTile::Covers.holds(level.tile(tile).centre_px, side_px, truth_px)
@@ -97,15 +97,18 @@ fn rank(
 }
 
 fn scene(folder: &Path, footprint_width_m: Option<f64>) -> Result<Scene, Box<dyn Error>> {
-    let frames = truth::read(&folder.join("truth.csv"))?
-        .into_iter()
-        .map(|frame| {
-            let path = folder.join("photos").join(&frame.photo);
-            (frame, path)
-        })
-        .collect();
-    let map = open_map(&folder.join("map.tif"), &MapOptions::default())?;
-    Ok(Scene::of("data", map, frames, footprint_width_m)?)
+    let data = DataSet::find(&DataSetRequest {
+        folder,
+        map: None,
+        map_options: MapOptions::default(),
+        photos_out: folder,
+    })?;
+    let map = data.open_map()?;
+    let mut scene = data.into_scene(map)?.decoded()?;
+    for shot in &mut scene.shots {
+        shot.footprint_width_m = footprint_width_m.or(shot.footprint_width_m);
+    }
+    Ok(scene)
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -115,7 +118,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .ok_or("turned_tiles FOLDER [FOOTPRINT_WIDTH_M]")?;
     let footprint_width_m = arguments.next().map(|width| width.parse()).transpose()?;
     let scene = scene(Path::new(&folder), footprint_width_m)?;
-    let width_m = scene.ground_width_m().ok_or("no photo's width is known")?;
+    let width_m = scene.ground_width_m()?.ok_or("no photo's width is known")?;
     let as_used = Options::default();
     let model = Model::bundled()?;
     let work = tempfile::tempdir()?;
@@ -149,12 +152,13 @@ fn main() -> Result<(), Box<dyn Error>> {
     ] {
         let mut ranks = Vec::new();
         for shot in &scene.shots {
-            let view = shot.photo.view(&shot.prior(false).view);
+            let photo = shot.photo.open()?;
+            let view = photo.view(&shot.prior(HeadingMode::Unknown, &photo).view);
             let width_m = view
                 .footprint
                 .map_or(width_m, |footprint| footprint.width_m);
             let queries = turned(
-                &shot.photo,
+                &photo,
                 width_m,
                 level.gsd_m(),
                 as_used.hypothesis_side_px,

@@ -1,24 +1,25 @@
-//! Runs ways to answer over scenes, and keeps what was measured.
+//! Runs ways of localising over scenes, and caches what was measured.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
-use grimnet_locate::{Localizer, LocateError, Options, Outcome};
+use grimnet_eval::evaluation::{Found, Method, MethodError, TrialError, evaluate};
+use grimnet_eval::metrics::rank_distance::FrameDistances;
+use grimnet_eval::metrics::recall::{FrameRecall, MOST_RANKS, RightTile};
+use grimnet_eval::metrics::{Frame, ScoredFix};
+use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_geo::{GeoError, LonLat};
+use grimnet_locate::{Localizer, LocateError, Options, Outcome, Prior};
 use grimnet_net::{Domain, Model};
 use grimnet_pack::{BuildOptions, Levels, Pack, PackError, build};
-use grimnet_photo::{Metadata, Photo};
+use grimnet_photo::{Photo, PhotoError};
 
 use crate::photometry::Photometry;
-use crate::scene::{Scene, Shot};
 use crate::sift_map::{SiftMap, SiftMapError};
-use grimnet_eval::metrics::{Frame, ScoredFix};
-use grimnet_eval::rank_distance::FrameDistances;
-use grimnet_eval::recall::{FrameRecall, MOST_RANKS, RightTile};
 
-/// What answers.
+/// What localises the photos.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Method {
+pub enum Localisation {
     /// Retrieval and matching by the network.
     #[default]
     Learned,
@@ -28,27 +29,27 @@ pub enum Method {
     SiftAmongRetrieved,
 }
 
-/// One way to answer photos.
+/// One way of localising photos.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Setup {
-    /// What answers.
-    pub method: Method,
+    /// What localises the photos.
+    pub method: Localisation,
     /// How the pack is built.
     pub build: BuildOptions,
     /// How photos are localised.
     pub options: Options,
-    /// What is done to the photos first.
+    /// Change of the photos before they are localised.
     pub photometry: Photometry,
-    /// Photos are normalised with this domain's statistics instead of their own.
+    /// Domain whose normalisation statistics are used for photos instead of their own.
     pub photos_as: Option<Domain>,
-    /// Whether the headings are told.
+    /// Whether the localiser is given the headings.
     pub heading_known: bool,
 }
 
-/// What one setup gave on one scene.
+/// What was measured with one setup on one scene.
 #[derive(Debug, Clone, Default)]
 pub struct Measured {
-    /// Frame by frame.
+    /// Photo by photo.
     pub frames: Vec<Frame>,
     /// Ranks of the first tile that covers the truth; empty for setups without a search.
     pub covers: Vec<FrameRecall>,
@@ -58,8 +59,9 @@ pub struct Measured {
     pub distances: Vec<FrameDistances>,
 }
 
-/// A setup could not be run.
+/// Why a setup cannot be run.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum BenchError {
     /// The pack.
     #[error(transparent)]
@@ -67,9 +69,18 @@ pub enum BenchError {
     /// The localiser.
     #[error(transparent)]
     Locate(#[from] LocateError),
-    /// The baseline.
+    /// The SIFT baseline.
     #[error(transparent)]
     Sift(#[from] SiftMapError),
+    /// The map.
+    #[error(transparent)]
+    Map(#[from] GeoError),
+    /// A photo.
+    #[error(transparent)]
+    Photo(#[from] PhotoError),
+    /// A photo was refused.
+    #[error(transparent)]
+    Trial(#[from] TrialError),
     /// The folder for packs.
     #[error(transparent)]
     Io(#[from] std::io::Error),
@@ -87,7 +98,7 @@ impl<'a> Bench<'a> {
     /// A bench for one model; packs are kept in `folder`.
     ///
     /// # Errors
-    /// The folder cannot be made.
+    /// The folder cannot be created.
     pub fn new(model: &'a Model, folder: &Path) -> Result<Self, BenchError> {
         fs_err::create_dir_all(folder)?;
         Ok(Self {
@@ -98,10 +109,10 @@ impl<'a> Bench<'a> {
         })
     }
 
-    /// Answers all photos of a scene; what was measured before is not measured again. Scenes are told apart by their names.
+    /// Localises all photos of a scene; a setup that was measured before is not measured again. Scenes are distinguished by name.
     ///
     /// # Errors
-    /// The pack cannot be built, or the localiser refuses its options. A photo that is refused counts as a frame without a fix.
+    /// The pack cannot be built, or the localiser refuses its options or a photo.
     pub fn measure(&mut self, scene: &Scene, setup: &Setup) -> Result<Measured, BenchError> {
         let key = format!("{} {setup:?}", scene.name);
         if let Some(measured) = self.measured.get(&key) {
@@ -109,35 +120,48 @@ impl<'a> Bench<'a> {
         }
         tracing::info!("{}: {:?}, {:?}", scene.name, setup.method, setup.photometry);
         let pack_path = self.pack(scene, &setup.build)?;
-        let pack = Pack::open(&pack_path)?;
-        let mut localizer =
-            Localizer::new(self.model.clone(), pack)?.with_options(setup.options.clone());
+        let mut localizer = Localizer::new(self.model.clone(), Pack::open(&pack_path)?)?
+            .with_options(setup.options.clone());
         if let Some(domain) = setup.photos_as {
             localizer = localizer.seeing_photos_as(domain)?;
         }
-        if setup.method != Method::Learned && !self.sift_maps.contains_key(&pack_path) {
-            // The level that the localiser takes for these photos, whose tiles retrieval names.
-            let pack = localizer.pack();
-            let level = scene.ground_width_m().map_or(0, |width_m| {
-                pack.nearest_level(width_m / setup.options.query_width_px)
-            });
-            let map = SiftMap::new(scene.map.as_ref(), &pack.levels()[level])?;
-            self.sift_maps.insert(pack_path.clone(), map);
-        }
-        let mut measured = Measured::default();
-        for shot in &scene.shots {
-            let photo = Photo {
-                image: setup.photometry.apply(&shot.photo.image),
-                ..copy_of(&shot.photo)
+        let measured = if setup.method == Localisation::Learned {
+            run(&localizer, localizer.pack(), scene, setup)?
+        } else {
+            self.sift_map(&pack_path, &localizer, scene, setup)?;
+            let sift = Sift {
+                map: &self.sift_maps[&pack_path],
+                retrieval: (setup.method == Localisation::SiftAmongRetrieved)
+                    .then_some(&localizer),
             };
-            self.answer(&localizer, &pack_path, shot, &photo, setup, &mut measured)?;
-        }
+            run(&sift, localizer.pack(), scene, setup)?
+        };
         self.measured.insert(key, measured.clone());
         Ok(measured)
     }
 
-    /// Answers all photos of a scene by two networks that know nothing of each other (the paper's G + M): `retrieval`'s finds tiles,
-    /// `k` of them, and this bench's matches in each; the fix with the most inliers wins.
+    /// Makes the SIFT features of the level that the localiser uses for these photos, whose tiles retrieval names.
+    fn sift_map(
+        &mut self,
+        pack_path: &Path,
+        localizer: &Localizer,
+        scene: &Scene,
+        setup: &Setup,
+    ) -> Result<(), BenchError> {
+        if self.sift_maps.contains_key(pack_path) {
+            return Ok(());
+        }
+        let pack = localizer.pack();
+        let level = scene.ground_width_m()?.map_or(0, |width_m| {
+            pack.nearest_level(width_m / setup.options.query_width_px)
+        });
+        let map = SiftMap::new(scene.map.as_ref(), &pack.levels()[level])?;
+        self.sift_maps.insert(pack_path.to_owned(), map);
+        Ok(())
+    }
+
+    /// Localises all photos of a scene by two independent networks (the paper's G + M): that of `retrieval` finds `k` tiles, and
+    /// this bench's matches in each; the fix with the most inliers is the answer.
     ///
     /// # Errors
     /// As [`Bench::measure`].
@@ -162,40 +186,28 @@ impl<'a> Bench<'a> {
             Pack::open(self.pack(scene, &setup.build)?)?,
         )?
         .with_options(setup.options.clone());
-        let level = match (scene.ground_width_m(), finder.pack()) {
-            (Some(width_m), pack) => {
-                &pack.levels()[pack.nearest_level(width_m / setup.options.query_width_px)]
-            }
-            (None, pack) => &pack.levels()[0],
+        let level = match scene.ground_width_m()? {
+            Some(width_m) => finder
+                .pack()
+                .nearest_level(width_m / setup.options.query_width_px),
+            None => 0,
         };
-        let reach_m = level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
-        let mut measured = Measured::default();
-        for shot in &scene.shots {
-            let prior = shot.prior(setup.heading_known);
-            let since = Instant::now();
-            let mut best: Option<(usize, Outcome)> = None;
-            for tile in finder.retrieve(&shot.photo, &prior)? {
-                let centre = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
-                let outcome = matcher.locate(&shot.photo, &prior.near(centre, reach_m))?;
-                let inliers = outcome.fix().map_or(0, |fix| fix.inliers);
-                if best.as_ref().is_none_or(|(most, _)| inliers > *most) {
-                    best = Some((inliers, outcome));
-                }
-            }
-            let mut frame = best.map_or_else(
-                || Frame::missed(&shot.name, "no tile was retrieved"),
-                |(_, outcome)| frame_of(shot, &outcome),
-            );
-            frame.time_ms = Some(since.elapsed().as_secs_f64() * 1e3);
-            measured.frames.push(frame);
-        }
+        let apart = Apart {
+            finder: &finder,
+            matcher: &matcher,
+            level,
+        };
+        let mut measured = run(&apart, finder.pack(), scene, setup)?;
+        // The search is not the matcher's.
+        measured.covers.clear();
+        measured.near.clear();
+        measured.distances.clear();
         Ok(measured)
     }
 
     fn pack(&self, scene: &Scene, options: &BuildOptions) -> Result<PathBuf, BenchError> {
         let mut hasher = blake3::Hasher::new();
-        let map = scene.map.content_hash().map_err(SiftMapError::from)?;
-        hasher.update(&map);
+        hasher.update(&scene.map.content_hash()?);
         hasher.update(format!("{options:?}").as_bytes());
         hasher.update(self.model.hash().as_bytes());
         let path = self
@@ -204,94 +216,129 @@ impl<'a> Bench<'a> {
         build(scene.map.as_ref(), self.model, options, &path, &mut |_| ())?;
         Ok(path)
     }
+}
 
-    fn answer(
-        &self,
-        localizer: &Localizer,
-        pack_path: &Path,
-        shot: &Shot,
-        photo: &Photo,
-        setup: &Setup,
-        measured: &mut Measured,
-    ) -> Result<(), BenchError> {
-        let prior = shot.prior(setup.heading_known);
-        let since = Instant::now();
-        let mut frame = match self
-            .sift_maps
-            .get(pack_path)
-            .filter(|_| setup.method != Method::Learned)
-        {
-            None => {
-                let (outcome, trace) = localizer.locate_traced(photo, &prior)?;
-                for (right, ranks) in [
-                    (RightTile::Covers, &mut measured.covers),
-                    (RightTile::PAPER, &mut measured.near),
-                ] {
-                    ranks.push(FrameRecall::of(localizer.pack(), &trace, shot.truth, right));
-                }
-                measured.distances.push(FrameDistances::of(
-                    localizer.pack(),
-                    &trace,
-                    shot.truth,
-                    MOST_RANKS,
-                ));
-                frame_of(shot, &outcome)
+/// Runs a method over the photos of a scene.
+fn run(
+    method: &dyn Method,
+    pack: &Pack,
+    scene: &Scene,
+    setup: &Setup,
+) -> Result<Measured, BenchError> {
+    let changed = Changed {
+        method,
+        photometry: setup.photometry,
+    };
+    let heading = if setup.heading_known {
+        HeadingMode::Known
+    } else {
+        HeadingMode::Unknown
+    };
+    let trials = evaluate(&changed, &scene.shots, heading, &mut |_| ());
+    let mut measured = Measured::default();
+    for (shot, trial) in scene.shots.iter().zip(trials) {
+        let found = trial.found?;
+        if let Some(trace) = &found.trace {
+            let truth = shot.truth.position;
+            for (right, ranks) in [
+                (RightTile::Covers, &mut measured.covers),
+                (RightTile::PAPER, &mut measured.near),
+            ] {
+                ranks.push(FrameRecall::of(pack, trace, truth, right));
             }
-            Some(map) => {
-                let among = match setup.method {
-                    Method::SiftAmongRetrieved => Some(localizer.retrieve(photo, &prior)?),
-                    _ => None,
-                };
-                match map.locate(photo, &prior, among.as_deref())? {
-                    Some(fix) => {
-                        Frame::score(&shot.name, &without_covariance(fix.position), shot.truth)
-                    }
-                    None => Frame::missed(&shot.name, "no transform explains any matches"),
-                }
-            }
-        };
-        if setup.method != Method::Learned {
-            // The baseline states no radius.
+            measured
+                .distances
+                .push(FrameDistances::of(pack, trace, truth, MOST_RANKS));
+        }
+        let mut frame = trial.frame;
+        if found.outcome.is_none() {
+            // The baseline states no uncertainty.
             (frame.radius95_m, frame.mahalanobis2) = (None, None);
         }
-        frame.time_ms = Some(since.elapsed().as_secs_f64() * 1e3);
         measured.frames.push(frame);
-        Ok(())
+    }
+    Ok(measured)
+}
+
+/// A method on changed photos.
+struct Changed<'a> {
+    method: &'a dyn Method,
+    photometry: Photometry,
+}
+
+impl Method for Changed<'_> {
+    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+        if self.photometry == Photometry::Original {
+            return self.method.locate(photo, prior);
+        }
+        let changed = Photo {
+            image: self.photometry.apply(&photo.image),
+            ..photo.clone()
+        };
+        self.method.locate(&changed, prior)
     }
 }
 
-/// The photo without its picture, to be given another.
-fn copy_of(photo: &Photo) -> Photo {
-    Photo {
-        path: photo.path.clone(),
-        image: image::RgbImage::new(0, 0),
-        full_size_px: photo.full_size_px,
-        metadata: Metadata::clone(&photo.metadata),
+/// SIFT against the tiles of a map: all of them, or those that retrieval names.
+struct Sift<'a> {
+    map: &'a SiftMap,
+    retrieval: Option<&'a Localizer>,
+}
+
+impl Method for Sift<'_> {
+    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+        let among = self
+            .retrieval
+            .map(|localizer| localizer.retrieve(photo, prior))
+            .transpose()?;
+        let found = self.map.locate(photo, prior, among.as_deref())?;
+        Ok(Found {
+            fix: found.map(|fix| without_covariance(fix.position)),
+            reason: Some("no transform is consistent with any matches".to_owned()),
+            inliers: found.map(|fix| fix.inliers),
+            ..Found::default()
+        })
     }
 }
 
-fn without_covariance(position: grimnet_geo::LonLat) -> ScoredFix {
+/// One localiser retrieves tiles, another matches in each.
+struct Apart<'a> {
+    finder: &'a Localizer,
+    matcher: &'a Localizer,
+    level: usize,
+}
+
+impl Method for Apart<'_> {
+    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+        let level = &self.finder.pack().levels()[self.level];
+        let reach_m = level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
+        let mut best: Option<(usize, Outcome)> = None;
+        for tile in self.finder.retrieve(photo, prior)? {
+            let centre = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
+            let outcome = self.matcher.locate(photo, &prior.near(centre, reach_m))?;
+            let inliers = outcome.fix().map_or(0, |fix| fix.inliers);
+            if best.as_ref().is_none_or(|(most, _)| inliers > *most) {
+                best = Some((inliers, outcome));
+            }
+        }
+        let mut found = match best {
+            Some((_, outcome)) => Found::of(outcome, Default::default()),
+            None => Found {
+                reason: Some("no tile was retrieved".to_owned()),
+                ..Found::default()
+            },
+        };
+        // The time of the whole search counts, not of its best tile.
+        found.stage_ms.clear();
+        Ok(found)
+    }
+}
+
+fn without_covariance(position: LonLat) -> ScoredFix {
     ScoredFix {
         position,
         covariance_en_m2: [1.0, 0.0, 1.0],
         radius95_m: 0.0,
-    }
-}
-
-fn frame_of(shot: &Shot, outcome: &Outcome) -> Frame {
-    match outcome {
-        Outcome::Fix(fix) => {
-            let scored = ScoredFix {
-                position: grimnet_geo::LonLat {
-                    lon_deg: fix.lon_deg,
-                    lat_deg: fix.lat_deg,
-                },
-                covariance_en_m2: fix.covariance_en_m2,
-                radius95_m: fix.radius95_m,
-            };
-            Frame::score(&shot.name, &scored, shot.truth)
-        }
-        Outcome::NoFix(no_fix) => Frame::missed(&shot.name, &no_fix.to_string()),
     }
 }
 

@@ -6,6 +6,7 @@
 
 use std::path::{Path, PathBuf};
 
+use grimnet_eval::pictures::{EXTENSIONS, picture_files};
 use grimnet_geo::{
     GeoError, Georeference, LevelFrame, LevelPx, MapOptions, Raster, RasterPatch, WindowPx,
     open_map,
@@ -18,9 +19,6 @@ const CELL_PX: u64 = grimnet_pack::CELL_PX as u64;
 
 /// Empty level pixels between the map and the foreign ground: a tile's side, so that no tile shows both.
 const GAP_PX: u64 = 512;
-
-/// Endings of files that are taken from a folder, lower case.
-const PICTURE_ENDINGS: [&str; 6] = ["jpg", "jpeg", "png", "tif", "tiff", "webp"];
 
 /// Side of a degree of longitude or latitude at the equator, metres (WGS 84: 111,320 and 110,574).
 const EQUATOR_M_PER_DEG: [f64; 2] = [111_320.0, 110_574.0];
@@ -35,7 +33,7 @@ pub enum GalleryError {
     #[error(transparent)]
     Map(#[from] GeoError),
     /// A folder holds no pictures.
-    #[error("{0}: no pictures there (looked for jpg, jpeg, png, tif, tiff, webp)")]
+    #[error("{0}: no pictures (looked for {extensions})", extensions = EXTENSIONS.join(", "))]
     Empty(PathBuf),
     /// No foreign picture is as large as a cell.
     #[error(
@@ -58,14 +56,7 @@ pub fn open_foreign(path: &Path, gsd_m: f64) -> Result<Vec<Box<dyn Raster>>, Gal
     if !path.is_dir() {
         return Ok(vec![open_one(path, gsd_m)?]);
     }
-    let mut paths: Vec<PathBuf> = fs_err::read_dir(path)?
-        .map(|entry| Ok(entry?.path()))
-        .collect::<std::io::Result<_>>()?;
-    paths.retain(|path| {
-        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-        ending.is_some_and(|ending| PICTURE_ENDINGS.contains(&ending.as_str()))
-    });
-    paths.sort();
+    let paths = picture_files(path)?;
     if paths.is_empty() {
         return Err(GalleryError::Empty(path.to_owned()));
     }
@@ -344,7 +335,7 @@ mod tests {
     fn what_is_not_there_is_named() {
         let folder = tempfile::tempdir().unwrap();
         let error = open_foreign(folder.path(), 1.0).err().unwrap();
-        assert!(error.to_string().contains("no pictures there"), "{error}");
+        assert!(error.to_string().contains("no pictures"), "{error}");
         let path = picture(folder.path(), "small.png", 100, Rgb([9, 9, 9]));
         let map = open_one(&path, 1.0).unwrap();
         let error = Gallery::new(map, open_foreign(&path, 1.0).unwrap(), 1.0, &path)

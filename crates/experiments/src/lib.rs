@@ -1,6 +1,6 @@
 //! The paper's experiments, robustness sweeps, the SIFT baseline, and the page of stored evaluation figures.
 //!
-//! A [`scene::Scene`] is a map with photos; a [`bench::Setup`] is a way to localise them; the [`bench::Bench`] runs setups over
+//! A [`grimnet_eval::scene::Scene`] is a map with photos; a [`bench::Setup`] is a way to localise them; the [`bench::Bench`] runs setups over
 //! scenes and caches the results; [`tables`] and [`sweep`] define which setups make which table, `training` and `networks` (with
 //! the `train` feature) those that compare trained networks. [`claims`] makes EVALUATION.md from stored figures.
 
@@ -12,7 +12,6 @@ pub mod gallery;
 pub mod networks;
 pub mod page;
 pub mod photometry;
-pub mod scene;
 mod scene_rows;
 pub mod sift;
 pub mod sift_map;

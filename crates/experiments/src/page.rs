@@ -1,12 +1,11 @@
 //! Sweeps as one self-contained HTML page: a plot and a table each.
 
-use std::fmt::Write as _;
-
+use maud::{Markup, html};
 use plotters::prelude::*;
 
 use crate::experiment_table::ExperimentTable;
-use grimnet_eval::html::{escape, page_head};
-use grimnet_eval::plot::{PlotError, draw_key, name_in_key, svg_chart};
+use grimnet_eval::report::html;
+use grimnet_eval::report::plot::{PlotError, draw_key, name_in_key, svg_chart};
 
 const SIZE_PX: (u32, u32) = (760, 280);
 
@@ -15,17 +14,19 @@ const SIZE_PX: (u32, u32) = (760, 280);
 /// # Errors
 /// A plot cannot be drawn.
 pub fn page(title: &str, tables: &[ExperimentTable]) -> Result<String, PlotError> {
-    let mut page = page_head(title);
-    for table in tables {
-        // Writing to a string cannot fail, here and below.
-        let _ = write!(page, "<h2>{}</h2>", escape(&table.title));
-        page.push_str(&shares_plot(table)?);
-        page.push_str(&html_table(table));
-        for note in &table.notes {
-            let _ = write!(page, "<p>{}</p>", escape(note));
+    let plots = tables
+        .iter()
+        .map(|table| Ok((table, shares_plot(table)?)))
+        .collect::<Result<Vec<_>, PlotError>>()?;
+    let content = html! {
+        @for (table, plot) in plots {
+            h2 { (table.title) }
+            (html::svg(plot))
+            (html_table(table))
+            @for note in &table.notes { p { (note) } }
         }
-    }
-    Ok(page)
+    };
+    Ok(html::page(title, &content))
 }
 
 /// Every column of percent as a line over the rows.
@@ -69,18 +70,20 @@ fn shares_plot(table: &ExperimentTable) -> Result<String, PlotError> {
     })
 }
 
-fn html_table(table: &ExperimentTable) -> String {
-    let mut text = String::from("<table><tr><th></th>");
-    for column in &table.columns {
-        let _ = write!(text, "<th>{}</th>", escape(&column.head()));
-    }
-    for row in &table.rows {
-        let _ = write!(text, "</tr><tr><td>{}</td>", escape(&row.name));
-        for (column, value) in table.columns.iter().zip(&row.values) {
-            let _ = write!(text, "<td>{}</td>", column.print(*value));
+fn html_table(table: &ExperimentTable) -> Markup {
+    html! {
+        table {
+            tr { th {} @for column in &table.columns { th { (column.head()) } } }
+            @for row in &table.rows {
+                tr {
+                    td { (row.name) }
+                    @for (column, value) in table.columns.iter().zip(&row.values) {
+                        td { (column.print(*value)) }
+                    }
+                }
+            }
         }
     }
-    text + "</tr></table>"
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, BenchError, Measured, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
-use crate::scene::Scene;
+use grimnet_eval::scene::Scene;
 use grimnet_eval::metrics::{Frame, Summary};
 
 /// The paper's scenes.

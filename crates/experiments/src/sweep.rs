@@ -7,9 +7,8 @@ use grimnet_world::Season;
 use crate::bench::{Bench, BenchError, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::photometry::Photometry;
-use crate::scene::SceneError;
 use crate::tables::Recipe;
-use crate::world_flight::{PoseChange, WorldFlight};
+use crate::world_flight::{FlightError, PoseChange, WorldFlight};
 use grimnet_eval::metrics::Summary;
 
 /// What is made worse.
@@ -189,9 +188,9 @@ struct Step {
 /// A sweep could not be run.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
-    /// A scene cannot be made.
+    /// A flight cannot be rendered.
     #[error(transparent)]
-    Scene(#[from] SceneError),
+    Flight(#[from] FlightError),
     /// A setup cannot be run.
     #[error(transparent)]
     Bench(Box<BenchError>),

@@ -4,17 +4,17 @@ use grimnet_locate::Options;
 use grimnet_net::Domain;
 use grimnet_pack::BuildOptions;
 
-use crate::bench::{Bench, BenchError, Measured, Method, Setup, at_gsd};
+use crate::bench::{Bench, BenchError, Localisation, Measured, Setup, at_gsd};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::photometry::Photometry;
-use crate::scene::Scene;
+use grimnet_eval::scene::Scene;
 use crate::scene_rows::{
     ALE_NOTE, PAPER_DA_BN, PAPER_MODULES, PAPER_SCENES, ale, all_frames, mean, mean_time_s, over,
     paper_scenes, scene_row, table,
 };
 use grimnet_eval::metrics::{Frame, Summary};
-use grimnet_eval::rank_distance::{FrameDistances, RankDistance};
-use grimnet_eval::recall::Recall;
+use grimnet_eval::metrics::rank_distance::{FrameDistances, RankDistance};
+use grimnet_eval::metrics::recall::Recall;
 
 /// The experiments that need no training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -122,7 +122,7 @@ fn resolution(
         let mut measured = Vec::new();
         for scene in scenes {
             let mut setup = recipe.setup();
-            match (recipe, scene.ground_width_m()) {
+            match (recipe, scene.ground_width_m()?) {
                 (Recipe::Default, Some(width_m)) => {
                     // As many pixels across the photo, more or fewer, as the default sees at the paper's default.
                     let across_px =
@@ -185,7 +185,7 @@ fn block_by_block(setup: Setup) -> Setup {
 
 fn sift_among_retrieved(setup: Setup) -> Setup {
     Setup {
-        method: Method::SiftAmongRetrieved,
+        method: Localisation::SiftAmongRetrieved,
         options: Options {
             top_k: PAPER_K,
             ..setup.options
@@ -232,7 +232,7 @@ fn top_k_recall(
     let mut setup = recipe.setup();
     setup.options.top_k = setup.options.top_k.max(RECALL_K[RECALL_K.len() - 1]);
     let measured = over(bench, scenes, &setup)?;
-    let join = |ranks: fn(&Measured) -> &Vec<grimnet_eval::recall::FrameRecall>| {
+    let join = |ranks: fn(&Measured) -> &Vec<grimnet_eval::metrics::recall::FrameRecall>| {
         let all: Vec<_> = measured
             .iter()
             .flat_map(|m| ranks(m).iter().copied())
@@ -343,7 +343,7 @@ fn photometry(
 
 fn methods(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, BenchError> {
     let sift = Setup {
-        method: Method::SiftWholeMap,
+        method: Localisation::SiftWholeMap,
         ..Recipe::Default.setup()
     };
     let rows = vec![

@@ -8,7 +8,7 @@ use grimnet_train::{Norms, Weights};
 use crate::bench::{Bench, BenchError, Measured};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::networks::{Networks, NetworksError};
-use crate::scene::Scene;
+use grimnet_eval::scene::Scene;
 use crate::scene_rows::{
     PAPER_DA_BN, PAPER_MODULES, ale, all_frames, mean, over, paper_scenes, scene_row, table,
 };

@@ -1,32 +1,43 @@
-//! How a network localises a procedural flight, in metres: what its losses are for.
+//! How a network localises a procedural flight, in metres: the measure of a training run.
 
 use std::path::{Path, PathBuf};
 
+use grimnet_eval::calibration::scenes::{SceneError, world};
+use grimnet_eval::calibration::trial::{ObserveError, answer, localizer};
+use grimnet_eval::metrics::footprint::RIGHT_WITHIN_M;
+use grimnet_eval::scene::{HeadingMode, Scene};
 use grimnet_net::Model;
 
-use grimnet_eval::calibration::RIGHT_WITHIN_M;
-use grimnet_eval::calibration::scene::{Scene, SceneError, world};
-use grimnet_eval::calibration::trial::{TrialError, answer, localizer};
-
 /// A procedural world and photos of it.
-#[derive(Debug)]
 pub struct Flight {
     scene: Scene,
     pack: PathBuf,
 }
 
-/// How a flight was localised, every answer counted, however weak.
+/// Why a flight cannot be drawn.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DrawError {
+    /// The scene cannot be made.
+    #[error(transparent)]
+    Scene(#[from] SceneError),
+    /// The folder cannot be created.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
+
+/// How a flight was localised, every answer counted, however weak its support.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FlightFigures {
     /// Whether the heading was known.
     pub heading_known: bool,
     /// Photos.
     pub photos: usize,
-    /// Share of them answered within 5 m of the truth.
+    /// Share of photos within 5 m of the truth.
     pub within_5_m: f64,
     /// The same within 20 m.
     pub within_20_m: f64,
-    /// Median error, metres; none where fewer than half of the photos are answered.
+    /// Median error, metres; `None` if fewer than half of the photos have an answer.
     pub median_m: Option<f64>,
 }
 
@@ -35,7 +46,7 @@ impl Flight {
     ///
     /// # Errors
     /// The map cannot be written.
-    pub fn draw(seed: u64, photos: usize, folder: &Path) -> Result<Self, SceneError> {
+    pub fn draw(seed: u64, photos: usize, folder: &Path) -> Result<Self, DrawError> {
         fs_err::create_dir_all(folder)?;
         Ok(Self {
             scene: world(seed, photos, folder)?,
@@ -47,12 +58,13 @@ impl Flight {
     ///
     /// # Errors
     /// The network cannot run, or the pack cannot be written.
-    pub fn measure(&self, model: &Model) -> Result<[FlightFigures; 2], TrialError> {
+    pub fn measure(&self, model: &Model) -> Result<[FlightFigures; 2], ObserveError> {
         let localizer = localizer(model, &self.scene, &self.pack)?;
         let mut errors_m = [Vec::new(), Vec::new()];
+        let modes = [HeadingMode::Known, HeadingMode::Unknown];
         for shot in &self.scene.shots {
-            for (heading_known, errors_m) in [true, false].into_iter().zip(&mut errors_m) {
-                let found = answer(&localizer, shot, heading_known)?;
+            for (heading, errors_m) in modes.into_iter().zip(&mut errors_m) {
+                let found = answer(&localizer, shot, heading)?;
                 errors_m.push(found.map_or(f64::INFINITY, |answer| answer.error_m()));
             }
         }
@@ -65,7 +77,7 @@ impl Flight {
 }
 
 impl FlightFigures {
-    /// Of the errors of all photos, metres, infinite where there was no answer.
+    /// Figures of the errors of all photos, metres; infinite without an answer.
     fn of(heading_known: bool, mut errors_m: Vec<f64>) -> Self {
         errors_m.sort_by(f64::total_cmp);
         let photos = errors_m.len();

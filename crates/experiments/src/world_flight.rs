@@ -1,15 +1,17 @@
 //! Scenes of the procedural world: a flight over it, with one thing changed at a time.
 
 use std::path::Path;
+use std::sync::Arc;
 
-use grimnet_geo::{LonLat, MapOptions, open_map};
+use grimnet_geo::{GeoError, LonLat, MapOptions, open_map};
+use grimnet_locate::Prior;
 use grimnet_photo::{Metadata, Photo};
 use grimnet_world::{
-    Camera, Flight, Look, Placement, Pose, RegionM, Season, TruthRow, World, WorldConfig,
+    Camera, Flight, Look, Placement, Pose, RegionM, Season, TruthRow, World, WorldConfig, WorldError,
     write_geotiff,
 };
 
-use crate::scene::{Scene, SceneError, Shot};
+use grimnet_eval::scene::{PhotoSource, Scene, Shot, TRUE_HEADING_SIGMA_DEG, Truth};
 
 /// Where made-up places lie: in the Gulf of Guinea, where there is no land.
 const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];
@@ -23,6 +25,21 @@ const CAMERA: Camera = Camera {
     width_px: 800,
     height_px: 600,
 };
+
+/// Why a flight cannot be rendered.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum FlightError {
+    /// The world or its map.
+    #[error(transparent)]
+    World(#[from] WorldError),
+    /// The written map cannot be read.
+    #[error(transparent)]
+    Map(#[from] GeoError),
+    /// The folder cannot be created.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+}
 
 /// A flight over a procedural world.
 #[derive(Debug, Clone)]
@@ -85,7 +102,7 @@ impl WorldFlight {
     ///
     /// # Errors
     /// The map cannot be written.
-    pub fn make(&self, folder: &Path) -> Result<Scene, SceneError> {
+    pub fn make(&self, folder: &Path) -> Result<Scene, FlightError> {
         fs_err::create_dir_all(folder)?;
         let world = self.world(self.seed);
         let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
@@ -111,7 +128,7 @@ impl WorldFlight {
             .iter()
             .enumerate()
             .map(|(i, frame)| self.shot(&flown, &placement, i, frame.pose, frame.reported))
-            .collect::<Result<_, SceneError>>()?;
+            .collect::<Result<_, FlightError>>()?;
         Ok(Scene {
             name: self.name.clone(),
             map: open_map(&path, &MapOptions::default())?,
@@ -135,7 +152,7 @@ impl WorldFlight {
         index: usize,
         pose: Pose,
         reported: Pose,
-    ) -> Result<Shot, SceneError> {
+    ) -> Result<Shot, FlightError> {
         let (pose, reported) = self.change.of(pose, reported);
         let name = format!("{:03}", index + 1);
         let picture = world.render_photo(&pose, &CAMERA, &self.photo_look);
@@ -150,15 +167,17 @@ impl WorldFlight {
             orientation: 1,
             ..Metadata::default()
         };
+        let position = LonLat {
+            lon_deg: truth.lon_deg,
+            lat_deg: truth.lat_deg,
+        };
         Ok(Shot {
             name,
-            photo: Photo::from_image(picture, metadata),
-            truth: LonLat {
-                lon_deg: truth.lon_deg,
-                lat_deg: truth.lat_deg,
-            },
-            heading_deg: Some(told_deg.rem_euclid(360.0)),
-            gsd_m: None,
+            photo: PhotoSource::Memory(Arc::new(Photo::from_image(picture, metadata))),
+            truth: Truth::at(position),
+            known: Prior::none()
+                .with_heading(told_deg.rem_euclid(360.0), TRUE_HEADING_SIGMA_DEG),
+            footprint_width_m: None,
         })
     }
 }
@@ -193,6 +212,10 @@ mod tests {
     use super::*;
     use grimnet_geo::distance_m;
 
+    fn picture(shot: &Shot) -> image::RgbImage {
+        shot.photo.open().unwrap().image.clone()
+    }
+
     #[test]
     fn one_thing_changes_at_a_time() {
         let pose = Pose::default();
@@ -213,23 +236,23 @@ mod tests {
         let [first, second] = &scene.shots[..] else {
             panic!("two shots");
         };
-        assert!(distance_m(first.truth, second.truth) > 1.0);
+        assert!(distance_m(first.truth.position, second.truth.position) > 1.0);
         let at = scene
             .map
             .georeference()
-            .map_px_from_lonlat(first.truth)
+            .map_px_from_lonlat(first.truth.position)
             .unwrap();
         assert!((100.0..900.0).contains(&at.x) && (100.0..900.0).contains(&at.y));
         // The same flight is the same; that of another world is not.
         let again = flight.make(folder.path()).unwrap();
-        assert_eq!(again.shots[0].photo.image, first.photo.image);
+        assert_eq!(picture(&again.shots[0]), picture(first));
         let elsewhere = WorldFlight {
             wrong_area: true,
             ..flight
         };
         assert_ne!(
-            elsewhere.make(folder.path()).unwrap().shots[0].photo.image,
-            first.photo.image
+            picture(&elsewhere.make(folder.path()).unwrap().shots[0]),
+            picture(first)
         );
     }
 }

@@ -2,13 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use grimnet_eval::truth::TruthFrame;
-use grimnet_experiments::bench::{Bench, Method, Setup};
+use std::sync::Arc;
+
+use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::scene::{HeadingMode, PhotoSource, Scene, Shot, Truth};
+use grimnet_experiments::bench::{Bench, Localisation, Setup};
 use grimnet_experiments::photometry::Photometry;
-use grimnet_experiments::scene::{Scene, Shot};
 use grimnet_experiments::tables::{self, Experiment, Recipe};
 use grimnet_experiments::world_flight::WorldFlight;
-use grimnet_geo::{WindowPx, distance_m};
+use grimnet_geo::{LonLat, MapOptions, WindowPx, distance_m};
+use grimnet_locate::Prior;
 use grimnet_net::Model;
 use grimnet_photo::{Metadata, Photo};
 
@@ -21,18 +24,18 @@ fn cut(scene: &Scene) -> Shot {
         .unwrap();
     let georeference = scene.map.georeference();
     let centre = grimnet_geo::MapPx::new(x + w / 2.0, y + h / 2.0);
+    let metadata = Metadata {
+        orientation: 1,
+        ..Metadata::default()
+    };
     Shot {
         name: "cut".into(),
-        photo: Photo::from_image(
-            patch.rgb,
-            Metadata {
-                orientation: 1,
-                ..Metadata::default()
-            },
-        ),
-        truth: georeference.lonlat_from_map_px(centre).unwrap(),
-        heading_deg: Some(georeference.up_bearing_deg(centre).unwrap()),
-        gsd_m: Some(georeference.ground_resolution_m(centre).unwrap().0),
+        photo: PhotoSource::Memory(Arc::new(Photo::from_image(patch.rgb, metadata))),
+        truth: Truth::at(georeference.lonlat_from_map_px(centre).unwrap()),
+        known: Prior::none()
+            .with_heading(georeference.up_bearing_deg(centre).unwrap(), 5.0)
+            .with_gsd_m(georeference.ground_resolution_m(centre).unwrap().0),
+        footprint_width_m: None,
     }
 }
 
@@ -47,9 +50,9 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     let model = Model::bundled().unwrap();
     let mut bench = Bench::new(&model, folder.path()).unwrap();
     for method in [
-        Method::Learned,
-        Method::SiftWholeMap,
-        Method::SiftAmongRetrieved,
+        Localisation::Learned,
+        Localisation::SiftWholeMap,
+        Localisation::SiftAmongRetrieved,
     ] {
         let setup = Setup {
             method,
@@ -60,7 +63,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
         assert!(error_m < 0.5, "{method:?}: {error_m} m");
         assert_eq!(
             measured.covers.len(),
-            usize::from(method == Method::Learned)
+            usize::from(method == Localisation::Learned)
         );
     }
     let dark = Setup {
@@ -76,7 +79,7 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     let scene = WorldFlight::over("hamlet", 6, 320.0, 0.7, 2)
         .make(folder.path())
         .unwrap();
-    assert!(distance_m(scene.shots[0].truth, scene.shots[1].truth) > 1.0);
+    assert!(distance_m(scene.shots[0].truth.position, scene.shots[1].truth.position) > 1.0);
     let model = Model::bundled().unwrap();
     let mut bench = Bench::new(&model, folder.path()).unwrap();
     let table = tables::run(
@@ -105,27 +108,40 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
 #[test]
 fn photos_are_read_with_their_truth_and_scale() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
+    let flown = WorldFlight::over("town", 5, 320.0, 0.9, 1)
         .make(folder.path())
         .unwrap();
-    let path = folder.path().join("a.jpg");
-    scene.shots[0].photo.image.save(&path).unwrap();
-    let frame = |place| TruthFrame {
-        photo: "a.jpg".into(),
-        centre_lat_lon_deg: place,
-        gps_lat_lon_deg: None,
-        heading_deg: Some(30.0),
-        height_agl_m: None,
+    let data = folder.path().join("data");
+    std::fs::create_dir_all(data.join("photos")).unwrap();
+    std::fs::copy(folder.path().join("town.tif"), data.join("map.tif")).unwrap();
+    let shot = &flown.shots[0];
+    let photo = shot.photo.open().unwrap();
+    photo.image.save(data.join("photos/a.jpg")).unwrap();
+    let LonLat { lon_deg, lat_deg } = shot.truth.position;
+    let truth = format!(
+        "photo,lat_deg,lon_deg,heading_deg,footprint_w_m,place\na.jpg,{lat_deg},{lon_deg},30,160,square\ngone.jpg,1,1,,,\n"
+    );
+    std::fs::write(data.join("truth.csv"), truth).unwrap();
+    let request = DataSetRequest {
+        folder: &data,
+        map: None,
+        map_options: MapOptions::default(),
+        photos_out: folder.path(),
     };
-    let frames = vec![
-        (frame(Some((1.0, 1.5))), path.clone()),
-        (frame(None), path.clone()),
-    ];
-    let read = Scene::of("data", scene.map, frames, Some(160.0)).unwrap();
-    assert_eq!(read.shots.len(), 1, "the other's place is not known");
-    assert_eq!(read.shots[0].gsd_m, Some(0.2), "160 m over 800 px");
-    assert!((read.ground_width_m().unwrap() - 160.0).abs() < 1e-6);
-    let gone = (frame(Some((1.0, 1.5))), folder.path().join("gone.jpg"));
-    let error = Scene::of("data", read.map, vec![gone], None).err().unwrap();
-    assert!(error.to_string().contains("gone.jpg"), "{error}");
+    let found = DataSet::find(&request).unwrap();
+    let map = found.open_map().unwrap();
+    let scene = found.into_scene(map).unwrap().decoded().unwrap();
+    assert_eq!(scene.shots.len(), 1, "the other photo does not exist");
+    let shot = &scene.shots[0];
+    assert_eq!(shot.truth.place.as_deref(), Some("square"));
+    let told = shot.prior(HeadingMode::Known, &shot.photo.open().unwrap());
+    assert_eq!(told.gsd_m, Some(0.2), "160 m over 800 px");
+    assert_eq!(told.heading, Prior::none().with_heading(30.0, 5.0).heading);
+    assert!((scene.ground_width_m().unwrap().unwrap() - 160.0).abs() < 1e-6);
+    let elsewhere = format!("photo,lat_deg,lon_deg\na.jpg,{},{lon_deg}\n", lat_deg + 1.0);
+    std::fs::write(data.join("truth.csv"), elsewhere).unwrap();
+    let found = DataSet::find(&request).unwrap();
+    let map = found.open_map().unwrap();
+    let error = found.into_scene(map).err().unwrap().to_string();
+    assert!(error.contains("none of the 1 true positions is on the map"), "{error}");
 }

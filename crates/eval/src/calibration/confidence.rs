@@ -1,20 +1,20 @@
-//! From the support of an answer to the probability that it is right: logistic regression (Cox 1958), and the limit above
-//! which one photo in a thousand taken elsewhere comes.
+//! Fits the probability that an answer is right to its support, by logistic regression (Cox 1958), and the least confidence that
+//! one photo in a thousand taken elsewhere exceeds.
 
 use grimnet_net::Confidence;
 use nalgebra::{SMatrix, SVector};
 
-use super::FitError;
+use super::error::FitError;
 use super::observation::Observation;
 
-/// Fewer photos taken elsewhere than this say nothing about a tail.
+/// Least number of photos taken elsewhere for an estimate of the tail.
 const MIN_ELSEWHERE: usize = 40;
 const MIN_RIGHT: usize = 40;
 
-/// Share of photos taken elsewhere that may be answered, unless asked otherwise.
+/// Default share of photos taken elsewhere that may get a fix.
 pub const ELSEWHERE_ANSWERED: f64 = 1e-3;
 
-/// The tail that is extrapolated begins here: share of the answers to photos taken elsewhere that lie above.
+/// Share of the answers to photos taken elsewhere that form the extrapolated tail.
 const TAIL_SHARE: f64 = 0.25;
 
 /// Precision of the prior on each standardised weight (ridge): right and wrong answers may be separable, and the likelihood
@@ -25,8 +25,8 @@ const RIDGE: f64 = 1.0;
 const TERMS: usize = 5;
 type Terms = SVector<f64, TERMS>;
 
-/// Fits the weights to right against wrong answers, then the limit so that a share `allowed` of the photos taken elsewhere
-/// comes above it.
+/// Fits the weights to right and wrong answers, then the least confidence so that a share `allowed` of the photos taken elsewhere
+/// exceeds it.
 ///
 /// # Errors
 /// Too few of either.
@@ -80,7 +80,7 @@ fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let count = ((values.len() as f64 * TAIL_SHARE).ceil() as usize).max(1);
     let Some(first) = values.len().checked_sub(count) else {
-        // No photo taken elsewhere was answered at all: even odds will do.
+        // No photo taken elsewhere has an answer: even odds are the limit.
         return 0.0;
     };
     let start = values[first];
@@ -89,7 +89,7 @@ fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     start + excess * (reached / allowed).ln().max(0.0)
 }
 
-/// Newton's method on the standardised evidence; the weights of the evidence as it is.
+/// Newton's method on the standardised evidence; returns the weights of the unscaled evidence.
 fn logistic(answers: &[([f64; 4], bool)]) -> Terms {
     let count = answers.len() as f64;
     let mut mean = [0.0; 4];

@@ -1,20 +1,46 @@
-//! Photos cut from pictures taken straight down: a homography and another light, no parallax.
+//! Photos cut from nadir pictures under a homography and a change of light, without parallax.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use image::{Rgb, RgbImage, imageops};
 use nalgebra::{Matrix3, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::scene::{SceneError, normal};
+use super::normal::normal;
+use crate::pictures::picture_files;
 
-/// Smaller pictures hold no photo.
+/// Least side of a picture from which photos are cut, pixels.
 const MIN_SIDE_PX: u32 = 640;
 /// Pictures in a row of the mosaic.
 const COLUMNS: u32 = 4;
-/// Pictures taken of a folder at most.
+/// Largest number of pictures used of a folder.
 const MAX_PICTURES: usize = 16;
+
+/// Why a folder of pictures cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum MosaicError {
+    /// A folder cannot be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// A picture cannot be decoded.
+    #[error("{path}: {source}")]
+    Picture {
+        /// The file.
+        path: PathBuf,
+        /// The decoder's error.
+        source: image::ImageError,
+    },
+    /// The folder has no usable pictures.
+    #[error("{path}: no picture of at least {min_px} x {min_px} pixels")]
+    NoPictures {
+        /// The folder.
+        path: PathBuf,
+        /// Least side, pixels.
+        min_px: u32,
+    },
+}
 
 /// Pictures side by side, each cropped to the smallest.
 #[derive(Debug)]
@@ -32,19 +58,16 @@ impl Mosaic {
     ///
     /// # Errors
     /// No picture that is large enough, or one that cannot be decoded.
-    pub fn of_folder(folder: &Path) -> Result<Self, SceneError> {
-        let mut paths: Vec<_> = fs_err::read_dir(folder)?
-            .filter_map(|entry| Some(entry.ok()?.path()))
-            .filter(|path| {
-                let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
-                ["jpg", "jpeg", "png"].contains(&extension.to_ascii_lowercase().as_str())
-            })
-            .collect();
-        paths.sort();
+    pub fn of_folder(folder: &Path) -> Result<Self, MosaicError> {
+        // TIFF and WebP pictures are left out, as when the bundled model was calibrated.
+        let paths = picture_files(folder)?.into_iter().filter(|path| {
+            let extension = path.extension().and_then(|e| e.to_str()).unwrap_or("");
+            ["jpg", "jpeg", "png"].contains(&extension.to_ascii_lowercase().as_str())
+        });
         let mut pictures = Vec::new();
         for path in paths {
             let picture = image::open(&path)
-                .map_err(|source| SceneError::Picture { path, source })?
+                .map_err(|source| MosaicError::Picture { path, source })?
                 .to_rgb8();
             if picture.width().min(picture.height()) >= MIN_SIDE_PX {
                 pictures.push(picture);
@@ -55,7 +78,7 @@ impl Mosaic {
         }
         let smallest = |side: fn(&RgbImage) -> u32| pictures.iter().map(side).min();
         let (Some(w), Some(h)) = (smallest(RgbImage::width), smallest(RgbImage::height)) else {
-            return Err(SceneError::NoPictures {
+            return Err(MosaicError::NoPictures {
                 path: folder.to_owned(),
                 min_px: MIN_SIDE_PX,
             });
@@ -87,7 +110,7 @@ impl Mosaic {
     }
 }
 
-/// How a photo is cut.
+/// The transform by which a photo is cut.
 #[derive(Debug, Clone, Copy)]
 pub struct Cut {
     /// Continuous mosaic pixels from continuous photo pixels.
@@ -101,7 +124,7 @@ pub struct Cut {
 }
 
 impl Cut {
-    /// A photo of any heading that lies within one picture, seen up to some degrees off nadir.
+    /// A random photo within one picture, with any heading and some degrees of tilt.
     pub fn random(mosaic: &Mosaic, photo_px: (u32, u32), rng: &mut ChaCha8Rng) -> Self {
         let (w, h) = (f64::from(photo_px.0), f64::from(photo_px.1));
         let half_diagonal = w.hypot(h) / 2.0;
@@ -145,7 +168,7 @@ impl Cut {
         }
     }
 
-    /// The photo, in a light of its own.
+    /// The photo, under a random change of light.
     pub fn photo(&self, mosaic: &Mosaic, photo_px: (u32, u32), rng: &mut ChaCha8Rng) -> RgbImage {
         let gain: [f64; 3] = std::array::from_fn(|_| rng.random_range(0.8..1.2));
         let exposure = rng.random_range(0.7..1.3);
@@ -170,7 +193,7 @@ impl Cut {
     }
 }
 
-/// Colour at integer-centred pixel coordinates; the border goes on outside.
+/// Colour at integer-centred pixel coordinates; the border is replicated.
 fn bilinear(picture: &RgbImage, x: f64, y: f64) -> [f64; 3] {
     let (w, h) = picture.dimensions();
     let clamp = |v: f64, n: u32| v.clamp(0.0, f64::from(n - 1));

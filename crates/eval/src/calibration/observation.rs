@@ -1,35 +1,35 @@
-//! One photo that was localised with the gates nearly open, and its truth.
+//! One photo that was localised with the gates nearly open, and its error.
 
 use std::path::Path;
 
 use grimnet_locate::Support;
 use serde::{Deserialize, Serialize};
 
-use super::RIGHT_WITHIN_M;
+use crate::metrics::footprint::RIGHT_WITHIN_M;
 
-/// A photo, and what came of it.
+/// One photo and its answer.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Observation {
-    /// Which scene it was taken in; scenes are held out as a whole.
+    /// Scene of the photo; scenes are held out as a whole.
     pub scene: usize,
-    /// Whether it was looked for on another scene's map.
+    /// Whether it was localised on another scene's map.
     pub elsewhere: bool,
     /// Whether the localiser was told the heading.
     pub heading_known: bool,
-    /// What was answered, if anything.
+    /// The answer, if there is one.
     pub answer: Option<Answer>,
 }
 
 /// An answer, right or wrong.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Answer {
-    /// Error eastwards, metres; without meaning for a photo taken elsewhere.
+    /// Error to the east, metres; without meaning on another scene's map.
     pub error_east_m: f64,
-    /// Error northwards, metres; likewise.
+    /// Error to the north, metres; likewise.
     pub error_north_m: f64,
-    /// Ground resolution of the level, metres a pixel.
+    /// Ground resolution of the level, metres per pixel.
     pub level_gsd_m: f64,
-    /// What supports it.
+    /// Its support by matches.
     pub support: Support,
 }
 
@@ -42,7 +42,7 @@ impl Answer {
 }
 
 impl Observation {
-    /// Whether it was answered with the right place.
+    /// Returns whether the answer is the right place.
     #[must_use]
     pub fn is_right(&self) -> bool {
         !self.elsewhere
@@ -105,7 +105,7 @@ pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
 /// Reads observations that [`write()`] wrote.
 ///
 /// # Errors
-/// Unreadable file, or one of another form.
+/// The file cannot be read or has other columns.
 pub fn read(path: &Path) -> csv::Result<Vec<Observation>> {
     csv::Reader::from_path(path)?
         .deserialize()

@@ -1,21 +1,21 @@
-//! From the covariance of the inliers to one that holds: two numbers by maximum likelihood, then scaled until the stated 95 %
-//! radius holds 95 % of the errors (split conformal prediction, Lei et al. 2018).
+//! Fits the stated covariance to the covariance of the inliers: two numbers by maximum likelihood, then scaled so that the stated
+//! 95 % radius contains 95 % of the errors (split conformal prediction, Lei et al. 2018).
 
 use grimnet_locate::internals::covariance::radius95;
 use grimnet_net::PositionError;
 use nalgebra::{Matrix2, Vector2};
 
-use super::FitError;
+use super::error::FitError;
 use super::observation::{Answer, Observation};
 
-/// Fewer right answers than this say nothing about a 95 % quantile.
+/// Least number of right answers for an estimate of a 95 % quantile.
 const MIN_FIXES: usize = 40;
 
-/// Degrees of freedom of the Student distribution whose likelihood is maximised: errors have heavier tails than a normal one,
-/// and the few far ones must not set the shape (Lange, Little & Taylor 1989 recommend 4).
+/// Degrees of freedom of the Student distribution whose likelihood is maximised: errors have heavier tails than a normal distribution,
+/// and a few large ones must not determine the shape (Lange, Little & Taylor 1989 recommend 4).
 const STUDENT_FREEDOM: f64 = 4.0;
 
-/// Ranges searched: far beyond what any model gave.
+/// Search ranges: far beyond the values of any model so far.
 const INLIER_FACTOR_RANGE: (f64, f64) = (0.05, 400.0);
 const SHARED_PX_RANGE: (f64, f64) = (0.05, 20.0);
 

@@ -1,36 +1,37 @@
-//! Each photo is localised on its own map and on another scene's, with the gates nearly open.
+//! Localises each photo on its own map and on another scene's, with the gates nearly open.
 
 use std::path::Path;
 
-use grimnet_geo::{LonLat, MapOptions, offset_en_m, open_map};
-use grimnet_locate::{Gates, Localizer, Options, Outcome};
+use grimnet_locate::{Gates, Localizer, LocateError, Options};
 use grimnet_net::Model;
-use grimnet_pack::{BuildOptions, Pack, build};
+use grimnet_pack::{BuildOptions, Pack, PackError, build};
 
 use super::observation::{Answer, Observation};
-use super::scene::{Scene, Shot};
+use crate::evaluation::{TrialError, evaluate_one};
+use crate::scene::{HeadingMode, Scene, Shot};
 
-/// Why a trial cannot be run.
+/// Why observations cannot be made.
 #[derive(Debug, thiserror::Error)]
-pub enum TrialError {
-    /// The map cannot be read.
-    #[error(transparent)]
-    Map(#[from] grimnet_geo::GeoError),
+#[non_exhaustive]
+pub enum ObserveError {
     /// The pack cannot be built.
     #[error(transparent)]
-    Pack(#[from] grimnet_pack::PackError),
-    /// The localiser refuses.
+    Pack(#[from] PackError),
+    /// The localiser refuses the model or the pack.
     #[error(transparent)]
-    Locate(#[from] grimnet_locate::LocateError),
+    Locate(#[from] LocateError),
+    /// A photo cannot be localised.
+    #[error(transparent)]
+    Trial(#[from] TrialError),
 }
 
-/// Every one in so many photos is also looked for without its heading, which takes a dozen times as long.
+/// One in so many photos is also localised without its heading, which takes a dozen times as long.
 const UNKNOWN_HEADING_EVERY: usize = 6;
 
-/// Fewer inliers than this are never given as a fix, so nothing need be known of them.
+/// Least number of inliers of an observed answer; fewer are never given as a fix.
 const MIN_INLIERS: usize = 6;
 
-/// Settings under which answers are observed: shapes are checked as always, support is not, and the map is exact.
+/// Options of observations: the shape of a transform is checked as usual, its support is not, and the map is exact.
 fn observing() -> Options {
     Options {
         gates: Some(Gates {
@@ -45,7 +46,7 @@ fn observing() -> Options {
     }
 }
 
-/// Localises the photos of all scenes, each scene's own and the next scene's on its map. `on_photo` is called after each.
+/// Localises the photos of all scenes: each scene's own and the next scene's on its map. `on_photo` is called after each.
 ///
 /// # Errors
 /// A map, pack or photo is refused.
@@ -54,7 +55,7 @@ pub fn observe(
     scenes: &[Scene],
     folder: &Path,
     on_photo: &mut dyn FnMut(),
-) -> Result<Vec<Observation>, TrialError> {
+) -> Result<Vec<Observation>, ObserveError> {
     let mut observations = Vec::new();
     for (index, scene) in scenes.iter().enumerate() {
         let localizer = localizer(model, scene, &folder.join(format!("scene_{index}.grim")))?;
@@ -64,15 +65,17 @@ pub fn observe(
                 continue;
             }
             for (number, shot) in scenes[from].shots.iter().enumerate() {
-                let blind = number % UNKNOWN_HEADING_EVERY == 0;
-                for heading_known in [true, false].into_iter().take(1 + usize::from(blind)) {
-                    let answer = answer(&localizer, shot, heading_known)?;
+                let also_unknown = number % UNKNOWN_HEADING_EVERY == 0;
+                for heading in [HeadingMode::Known, HeadingMode::Unknown]
+                    .into_iter()
+                    .take(1 + usize::from(also_unknown))
+                {
                     observations.push(Observation {
-                        // By the photo, so that a photo is on one side only.
+                        // The scene of the photo, so that a photo is on one side of a check only.
                         scene: from,
                         elsewhere,
-                        heading_known,
-                        answer,
+                        heading_known: heading == HeadingMode::Known,
+                        answer: answer(&localizer, shot, heading)?,
                     });
                     on_photo();
                 }
@@ -93,14 +96,13 @@ pub fn count(scenes: &[Scene]) -> usize {
     shots.sum::<usize>() * places
 }
 
-/// The localiser of a scene's map, whose pack is written to `pack`, under the settings of an observation.
+/// The localiser of a scene's map under the settings of an observation; the pack is written to `pack`.
 ///
 /// # Errors
 /// The map or the pack is refused.
-pub fn localizer(model: &Model, scene: &Scene, pack: &Path) -> Result<Localizer, TrialError> {
-    let map = open_map(&scene.map, &MapOptions::default())?;
+pub fn localizer(model: &Model, scene: &Scene, pack: &Path) -> Result<Localizer, ObserveError> {
     build(
-        map.as_ref(),
+        scene.map.as_ref(),
         model,
         &BuildOptions::standard(),
         pack,
@@ -109,34 +111,25 @@ pub fn localizer(model: &Model, scene: &Scene, pack: &Path) -> Result<Localizer,
     Ok(Localizer::new(model.clone(), Pack::open(pack)?)?.with_options(observing()))
 }
 
-/// What comes of a photo.
+/// The answer to one photo; `None` without a fix.
 ///
 /// # Errors
-/// The localiser refuses.
+/// The localiser refuses the photo.
 pub fn answer(
     localizer: &Localizer,
     shot: &Shot,
-    heading_known: bool,
+    heading: HeadingMode,
 ) -> Result<Option<Answer>, TrialError> {
-    let prior = if heading_known {
-        shot.prior
-    } else {
-        shot.prior.with_unknown_heading()
-    };
-    Ok(match localizer.locate(&shot.photo, &prior)? {
-        Outcome::Fix(fix) => {
-            let position = LonLat {
-                lon_deg: fix.lon_deg,
-                lat_deg: fix.lat_deg,
-            };
-            let (error_east_m, error_north_m) = offset_en_m(shot.truth, position);
-            Some(Answer {
-                error_east_m,
-                error_north_m,
-                level_gsd_m: fix.tile.gsd_m,
-                support: fix.support,
-            })
-        }
-        Outcome::NoFix(_) => None,
-    })
+    let trial = evaluate_one(localizer, shot, heading);
+    let outcome = trial.found?.outcome;
+    let fix = outcome.as_ref().and_then(|outcome| outcome.fix());
+    let error = trial.frame.error_east_m.zip(trial.frame.error_north_m);
+    Ok(fix
+        .zip(error)
+        .map(|(fix, (error_east_m, error_north_m))| Answer {
+            error_east_m,
+            error_north_m,
+            level_gsd_m: fix.tile.gsd_m,
+            support: fix.support,
+        }))
 }

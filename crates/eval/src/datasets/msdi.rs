@@ -1,19 +1,19 @@
-//! Manchester Surface Drone Imagery (MSDI, doi:10.5281/zenodo.6977602) as its publisher lays it out.
+//! Finds the photos of Manchester Surface Drone Imagery (MSDI, doi:10.5281/zenodo.6977602) in its published layout.
 //!
-//! Written from the readme and the code of github.com/scymz2/MSDI_TOOL, and tested on folders of that shape only. The photos to localise
-//! are those of `calibrated_images`, in the data set's folder or in its `data`, a folder a scene; where each was taken stands in its EXIF,
-//! which is where the receiver was. Raw pictures, forward views and checkerboards lie beside it and are left alone.
+//! Written from the readme and the code of github.com/scymz2/MSDI_TOOL, and tested on folders of that layout only. The photos to
+//! localise are in `calibrated_images`, in the data set's folder or in its `data`, one folder per scene; the true position of the
+//! receiver is in their EXIF. Raw pictures, forward views and checkerboards are not used.
 //!
-//! The data set has no map. Its tool fetches a small one for each photo, centred on that photo's own place
-//! (`google_advance_static_images`, `bing_advance_static_images`), which gives the answer away: bring a map that covers the flight.
+//! The data set has no map. Its tool downloads a small one for each photo, centred on that photo's own position
+//! (`google_advance_static_images`, `bing_advance_static_images`), which gives the answer away: use a map that covers the flight.
 
 use std::path::{Path, PathBuf};
 
 /// Name of the folder with the photos to localise.
 const PHOTOS: &str = "calibrated_images";
 
-/// The folders of photos, a scene each, of the data set in `folder`; or that folder itself where it is one scene of it. None where
-/// `folder` is neither.
+/// Returns the folders of photos, one per scene, of the data set in `folder`, or `folder` itself if it is one scene; `None` if it
+/// is neither.
 #[must_use]
 pub fn scenes(folder: &Path) -> Option<Vec<PathBuf>> {
     if folder.parent().is_some_and(|above| above.ends_with(PHOTOS)) {

@@ -1,70 +1,66 @@
-//! Scenes of AnyVisLoc (Ye et al. 2026, CVPR Findings, arXiv 2503.10692) as their publishers lay them out.
+//! Reads scenes of AnyVisLoc (Ye et al. 2026, CVPR Findings, arXiv 2503.10692) in their published layout.
 //!
-//! Written from the readme of github.com/UAV-AVL/Benchmark and from its reader (`avl_data.py`, `avl_utils.py`), and tested on folders of
-//! that shape only: the data set itself may not be passed on.
+//! Written from the readme of github.com/UAV-AVL/Benchmark and from its reader (`avl_data.py`, `avl_utils.py`), and tested on folders
+//! of that layout only: the data set itself may not be redistributed.
 //!
-//! `Scene_01/` holds `L01_reference.json`, the maps that it names (`aerial_map.png`, `satellite_map.png`), their surface models, which are
-//! not used here, and a `L01_0001.npz` a photo: the picture (`image`), the camera matrix (`K`), the camera's place (`xyz`) and attitude
-//! (`euler_deg`: roll, pitch off straight down, yaw). Places are metres of a plane that belongs to the scene, x to the east, y to the
-//! south, z above the mean ground, for the publishers keep the true coordinates back. That plane is put onto the equator at longitude 0
-//! here: figures in metres are the same to a millimetre in a kilometre, longitudes and latitudes mean nothing.
+//! `Scene_01/` holds `L01_reference.json`, the maps that it names (`aerial_map.png`, `satellite_map.png`), their surface models, which
+//! are not used here, and one `L01_0001.npz` per photo: the picture (`image`), the camera matrix (`K`), the camera's position (`xyz`)
+//! and attitude (`euler_deg`: roll, pitch off straight down, yaw). Positions are metres in a local plane of the scene, x to the east, y
+//! to the south, z above the mean ground; the publishers withhold the true coordinates. The plane is placed at longitude and latitude
+//! zero here: distances in metres agree to a millimetre in a kilometre; longitudes and latitudes have no meaning.
 //!
-//! Two truths: the receiver's is the camera's place, which the publishers' own figures are about; the image centre's is where its line of
-//! sight meets the mean ground, as their `view_center_anyvisloc` has it. Lens distortion is left in the pictures.
+//! Two truths: the receiver's is the camera's position, which the publishers' own figures refer to; the image centre's is where the
+//! line of sight meets the mean ground, as in their `view_center_anyvisloc`. Lens distortion is not removed from the pictures.
 
+mod plane;
 mod sample;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use grimnet_geo::{LonLat, destination_en_m};
 use serde::Deserialize;
 
-use crate::truth::TruthFrame;
+use crate::datasets::truth::TruthFrame;
+use plane::lonlat;
 use sample::Sample;
 
-/// Where the scene's plane has its origin.
-const ORIGIN: LonLat = LonLat {
-    lon_deg: 0.0,
-    lat_deg: 0.0,
-};
-
-/// The map that is taken where none is named.
+/// The map that is used unless another is requested.
 const DEFAULT_REFERENCE: &str = "aerial";
 
-/// A scene that was found.
+/// A scene as read from its folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct AnyVisLocScene {
     /// The map.
     pub map: PathBuf,
     /// Its corners, degrees: `[LL_LON, LL_LAT, UR_LON, UR_LAT]`.
     pub corners: [f64; 4],
-    /// The truths; their photos are files in the folder that was given.
+    /// The truths; their photos are files in the photo folder.
     pub frames: Vec<TruthFrame>,
-    /// Samples that were left out, each with what is wrong with it.
+    /// Messages about samples that were skipped, each with the reason.
     pub left_out: Vec<String>,
 }
 
 /// Why a scene cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum AnyVisLocError {
     /// A file cannot be read or written.
     #[error(transparent)]
     Io(#[from] std::io::Error),
-    /// The description of the maps cannot be understood.
-    #[error("{path}: not the description of a scene's maps: {source}")]
+    /// The description of the maps cannot be parsed.
+    #[error("{path}: not a description of a scene's maps: {source}")]
     Reference {
         /// The file.
         path: PathBuf,
-        /// What the reader said.
+        /// The reader's error.
         source: serde_json::Error,
     },
     /// The description does not hold the map.
-    #[error("{path}: describes no map {wanted}; it has {there}")]
+    #[error("{path}: no map {wanted}; it describes {there}")]
     NoMap {
         /// The description.
         path: PathBuf,
-        /// What was asked for.
+        /// The requested map.
         wanted: String,
         /// The maps that are described.
         there: String,
@@ -74,7 +70,7 @@ pub enum AnyVisLocError {
     Map {
         /// The map.
         path: PathBuf,
-        /// What the reader said.
+        /// The reader's error.
         source: image::ImageError,
     },
 }
@@ -91,12 +87,12 @@ struct Reference {
     map_path: PathBuf,
     /// Metres per pixel along x and y.
     map_resolution: [f64; 2],
-    /// Place of the upper left corner, metres.
+    /// Position of the upper left corner, metres.
     #[serde(default)]
     map_origin_local: [f64; 2],
 }
 
-/// Whether a folder looks like a scene.
+/// Returns whether a folder has the files of a scene.
 #[must_use]
 pub fn is_scene(folder: &Path) -> bool {
     reference_file(folder).is_some()
@@ -109,7 +105,7 @@ fn reference_file(folder: &Path) -> Option<PathBuf> {
         .find(|path| name_of(path).starts_with('L') && name_of(path).ends_with("_reference.json"))
 }
 
-/// The files of a folder, sorted; none of a folder that cannot be read.
+/// The files of a folder, sorted; empty if the folder cannot be read.
 fn files_of(folder: &Path) -> Vec<PathBuf> {
     let entries = fs_err::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -124,11 +120,12 @@ fn name_of(path: &Path) -> String {
         .into_owned()
 }
 
-/// Reads the scene in `folder` on `map`, one of its maps (by default the aerial one), and writes its photos into `photos`, with height,
-/// attitude and angle of view in their metadata. Photos that are there already are not written again.
+/// Reads the scene in `folder` with `map`, one of its maps (by default the aerial one), and writes its photos into `photos`, with
+/// height, attitude and field of view in their metadata. Photos that exist already are not written again.
 ///
 /// # Errors
-/// The description is missing or does not hold the map; photos cannot be written. A sample that cannot be read is left out.
+/// Returns an error if the description is missing or has no such map, or photos cannot be written. A sample that cannot be read is
+/// skipped.
 pub fn read(
     folder: &Path,
     map: Option<&Path>,
@@ -148,7 +145,7 @@ pub fn read(
         }
         match Sample::open(&path).and_then(|sample| sample.frame(&path, photos)) {
             Ok(frame) => frames.push(frame),
-            Err(error) => left_out.push(format!("{}: {error}; left out", path.display())),
+            Err(error) => left_out.push(format!("{}: {error}; skipped", path.display())),
         }
     }
     Ok(AnyVisLocScene {
@@ -199,9 +196,4 @@ impl Reference {
             upper_right.lat_deg,
         ]
     }
-}
-
-/// A place of the scene's plane, metres to the east and to the south.
-fn lonlat(x_m: f64, y_m: f64) -> LonLat {
-    destination_en_m(ORIGIN, x_m, -y_m)
 }

@@ -11,7 +11,7 @@ use serde::Serialize;
 /// The K for which recall is reported.
 pub const RECALL_AT: [usize; 6] = [1, 2, 5, 10, 50, 100];
 
-/// The largest of them.
+/// The largest K.
 pub const MOST_RANKS: usize = RECALL_AT[RECALL_AT.len() - 1];
 
 /// The paper's radius about the truth, pixels of the level (section 4.2).
@@ -30,7 +30,7 @@ impl RightTile {
     /// The paper's definition.
     pub const PAPER: Self = Self::CentreWithinPx(PAPER_RADIUS_PX);
 
-    /// Whether a tile of side `tile_px` (level pixels) about `centre_px` is right for `truth_px`.
+    /// Returns whether a tile of side `tile_px` (level pixels) around `centre_px` is right for `truth_px`.
     #[must_use]
     pub fn holds(self, centre_px: LevelPx, tile_px: f64, truth_px: LevelPx) -> bool {
         let (dx, dy) = (
@@ -44,20 +44,20 @@ impl RightTile {
     }
 }
 
-/// Where the first right tile of one frame stood in the search.
+/// Rank of the first right tile in the search for one photo.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct FrameRecall {
-    /// Its rank by descriptor, from 1; none where no right tile was retrieved.
+    /// Rank by descriptor, from 1; `None` if no right tile was retrieved.
     pub rank_by_descriptor: Option<usize>,
-    /// Its rank after the vote over translations.
+    /// Rank after the vote over translations.
     pub rank_by_vote: Option<usize>,
     /// Whether any right tile was matched in full.
     pub matched: bool,
 }
 
 impl FrameRecall {
-    /// What a search made of a photo whose centre truly lies at `truth`. Ranks are of the first round, which is what a single search
-    /// would have given; matching may happen in any.
+    /// Ranks of a photo whose centre is at `truth`. They are of the first round, which is what a single search
+    /// would have given; matching may happen in any round.
     #[must_use]
     pub fn of(pack: &Pack, trace: &Trace, truth: LonLat, right: RightTile) -> Self {
         let is_right = |round: &RoundTrace| {
@@ -82,7 +82,7 @@ impl FrameRecall {
     }
 }
 
-/// Rank, from 1, of the first tile that is right.
+/// Rank, from 1, of the first right tile.
 pub fn rank_of_right(tiles: &[usize], is_right: impl Fn(usize) -> bool) -> Option<usize> {
     tiles
         .iter()
@@ -106,7 +106,7 @@ pub struct Recall {
 }
 
 impl Recall {
-    /// Condenses frames for each K of `at`.
+    /// Means over frames for each K of `at`.
     #[must_use]
     pub fn of(frames: &[FrameRecall], at: &[usize]) -> Self {
         let share = |count: usize| count as f64 / frames.len().max(1) as f64;

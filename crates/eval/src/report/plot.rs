@@ -6,8 +6,8 @@ use plotters::chart::SeriesAnno;
 use plotters::coord::types::RangedCoordf64;
 use plotters::prelude::*;
 
-use crate::metrics::Frame;
-use crate::risk_coverage;
+use crate::metrics::reliability::Reliability;
+use crate::metrics::{Frame, risk_coverage};
 
 /// A curve could not be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -23,13 +23,13 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
 /// Size of every curve.
 const SIZE_PX: (u32, u32) = (900, 320);
 
-/// Farthest error that the curves show, in metres: beyond it a fix is a miss in every measure.
+/// Largest error that the curves show, metres: beyond it a fix counts as a miss in every figure.
 const AXIS_M: f64 = 30.0;
 
-/// A chart with straight axes.
+/// A chart with linear axes.
 pub type Chart<'s> = ChartContext<'s, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
-/// What the axes show, and what stands beside them.
+/// Ranges and labels of the axes.
 struct Axes {
     x: Range<f64>,
     y: Range<f64>,
@@ -37,7 +37,7 @@ struct Axes {
     y_desc: &'static str,
 }
 
-/// An SVG picture of `size_px` that `draw` draws, `below_px` left for what stands below the horizontal axis.
+/// An SVG picture of `size_px`; `draw` fills the chart; `below_px` is the height of the labels below the horizontal axis.
 pub fn svg_chart(
     size_px: (u32, u32),
     below_px: u32,
@@ -72,14 +72,14 @@ fn curves(
     })
 }
 
-/// Names a series in the key.
+/// Adds a series to the legend.
 pub fn name_in_key<'c>(series: &mut SeriesAnno<'c, SVGBackend<'_>>, name: &str, colour: RGBAColor) {
     series
         .label(name)
         .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], colour));
 }
 
-/// Draws the key of all named series.
+/// Draws the legend of all named series.
 pub fn draw_key(chart: &mut Chart<'_>, position: SeriesLabelPosition) -> Result<(), PlotError> {
     chart
         .configure_series_labels()
@@ -89,7 +89,7 @@ pub fn draw_key(chart: &mut Chart<'_>, position: SeriesLabelPosition) -> Result<
     Ok(())
 }
 
-/// The share of all frames within a distance, for several runs (cumulative distribution of the error).
+/// Share of all photos within a distance, for several runs (cumulative distribution of the error).
 ///
 /// # Errors
 /// Drawing fails.
@@ -98,7 +98,7 @@ pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError
         x: 0.0..AXIS_M,
         y: 0.0..100.0,
         x_desc: "error, m",
-        y_desc: "% of frames",
+        y_desc: "% of photos",
     };
     curves(axes, |chart| {
         for (i, (name, frames)) in runs.iter().enumerate() {
@@ -120,7 +120,7 @@ pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError
     })
 }
 
-/// The error of each frame in flight order, with its stated 95 % radius (figure 7a of the paper).
+/// Error of each photo in the order of flight, with its stated 95 % radius (figure 7a of the paper).
 ///
 /// # Errors
 /// Drawing fails.
@@ -128,7 +128,7 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
     let axes = Axes {
         x: 0.0..frames.len().max(1) as f64,
         y: 0.0..AXIS_M,
-        x_desc: "frame",
+        x_desc: "photo",
         y_desc: "error, m",
     };
     curves(axes, |chart| {
@@ -150,7 +150,7 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
     })
 }
 
-/// The share of failures among the surest answers, against the share of all frames that these are (risk-coverage curve).
+/// Share of failures among the most confident answers over their share of all photos (risk-coverage curve).
 ///
 /// # Errors
 /// Drawing fails.
@@ -158,8 +158,8 @@ pub fn risk_coverage(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
     let axes = Axes {
         x: 0.0..100.0,
         y: 0.0..20.0,
-        x_desc: "% of frames answered, surest first",
-        y_desc: "% of these off by more than 20 m",
+        x_desc: "% of photos with a fix, most confident first",
+        y_desc: "% of these with an error above 20 m",
     };
     curves(axes, |chart| {
         for (i, (name, frames)) in runs.iter().enumerate() {
@@ -174,7 +174,42 @@ pub fn risk_coverage(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
     })
 }
 
-/// The error of each frame, a line a run: methods compared (figure 7b of the paper). A miss interrupts its line.
+/// Share of right fixes over the stated confidence, with 95 % intervals, beside the diagonal of a perfect calibration (reliability
+/// diagram).
+///
+/// # Errors
+/// Drawing fails.
+pub fn reliability(runs: &[(&str, Reliability)]) -> Result<String, PlotError> {
+    let axes = Axes {
+        x: 0.0..100.0,
+        y: 0.0..102.0,
+        x_desc: "stated confidence, %",
+        y_desc: "% of these fixes that are right",
+    };
+    curves(axes, |chart| {
+        let diagonal = [(0.0, 0.0), (100.0, 100.0)];
+        chart.draw_series(LineSeries::new(diagonal, BLACK.mix(0.3)))?;
+        for (i, (name, reliability)) in runs.iter().enumerate() {
+            let colour = Palette99::pick(i).to_rgba();
+            let points: Vec<(f64, f64)> = reliability
+                .bins
+                .iter()
+                .map(|bin| (100.0 * bin.mean_confidence, 100.0 * bin.right_share))
+                .collect();
+            let intervals = reliability.bins.iter().map(|bin| {
+                let x = 100.0 * bin.mean_confidence;
+                let ends = bin.right_share_interval.map(|end| (x, 100.0 * end));
+                PathElement::new(ends.to_vec(), colour.mix(0.5))
+            });
+            chart.draw_series(intervals)?;
+            let series = LineSeries::new(points, colour.stroke_width(2)).point_size(3);
+            name_in_key(chart.draw_series(series)?, name, colour);
+        }
+        draw_key(chart, SeriesLabelPosition::LowerRight)
+    })
+}
+
+/// Error of each photo, one line per run (figure 7b of the paper). A miss interrupts the line.
 ///
 /// # Errors
 /// Drawing fails.
@@ -187,7 +222,7 @@ pub fn runs_compared(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
     let axes = Axes {
         x: 0.0..longest.max(1) as f64,
         y: 0.0..AXIS_M,
-        x_desc: "frame",
+        x_desc: "photo",
         y_desc: "error, m",
     };
     curves(axes, |chart| {

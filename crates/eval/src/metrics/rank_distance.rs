@@ -27,7 +27,7 @@ const PDM_LAMBDA: f64 = 6.0;
 /// PDM's alpha: the distance, in widths of the tile, at which a score is one half.
 const PDM_ALPHA: f64 = 0.9;
 
-/// How far a retrieved tile's centre lies from the truth.
+/// Distance of a retrieved tile's centre from the truth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TileDistance {
     /// Euclidean distance of longitude and latitude, degrees.
@@ -88,8 +88,8 @@ pub struct FrameDistances {
 }
 
 impl FrameDistances {
-    /// The first `most` tiles of a search for a photo whose centre truly lies at `truth`: of its first round, which is what a single
-    /// search would have given.
+    /// Distances of the first `most` tiles of the search for a photo whose centre is at `truth`, in its first round, which is what a
+    /// single search would have given.
     #[must_use]
     pub fn of(pack: &Pack, trace: &Trace, truth: LonLat, most: usize) -> Self {
         let Some(first) = trace.rounds.first() else {
@@ -106,7 +106,7 @@ impl FrameDistances {
 
 fn distances(pack: &Pack, round: &RoundTrace, tiles: &[usize], truth: LonLat) -> Vec<TileDistance> {
     let level = &pack.levels()[round.level];
-    // A centre that has no longitude and latitude is infinitely far.
+    // A centre without longitude and latitude counts as infinitely far.
     const NOWHERE: TileDistance = TileDistance {
         degrees: f64::INFINITY,
         widths: f64::INFINITY,
@@ -139,7 +139,7 @@ pub struct RankDistance {
 }
 
 impl RankDistance {
-    /// Condenses frames for each K of `at`.
+    /// Means over frames for each K of `at`.
     #[must_use]
     pub fn of(frames: &[FrameDistances], at: &[usize]) -> Self {
         let mean = |score: &dyn Fn(&FrameDistances, usize) -> f64| -> Vec<f64> {

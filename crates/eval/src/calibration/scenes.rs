@@ -1,8 +1,9 @@
-//! Maps with photos whose truth is exact: procedural worlds, and pictures that photos are cut from.
+//! Scenes with exact truth: procedural worlds, and pictures that photos are cut from.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::Arc;
 
-use grimnet_geo::LonLat;
+use grimnet_geo::{GeoError, LonLat, MapOptions, open_map};
 use grimnet_locate::Prior;
 use grimnet_photo::{Metadata, Photo};
 use grimnet_world::{
@@ -12,76 +13,40 @@ use image::RgbImage;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::cut::{Cut, Mosaic};
-
-/// A photo, where its centre lies, and what its drone would know of it.
-#[derive(Debug)]
-pub struct Shot {
-    /// The photo, with metadata that err as a drone's do.
-    pub photo: Photo,
-    /// Its centre on the ground.
-    pub truth: LonLat,
-    /// What is known beside the metadata.
-    pub prior: Prior,
-}
-
-/// A map and photos of it.
-#[derive(Debug)]
-pub struct Scene {
-    /// What it shows, for people.
-    pub name: String,
-    /// The map, a GeoTIFF.
-    pub map: PathBuf,
-    /// Its photos.
-    pub shots: Vec<Shot>,
-}
+use super::cut::Cut;
+pub use super::cut::{Mosaic, MosaicError};
+use super::normal::normal;
+use crate::pictures::file_name;
+use crate::scene::{PhotoSource, Scene, Shot, Truth};
 
 /// Why a scene cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum SceneError {
     /// The world or its map cannot be drawn or written.
     #[error(transparent)]
     World(#[from] WorldError),
-    /// A picture cannot be read.
-    #[error("{path}: {source}")]
-    Picture {
-        /// The file.
-        path: PathBuf,
-        /// What the decoder said.
-        source: image::ImageError,
-    },
-    /// A folder cannot be read.
+    /// The pictures of a folder cannot be used.
     #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// A folder has no pictures.
-    #[error("{path}: no picture of at least {min_px} x {min_px} pixels in it")]
-    NoPictures {
-        /// The folder.
-        path: PathBuf,
-        /// Least side.
-        min_px: u32,
-    },
+    Mosaic(#[from] MosaicError),
+    /// The written map cannot be read.
+    #[error(transparent)]
+    Map(#[from] GeoError),
 }
 
-/// Where made-up places lie: in the Gulf of Guinea, where there is no land.
+/// Position of procedural worlds: in the Gulf of Guinea, where there is no land.
 const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];
 /// Side of a world, metres.
 const WORLD_M: f64 = 640.0;
-/// Width of a photo, pixels: half as much again as a query has.
+/// Size of a photo, pixels: one and a half times the width of a query.
 const PHOTO_PX: (u32, u32) = (640, 480);
-/// Errors of a drone's metadata, 1-sigma: compass, barometer and ground, gimbal.
+/// Errors of a drone's metadata (1 sigma): compass, height above ground, gimbal.
 const HEADING_SIGMA_DEG: f64 = 3.0;
 const HEIGHT_SIGMA: f64 = 0.05;
 const GIMBAL_SIGMA_DEG: f64 = 0.7;
 
-/// A normal deviate (Box & Muller 1958).
-pub(crate) fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let radius = (-2.0 * rng.random_range(f64::MIN_POSITIVE..1.0).ln()).sqrt();
-    radius * (std::f64::consts::TAU * rng.random::<f64>()).cos()
-}
-
-/// A world of its own seed, drawn once as a satellite sees it and `photos` times as a drone does: any heading, 60 to 150 m
-/// above ground, up to 20 degrees off nadir, each in another season, light and camera.
+/// A procedural world rendered once as a satellite sees it and `photos` times as a drone does: any heading, 60 to 150 m above
+/// ground, up to 20 degrees off nadir, each with another season, light and camera.
 ///
 /// # Errors
 /// The map cannot be written into `folder`.
@@ -111,7 +76,7 @@ pub fn world(seed: u64, photos: usize, folder: &Path) -> Result<Scene, SceneErro
         .collect::<Result<_, _>>()?;
     Ok(Scene {
         name: format!("procedural world {seed}"),
-        map,
+        map: open_map(&map, &MapOptions::default())?,
         shots,
     })
 }
@@ -126,7 +91,7 @@ fn world_shot(
         width_px: PHOTO_PX.0,
         height_px: PHOTO_PX.1,
     };
-    // Either the gimbal tells its pitch, or it is said to look straight down and nearly does.
+    // Either the gimbal reports its pitch, or it reports straight down and nearly looks there.
     let pitch_told = rng.random_bool(0.5);
     let pitch_sigma_deg = if pitch_told { 8.0 } else { 2.5 };
     let inside = 0.2 * WORLD_M..0.8 * WORLD_M;
@@ -154,18 +119,16 @@ fn world_shot(
         orientation: 1,
         ..Metadata::default()
     };
-    Ok(Shot {
-        photo: Photo::from_image(photo, metadata),
-        truth: LonLat {
-            lon_deg: row.lon_deg,
-            lat_deg: row.lat_deg,
-        },
-        prior: Prior::none().with_heading(told_deg, HEADING_SIGMA_DEG),
-    })
+    let position = LonLat {
+        lon_deg: row.lon_deg,
+        lat_deg: row.lat_deg,
+    };
+    let known = Prior::none().with_heading(told_deg, HEADING_SIGMA_DEG);
+    Ok(shot(photo, metadata, position, known))
 }
 
-/// Pictures of a folder put side by side as one map, and `photos` photos cut from them under a homography and in another
-/// light. Their ground resolution is taken to be `gsd_m` metres a pixel: only the unit of length depends on it.
+/// The pictures of a folder side by side as one map, and `photos` photos cut from them under a homography and a change of light.
+/// Their ground resolution is assumed to be `gsd_m` metres per pixel: only the unit of length depends on it.
 ///
 /// # Errors
 /// The folder has no pictures, one cannot be decoded, or the map cannot be written into `folder_out`.
@@ -177,10 +140,7 @@ pub fn pictures(
     folder_out: &Path,
 ) -> Result<Scene, SceneError> {
     let mosaic = Mosaic::of_folder(folder)?;
-    let name = folder
-        .file_name()
-        .map(|n| n.to_string_lossy().into_owned())
-        .unwrap_or_default();
+    let name = file_name(folder);
     let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
     let placement = Placement::at(lon_deg, lat_deg)?;
     let map = folder_out.join(format!("pictures_{seed}.tif"));
@@ -202,18 +162,25 @@ pub fn pictures(
                 orientation: 1,
                 ..Metadata::default()
             };
-            Ok(Shot {
-                photo: Photo::from_image(photo, metadata),
-                truth: LonLat { lon_deg, lat_deg },
-                prior: Prior::none()
-                    .with_heading(told_deg, HEADING_SIGMA_DEG)
-                    .with_gsd_m(cut.map_px_per_photo_px * gsd_m * scale),
-            })
+            let known = Prior::none()
+                .with_heading(told_deg, HEADING_SIGMA_DEG)
+                .with_gsd_m(cut.map_px_per_photo_px * gsd_m * scale);
+            Ok(shot(photo, metadata, LonLat { lon_deg, lat_deg }, known))
         })
         .collect::<Result<_, SceneError>>()?;
     Ok(Scene {
         name: format!("pictures of {name}"),
-        map,
+        map: open_map(&map, &MapOptions::default())?,
         shots,
     })
+}
+
+fn shot(photo: RgbImage, metadata: Metadata, position: LonLat, known: Prior) -> Shot {
+    Shot {
+        name: String::new(),
+        photo: PhotoSource::Memory(Arc::new(Photo::from_image(photo, metadata))),
+        truth: Truth::at(position),
+        known,
+        footprint_width_m: None,
+    }
 }

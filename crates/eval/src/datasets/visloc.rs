@@ -1,16 +1,16 @@
-//! Scenes of UAV-VisLoc (Xu et al. 2024, arXiv 2405.11936) as their publishers lay them out.
+//! Reads scenes of UAV-VisLoc (Xu et al. 2024, arXiv 2405.11936) in their published layout.
 //!
-//! `UAV-VisLoc/03/` holds `drone/*.JPG`, `satellite03.tif` and `03.csv`; the corners of all maps stand in
-//! `satellite_coordinates_range.csv` one folder up (some copies have a space before `coordinates`), with the columns
-//! `mapname, LT_lat_map, LT_lon_map, RB_lat_map, RB_lon_map`. `03.csv` gives the place of each photo's centre (`filename`,
-//! `lat`, `lon`) and the aircraft's heading (`Phi1`). Its heights are above the sea, so they are left alone.
+//! `UAV-VisLoc/03/` holds `drone/*.JPG`, `satellite03.tif` and `03.csv`; the corners of all maps are in
+//! `satellite_coordinates_range.csv` in the parent folder (some copies have a space before `coordinates`), with the columns
+//! `mapname, LT_lat_map, LT_lon_map, RB_lat_map, RB_lon_map`. `03.csv` gives the position of each photo's centre (`filename`,
+//! `lat`, `lon`) and the aircraft's heading (`Phi1`). Its heights are above sea level and are not used.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use crate::truth::TruthFrame;
+use crate::datasets::truth::TruthFrame;
 
-/// A scene that was found.
+/// A scene as read from its folder.
 #[derive(Debug, Clone, PartialEq)]
 pub struct VislocScene {
     /// The map.
@@ -21,32 +21,31 @@ pub struct VislocScene {
     pub photos: PathBuf,
     /// Their truths.
     pub frames: Vec<TruthFrame>,
-    /// Lines that were left out, each with what is wrong with it.
+    /// Messages about lines that were skipped, each with the reason.
     pub left_out: Vec<String>,
 }
 
 /// Why a scene cannot be read.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum VislocError {
     /// A file cannot be read.
     #[error("{path}: {source}")]
     Csv {
         /// The file.
         path: PathBuf,
-        /// What the reader said.
+        /// The reader's error.
         source: csv::Error,
     },
     /// The table of corners is missing.
-    #[error(
-        "{folder}: no satellite_coordinates_range.csv there, which gives the corners of the maps"
-    )]
+    #[error("{folder}: no satellite_coordinates_range.csv, which gives the corners of the maps")]
     NoCorners {
-        /// Where it was looked for.
+        /// The folder that was searched.
         folder: PathBuf,
     },
-    /// The table of corners does not name the map, or not its corners.
+    /// The table of corners has no usable line for the map.
     #[error(
-        "{path}: no line for {map} with LT_lat_map, LT_lon_map, RB_lat_map and RB_lon_map as degrees"
+        "{path}: no line for {map} with LT_lat_map, LT_lon_map, RB_lat_map and RB_lon_map in degrees"
     )]
     CornersOf {
         /// The table.
@@ -56,7 +55,7 @@ pub enum VislocError {
     },
 }
 
-/// Whether a folder looks like a scene.
+/// Returns whether a folder has the files of a scene.
 #[must_use]
 pub fn is_scene(folder: &Path) -> bool {
     name_of(folder).is_some_and(|name| {
@@ -73,7 +72,7 @@ fn name_of(folder: &Path) -> Option<String> {
 /// Reads the scene in `folder`.
 ///
 /// # Errors
-/// A table is missing, unreadable, or does not tell the map's corners.
+/// Returns an error if a table is missing or unreadable, or has no corners for the map.
 pub fn read(folder: &Path) -> Result<VislocScene, VislocError> {
     let name = name_of(folder).unwrap_or_default();
     let map_name = format!("satellite{name}.tif");
@@ -110,7 +109,7 @@ pub fn read(folder: &Path) -> Result<VislocScene, VislocError> {
         match frame(&row) {
             Some(frame) => frames.push(frame),
             None => left_out.push(format!(
-                "{}, line {line}: no `filename` with `lat` and `lon` in degrees; left out",
+                "{}, line {line}: no `filename` with `lat` and `lon` in degrees; skipped",
                 path.display()
             )),
         }
@@ -132,9 +131,8 @@ fn frame(row: &HashMap<String, String>) -> Option<TruthFrame> {
     Some(TruthFrame {
         photo: row.get("filename").filter(|name| !name.is_empty())?.clone(),
         centre_lat_lon_deg: Some((number("lat", 90.0)?, number("lon", 180.0)?)),
-        gps_lat_lon_deg: None,
         heading_deg: number("Phi1", 720.0),
-        height_agl_m: None,
+        ..TruthFrame::default()
     })
 }
 

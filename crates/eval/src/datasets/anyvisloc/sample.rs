@@ -1,37 +1,77 @@
 //! One photo of AnyVisLoc: its picture, camera and pose.
 
-use std::io;
 use std::path::Path;
 
-use grimnet_world::{PhotoTags, write_jpeg_with_exif};
+use grimnet_world::{PhotoTags, WorldError, write_jpeg_with_exif};
 use image::RgbImage;
 
-use super::lonlat;
-use crate::npz::Npz;
-use crate::truth::TruthFrame;
+use super::plane::lonlat;
+use crate::datasets::npz::{Npz, NpzError};
+use crate::datasets::truth::TruthFrame;
 
-/// Quality of the JPEG that a picture is written as.
+/// JPEG quality of the written pictures.
 const JPEG_QUALITY: u8 = 95;
 
-/// A line of sight further off straight down than this does not meet the ground in any useful place, degrees.
+/// Largest angle between the line of sight and straight down at which the image centre is useful, degrees.
 const MAX_PITCH_DEG: f64 = 80.0;
 
-/// Width of the film that focal lengths in the metadata are of, millimetres.
+/// Film width that focal lengths in the metadata refer to, millimetres.
 const FILM_WIDTH_MM: f64 = 36.0;
 
-/// What a sample holds.
+/// Why a sample cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum SampleError {
+    /// An array cannot be read.
+    #[error(transparent)]
+    Npz(#[from] NpzError),
+    /// An array has another shape or content.
+    #[error("array `{name}`: {found}; expected {expected}")]
+    Content {
+        /// Name of the array.
+        name: &'static str,
+        /// What was found.
+        found: String,
+        /// What was expected.
+        expected: String,
+    },
+    /// The camera looks past the map.
+    #[error(
+        "the camera looks {pitch_deg:.0} degrees off straight down; expected at most {MAX_PITCH_DEG:.0}"
+    )]
+    Pitch {
+        /// Angle off straight down, degrees.
+        pitch_deg: f64,
+    },
+    /// The picture cannot be written.
+    #[error(transparent)]
+    Write(#[from] WorldError),
+}
+
+fn content(
+    name: &'static str,
+    found: impl Into<String>,
+    expected: impl Into<String>,
+) -> SampleError {
+    SampleError::Content {
+        name,
+        found: found.into(),
+        expected: expected.into(),
+    }
+}
+
+/// The content of a sample file.
 pub(super) struct Sample {
     npz: Npz,
     /// Focal length along x, pixels of the picture.
     focal_px: f64,
-    /// Place of the camera in the scene's plane: east, south, above the mean ground; metres.
+    /// Position of the camera in the scene's plane: east, south, above the mean ground; metres.
     xyz_m: [f64; 3],
     /// Roll, pitch off straight down (positive: ahead), yaw clockwise from north; degrees.
     euler_deg: [f64; 3],
 }
 
 impl Sample {
-    pub fn open(path: &Path) -> io::Result<Self> {
+    pub fn open(path: &Path) -> Result<Self, SampleError> {
         let mut npz = Npz::open(path)?;
         let matrix = vector::<9>(&mut npz, "K")?;
         let sample = Self {
@@ -44,23 +84,23 @@ impl Sample {
         Ok(sample)
     }
 
-    fn check(&self) -> io::Result<()> {
+    fn check(&self) -> Result<(), SampleError> {
         let [_, pitch_deg, _] = self.euler_deg;
         if self.focal_px <= 0.0 {
-            return Err(io::Error::other("`K` has no positive focal length"));
+            let found = format!("focal length {}", self.focal_px);
+            return Err(content("K", found, "a positive focal length in pixels"));
         }
         if self.xyz_m[2] <= 0.0 {
-            return Err(io::Error::other("the camera is below the mean ground"));
+            let found = format!("height {} m", self.xyz_m[2]);
+            return Err(content("xyz", found, "a height above the mean ground"));
         }
         if pitch_deg.abs() > MAX_PITCH_DEG {
-            return Err(io::Error::other(format!(
-                "the camera looks {pitch_deg:.0} degrees off straight down, past the map"
-            )));
+            return Err(SampleError::Pitch { pitch_deg });
         }
         Ok(())
     }
 
-    /// Where the line of sight meets the mean ground: metres to the east and to the south.
+    /// Intersection of the line of sight with the mean ground: metres to the east and to the south.
     fn centre_m(&self) -> [f64; 2] {
         let ([x, y, z], [_, pitch_deg, yaw_deg]) = (self.xyz_m, self.euler_deg);
         let ahead_m = z * pitch_deg.to_radians().tan();
@@ -68,8 +108,8 @@ impl Sample {
         [x + ahead_m * sin, y - ahead_m * cos]
     }
 
-    /// The truth of this sample, whose picture is written into `photos` if it is not there.
-    pub fn frame(mut self, npz: &Path, photos: &Path) -> io::Result<TruthFrame> {
+    /// Truth of this sample; its picture is written into `photos` unless it exists.
+    pub fn frame(mut self, npz: &Path, photos: &Path) -> Result<TruthFrame, SampleError> {
         let photo = format!(
             "{}.jpg",
             npz.file_stem().unwrap_or_default().to_string_lossy()
@@ -77,8 +117,7 @@ impl Sample {
         let path = photos.join(&photo);
         if !path.is_file() {
             let image = picture(&mut self.npz)?;
-            write_jpeg_with_exif(&path, &image, JPEG_QUALITY, &self.tags(image.width()))
-                .map_err(io::Error::other)?;
+            write_jpeg_with_exif(&path, &image, JPEG_QUALITY, &self.tags(image.width()))?;
         }
         let [x, y] = self.centre_m();
         let (centre, camera) = (lonlat(x, y), lonlat(self.xyz_m[0], self.xyz_m[1]));
@@ -88,6 +127,7 @@ impl Sample {
             gps_lat_lon_deg: Some((camera.lat_deg, camera.lon_deg)),
             heading_deg: Some(self.euler_deg[2]),
             height_agl_m: Some(self.xyz_m[2]),
+            ..TruthFrame::default()
         })
     }
 
@@ -114,26 +154,24 @@ impl Sample {
     }
 }
 
-/// The first numbers of an array, all finite.
-fn vector<const N: usize>(npz: &mut Npz, name: &str) -> io::Result<[f64; N]> {
+/// The numbers of an array of `N` values, all finite.
+fn vector<const N: usize>(npz: &mut Npz, name: &'static str) -> Result<[f64; N], SampleError> {
     let array = npz.floats(name)?;
     array
         .values
         .try_into()
         .ok()
         .filter(|values: &[f64; N]| values.iter().all(|v| v.is_finite()))
-        .ok_or_else(|| io::Error::other(format!("`{name}` is not {N} finite numbers")))
+        .ok_or_else(|| content(name, "other values", format!("{N} finite numbers")))
 }
 
-fn picture(npz: &mut Npz) -> io::Result<RgbImage> {
+fn picture(npz: &mut Npz) -> Result<RgbImage, SampleError> {
     let array = npz.bytes("image")?;
     let [height, width, 3] = array.shape[..] else {
-        return Err(io::Error::other(format!(
-            "`image` has the shape {:?} and not height, width, 3",
-            array.shape
-        )));
+        let found = format!("shape {:?}", array.shape);
+        return Err(content("image", found, "height, width, 3"));
     };
     RgbImage::from_raw(width as u32, height as u32, array.values)
         .filter(|image| image.width() > 0 && image.height() > 0)
-        .ok_or_else(|| io::Error::other("`image` is empty"))
+        .ok_or_else(|| content("image", "no pixels", "a picture"))
 }

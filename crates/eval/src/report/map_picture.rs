@@ -1,27 +1,27 @@
-//! The map with truth and answers on it.
+//! The map with true positions and answers drawn on it.
 
 use grimnet_geo::{GeoError, LonLat, Raster, WindowPx};
 use image::{Rgb, RgbImage};
 
 /// Longest side of the picture, pixels.
 const SIDE_PX: f64 = 1000.0;
-/// Truth.
+/// A true position.
 const TRUE_COLOUR: Rgb<u8> = Rgb([40, 220, 60]);
 /// An answer.
 const ANSWER_COLOUR: Rgb<u8> = Rgb([255, 60, 40]);
-/// A truth without an answer.
+/// A true position without an answer.
 const MISS_COLOUR: Rgb<u8> = Rgb([255, 220, 0]);
 
-/// One frame on the map.
+/// One photo on the map.
 #[derive(Debug, Clone, Copy)]
 pub struct Mark {
-    /// Where it was.
+    /// True position.
     pub truth: LonLat,
-    /// Where it was answered to be, if it was.
+    /// Position of the fix, if there is one.
     pub answer: Option<LonLat>,
 }
 
-/// Draws the whole map at reduced size: truths in green, answers in red, a line between the two, misses in yellow.
+/// Draws the whole map at reduced size: true positions in green, fixes in red, a line between the two, misses in yellow.
 ///
 /// # Errors
 /// The map cannot be read.
@@ -37,7 +37,7 @@ pub fn draw(map: &dyn Raster, marks: &[Mark]) -> Result<RgbImage, GeoError> {
     };
     let sides = [width, height].map(|side| ((side * scale).round() as u32).max(1));
     let mut picture = map.read(window, sides[0], sides[1])?.rgb;
-    // Marks must be seen on any map.
+    // Darkened, so that marks are visible on any map.
     for value in picture.iter_mut() {
         *value = 64 + *value / 2;
     }

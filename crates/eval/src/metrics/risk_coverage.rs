@@ -1,8 +1,8 @@
-//! Risk against coverage: how wrong the surest answers are (El-Yaniv & Wiener 2010).
+//! Risk against coverage: the share of failures among the most confident answers (El-Yaniv & Wiener 2010).
 
-use crate::metrics::Frame;
+use super::frame::Frame;
 
-/// One point of the curve: the surest `coverage` of all frames are off by `risk` on average.
+/// One point of the curve: of the most confident answers that make up `coverage` of all frames, a share `risk` are failures.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Point {
     /// Share of all frames, answered or not.
@@ -14,18 +14,18 @@ pub struct Point {
 /// An error beyond this is a failure: the paper's success radius, metres.
 pub const RISK_BEYOND_M: f64 = 20.0;
 
-/// The curve, surest answers first: by confidence, of equals by stated radius. It ends where the answers do.
+/// The curve, most confident answers first; ties are ordered by stated radius. It ends at the share of frames with a fix.
 #[must_use]
 pub fn curve(frames: &[Frame]) -> Vec<Point> {
     let mut answered: Vec<&Frame> = frames.iter().filter(|f| f.error_m.is_some()).collect();
-    let doubt = |f: &Frame| {
+    let order = |f: &Frame| {
         (
             -f.confidence.unwrap_or(0.0),
             f.radius95_m.unwrap_or(f64::INFINITY),
         )
     };
     answered.sort_by(|a, b| {
-        let (a, b) = (doubt(a), doubt(b));
+        let (a, b) = (order(a), order(b));
         a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1))
     });
     let mut failures = 0usize;
@@ -42,7 +42,7 @@ pub fn curve(frames: &[Frame]) -> Vec<Point> {
         .collect()
 }
 
-/// Area under the curve over the frames that are answered (Geifman & El-Yaniv 2017); 0 is best, none without answers.
+/// Area under the curve over the frames with a fix (Geifman & El-Yaniv 2017); 0 is best, `None` without fixes.
 #[must_use]
 pub fn area(frames: &[Frame]) -> Option<f64> {
     let points = curve(frames);

@@ -1,0 +1,342 @@
+//! Recognises the layout of a folder and reads map, photos and truth from it.
+
+use std::collections::HashSet;
+use std::path::{Path, PathBuf};
+
+use grimnet_geo::{GeoError, MapOptions, Raster, open_map};
+use grimnet_locate::Prior;
+use grimnet_photo::Metadata;
+
+use super::anyvisloc::{self, AnyVisLocError};
+use super::msdi;
+use super::truth::{self, TruthError, TruthFrame};
+use super::visloc::{self, VislocError};
+use crate::pictures::{EXTENSIONS, file_name, picture_files};
+use crate::scene::{PhotoSource, Scene, Shot, TRUE_HEADING_SIGMA_DEG, Truth};
+
+/// Which data set to read, and how.
+#[derive(Debug, Clone)]
+pub struct DataSetRequest<'a> {
+    /// The folder.
+    pub folder: &'a Path,
+    /// The map, if it is not at its usual place in the folder.
+    pub map: Option<&'a Path>,
+    /// Georeference of the map, if its file has none.
+    pub map_options: MapOptions,
+    /// Where photos are written that the data set stores in another form (AnyVisLoc).
+    pub photos_out: &'a Path,
+}
+
+/// A data set as read from its folder.
+#[derive(Debug, Clone)]
+pub struct DataSet {
+    /// Description for people, such as "UAV-VisLoc 03".
+    pub name: String,
+    /// The map.
+    pub map: PathBuf,
+    /// Georeference of the map, if its file has none.
+    pub map_options: MapOptions,
+    /// The photos with a known position.
+    pub frames: Vec<(TruthFrame, PathBuf)>,
+}
+
+/// Why a data set cannot be read.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DataSetError {
+    /// The folder does not exist.
+    #[error("{0}: no such folder")]
+    NoFolder(PathBuf),
+    /// The truth file.
+    #[error(transparent)]
+    Truth(#[from] TruthError),
+    /// A scene of UAV-VisLoc.
+    #[error(transparent)]
+    Visloc(#[from] VislocError),
+    /// A scene of AnyVisLoc.
+    #[error(transparent)]
+    AnyVisLoc(#[from] AnyVisLocError),
+    /// A folder cannot be read.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The map cannot be read.
+    #[error(transparent)]
+    Map(#[from] GeoError),
+    /// MSDI without a map.
+    #[error("{0}: MSDI comes without a map of its flights; a map that covers them is required")]
+    MsdiNeedsMap(PathBuf),
+    /// Neither a known layout nor a map for photos with a position in their EXIF.
+    #[error(
+        "{0}: no truth.csv, not a scene of UAV-VisLoc or AnyVisLoc; photos with a position in their EXIF need a map"
+    )]
+    UnknownLayout(PathBuf),
+    /// The folder has no pictures.
+    #[error("{folder}: no photos (looked for {})", EXTENSIONS.join(", "))]
+    NoPhotos {
+        /// The folder.
+        folder: PathBuf,
+    },
+    /// No photo has a known position.
+    #[error("{0}: no photo with a known position")]
+    NoTruth(PathBuf),
+    /// No true position is on the map.
+    #[error(
+        "none of the {count} true positions is on the map (the first is latitude {lat_deg}, longitude {lon_deg}; the map: {map}); check the \
+         map's coordinate system and corners, and the columns of latitude and longitude"
+    )]
+    OffMap {
+        /// Number of true positions.
+        count: usize,
+        /// Latitude of the first, degrees.
+        lat_deg: f64,
+        /// Longitude of the first, degrees.
+        lon_deg: f64,
+        /// Description of the map.
+        map: String,
+    },
+}
+
+impl DataSet {
+    /// Reads the data set in a folder. Photos that cannot be scored are logged as warnings and skipped.
+    ///
+    /// # Errors
+    /// Returns an error if the folder has no known layout, or no photo with a known position.
+    pub fn find(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
+        let folder = request.folder;
+        if !folder.is_dir() {
+            return Err(DataSetError::NoFolder(folder.to_owned()));
+        }
+        if folder.join(TRUTH_FILE).is_file() {
+            Self::plain(request)
+        } else if visloc::is_scene(folder) {
+            Self::visloc(request)
+        } else if anyvisloc::is_scene(folder) {
+            Self::anyvisloc(request)
+        } else {
+            Self::by_exif(request)
+        }
+    }
+
+    /// Returns whether a folder is recognised as a data set by its files alone.
+    #[must_use]
+    pub fn is_recognised(folder: &Path) -> bool {
+        folder.join(TRUTH_FILE).is_file() || visloc::is_scene(folder) || anyvisloc::is_scene(folder)
+    }
+
+    /// Opens the map of the data set.
+    ///
+    /// # Errors
+    /// The map cannot be read or has no georeference.
+    pub fn open_map(&self) -> Result<Box<dyn Raster>, GeoError> {
+        open_map(&self.map, &self.map_options)
+    }
+
+    /// The photos of the data set on `map`. Photos whose true position is off the map are logged as warnings and skipped.
+    ///
+    /// # Errors
+    /// Returns an error if no true position is on the map: its georeference then differs from the truth's.
+    pub fn into_scene(self, map: Box<dyn Raster>) -> Result<Scene, DataSetError> {
+        let (on, off): (Vec<_>, Vec<_>) = self
+            .frames
+            .into_iter()
+            .filter_map(|(frame, path)| shot(frame, path))
+            .partition(|shot| is_on(map.as_ref(), shot));
+        let Some(first) = on.first().or(off.first()) else {
+            return Err(DataSetError::NoTruth(self.map));
+        };
+        if on.is_empty() {
+            return Err(DataSetError::OffMap {
+                count: off.len(),
+                lat_deg: first.truth.position.lat_deg,
+                lon_deg: first.truth.position.lon_deg,
+                map: map.describe(),
+            });
+        }
+        for shot in &off {
+            tracing::warn!("{}: its true position is off the map; skipped", shot.name);
+        }
+        Ok(Scene {
+            name: self.name,
+            map,
+            shots: on,
+        })
+    }
+
+    /// `map.tif`, `photos/`, `truth.csv`.
+    fn plain(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
+        let folder = request.folder;
+        let (frames, bad) = truth::read_rows(&folder.join(TRUTH_FILE))?;
+        for error in bad {
+            tracing::warn!("{error}; skipped");
+        }
+        Ok(Self {
+            name: file_name(folder),
+            map: request
+                .map
+                .map_or_else(|| folder.join(MAP_FILE), Path::to_owned),
+            map_options: request.map_options.clone(),
+            frames: scorable(frames, &folder.join(PHOTO_FOLDER))?,
+        })
+    }
+
+    /// A scene of UAV-VisLoc.
+    fn visloc(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
+        let scene = visloc::read(request.folder)?;
+        for line in &scene.left_out {
+            tracing::warn!("{line}");
+        }
+        let map_options = request.map_options.clone();
+        Ok(Self {
+            name: format!("UAV-VisLoc {}", file_name(request.folder)),
+            map: request.map.map_or(scene.map, Path::to_owned),
+            map_options: MapOptions {
+                corners: map_options.corners.or(Some(scene.corners)),
+                ..map_options
+            },
+            frames: scorable(scene.frames, &scene.photos)?,
+        })
+    }
+
+    /// A scene of AnyVisLoc, whose photos are written as files.
+    fn anyvisloc(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
+        let scene = anyvisloc::read(request.folder, request.map, request.photos_out)?;
+        for line in &scene.left_out {
+            tracing::warn!("{line}");
+        }
+        Ok(Self {
+            name: format!("AnyVisLoc {}", file_name(request.folder)),
+            map: scene.map,
+            map_options: MapOptions {
+                corners: Some(scene.corners),
+                ..MapOptions::default()
+            },
+            frames: scorable(scene.frames, request.photos_out)?,
+        })
+    }
+
+    /// Photos with a position in their EXIF: that of the receiver, not of the image centre.
+    fn by_exif(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
+        let folder = request.folder;
+        let inside = folder.join(MAP_FILE);
+        let scenes = msdi::scenes(folder);
+        let Some(map) = request
+            .map
+            .or_else(|| inside.is_file().then_some(inside.as_path()))
+        else {
+            return Err(match scenes {
+                Some(_) => DataSetError::MsdiNeedsMap(folder.to_owned()),
+                None => DataSetError::UnknownLayout(folder.to_owned()),
+            });
+        };
+        let photos = folder.join(PHOTO_FOLDER);
+        let sources = match scenes {
+            Some(scenes) => scenes,
+            None if photos.is_dir() => vec![photos],
+            None => vec![folder.to_owned()],
+        };
+        let mut frames = Vec::new();
+        for source in &sources {
+            let found = picture_files(source)?;
+            if found.is_empty() {
+                return Err(DataSetError::NoPhotos {
+                    folder: source.clone(),
+                });
+            }
+            frames.extend(found.into_iter().filter_map(frame_from_exif));
+        }
+        if frames.is_empty() {
+            return Err(DataSetError::NoTruth(folder.to_owned()));
+        }
+        Ok(Self {
+            name: format!("{} (truth: receiver position in EXIF)", file_name(folder)),
+            map: map.to_owned(),
+            map_options: request.map_options.clone(),
+            frames,
+        })
+    }
+}
+
+/// Name of the program's own truth file.
+const TRUTH_FILE: &str = "truth.csv";
+/// Name of the map beside it.
+const MAP_FILE: &str = "map.tif";
+/// Name of the folder of photos beside it.
+const PHOTO_FOLDER: &str = "photos";
+
+fn frame_from_exif(path: PathBuf) -> Option<(TruthFrame, PathBuf)> {
+    let Ok(metadata) = Metadata::read(&path) else {
+        tracing::warn!("{}: cannot be read; skipped", path.display());
+        return None;
+    };
+    let Some(position) = metadata.position else {
+        tracing::warn!("{}: no position in its EXIF; skipped", path.display());
+        return None;
+    };
+    let frame = TruthFrame {
+        photo: file_name(&path),
+        gps_lat_lon_deg: Some((position.lat_deg, position.lon_deg)),
+        ..TruthFrame::default()
+    };
+    Some((frame, path))
+}
+
+/// A photo file with its truth; `None` if the truth has no position.
+fn shot(frame: TruthFrame, path: PathBuf) -> Option<Shot> {
+    let known = Prior::none();
+    Some(Shot {
+        truth: Truth {
+            position: frame.position()?,
+            receiver: frame.receiver(),
+            error_m: frame.truth_error_m,
+            place: frame.place,
+            featureless_share: frame.featureless_share,
+            tilt_deg: frame.tilt_deg,
+        },
+        name: frame.photo,
+        photo: PhotoSource::File(path),
+        known: frame.heading_deg.map_or(known, |heading_deg| {
+            known.with_heading(heading_deg, TRUE_HEADING_SIGMA_DEG)
+        }),
+        footprint_width_m: frame.footprint_width_m,
+    })
+}
+
+fn is_on(map: &dyn Raster, shot: &Shot) -> bool {
+    let (width, height) = map.size_px();
+    map.georeference()
+        .map_px_from_lonlat(shot.truth.position)
+        .is_ok_and(|px| {
+            (0.0..=width as f64).contains(&px.x) && (0.0..=height as f64).contains(&px.y)
+        })
+}
+
+/// The truths that can be scored: the photo exists and its position is known. All others are logged as warnings.
+fn scorable(
+    truth: Vec<TruthFrame>,
+    photos: &Path,
+) -> Result<Vec<(TruthFrame, PathBuf)>, DataSetError> {
+    let listed: HashSet<String> = truth.iter().map(|frame| frame.photo.clone()).collect();
+    let mut usable = Vec::new();
+    for frame in truth {
+        let path = photos.join(&frame.photo);
+        if !path.is_file() {
+            tracing::warn!(
+                "{}: listed in the truth file but missing; skipped",
+                path.display()
+            );
+        } else if frame.position().is_none() {
+            tracing::warn!("{}: the truth has no position; skipped", frame.photo);
+        } else {
+            usable.push((frame, path));
+        }
+    }
+    for path in picture_files(photos).unwrap_or_default() {
+        if !listed.contains(&file_name(&path)) {
+            tracing::warn!("{}: has no truth; skipped", path.display());
+        }
+    }
+    if usable.is_empty() {
+        return Err(DataSetError::NoTruth(photos.to_owned()));
+    }
+    Ok(usable)
+}

@@ -1,0 +1,310 @@
+//! The evaluation loop: every photo of a scene is opened, localised and compared with its truth.
+
+use std::collections::BTreeMap;
+use std::time::Instant;
+
+use grimnet_locate::{Localizer, Outcome, Prior, TimeMs, Trace};
+use grimnet_photo::{Photo, PhotoError};
+
+use crate::metrics::{Frame, ScoredFix, rounded};
+use crate::scene::{HeadingMode, Shot};
+
+/// Error of a method that localises.
+pub type MethodError = Box<dyn std::error::Error + Send + Sync>;
+
+/// A way to localise photos: the localiser, or something that it is compared with.
+pub trait Method {
+    /// Localises one photo.
+    ///
+    /// # Errors
+    /// Returns an error if the photo or what is known of it is refused.
+    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError>;
+}
+
+/// What a method found.
+#[derive(Debug, Clone, Default)]
+pub struct Found {
+    /// The fix, if there is one.
+    pub fix: Option<ScoredFix>,
+    /// Why there is no fix.
+    pub reason: Option<String>,
+    /// Stated probability that the fix is right.
+    pub confidence: Option<f64>,
+    /// Matches that are consistent with the answer.
+    pub inliers: Option<usize>,
+    /// Time by stage and in `total`, milliseconds; empty if the method does not measure it.
+    pub stage_ms: BTreeMap<String, f64>,
+    /// The localiser's answer; `None` for other methods.
+    pub outcome: Option<Outcome>,
+    /// The localiser's search; `None` for other methods.
+    pub trace: Option<Trace>,
+}
+
+impl Found {
+    /// An answer of the localiser.
+    #[must_use]
+    pub fn of(outcome: Outcome, trace: Trace) -> Self {
+        let found = match &outcome {
+            Outcome::Fix(fix) => Self {
+                fix: Some(ScoredFix::of(fix)),
+                confidence: fix.confidence.map(|value| rounded(value, 6)),
+                inliers: Some(fix.inliers),
+                stage_ms: stage_ms(&fix.time_ms),
+                ..Self::default()
+            },
+            Outcome::NoFix(no_fix) => Self {
+                reason: Some(no_fix.reason.to_string()),
+                inliers: Some(no_fix.inliers),
+                stage_ms: stage_ms(&no_fix.time_ms),
+                ..Self::default()
+            },
+        };
+        Self {
+            outcome: Some(outcome),
+            trace: Some(trace),
+            ..found
+        }
+    }
+}
+
+fn stage_ms(time_ms: &TimeMs) -> BTreeMap<String, f64> {
+    [
+        ("query", time_ms.query),
+        ("features", time_ms.features),
+        ("search", time_ms.search),
+        ("vote", time_ms.vote),
+        ("matching", time_ms.matching),
+        ("total", time_ms.total),
+    ]
+    .map(|(name, ms)| (name.to_owned(), rounded(ms, 3)))
+    .into()
+}
+
+impl Method for Localizer {
+    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+        let (outcome, trace) = self.locate_traced(photo, prior)?;
+        Ok(Found::of(outcome, trace))
+    }
+}
+
+/// Why a photo could not be localised at all.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TrialError {
+    /// The photo cannot be read.
+    #[error(transparent)]
+    Photo(#[from] PhotoError),
+    /// The method refuses it.
+    #[error(transparent)]
+    Method(MethodError),
+}
+
+/// One photo, localised and compared with its truth.
+#[derive(Debug)]
+pub struct Trial {
+    /// The comparison; a photo that could not be localised counts as one without a fix.
+    pub frame: Frame,
+    /// What the method found.
+    pub found: Result<Found, TrialError>,
+}
+
+/// Localises one photo and compares the answer with its truth.
+#[must_use]
+pub fn evaluate_one(method: &dyn Method, shot: &Shot, heading: HeadingMode) -> Trial {
+    let photo = match shot.photo.open() {
+        Ok(photo) => photo,
+        Err(error) => {
+            return Trial {
+                frame: frame(shot, &Err(error.to_string())),
+                found: Err(error.into()),
+            };
+        }
+    };
+    let since = Instant::now();
+    let found = method.locate(&photo, &shot.prior(heading, &photo));
+    let elapsed_ms = since.elapsed().as_secs_f64() * 1e3;
+    let mut scored = frame(shot, &found.as_ref().map_err(|error| chain(error.as_ref())));
+    scored.time_ms.get_or_insert(elapsed_ms);
+    Trial {
+        frame: scored,
+        found: found.map_err(TrialError::Method),
+    }
+}
+
+/// Localises all photos, one after the other; `on_trial` is called after each.
+pub fn evaluate(
+    method: &dyn Method,
+    shots: &[Shot],
+    heading: HeadingMode,
+    on_trial: &mut dyn FnMut(&Trial),
+) -> Vec<Trial> {
+    shots
+        .iter()
+        .map(|shot| {
+            let trial = evaluate_one(method, shot, heading);
+            on_trial(&trial);
+            trial
+        })
+        .collect()
+}
+
+/// An error and its causes in one line; a cause that its error repeats is left out.
+fn chain(error: &dyn std::error::Error) -> String {
+    let mut text = error.to_string();
+    let mut cause = error.source();
+    while let Some(next) = cause {
+        let message = next.to_string();
+        if !text.contains(&message) {
+            text = format!("{text}: {message}");
+        }
+        cause = next.source();
+    }
+    text
+}
+
+/// The comparison of what was found with the truth.
+fn frame(shot: &Shot, found: &Result<&Found, String>) -> Frame {
+    let truth = &shot.truth;
+    let scored = match found {
+        Ok(Found { fix: Some(fix), .. }) => {
+            let mut scored = Frame::score(&shot.name, fix, truth.position);
+            if let Some(sigma_m) = truth.error_m {
+                scored = scored.with_truth_error(fix, sigma_m);
+            }
+            if let Some(receiver) = truth.receiver {
+                scored = scored.with_gps(fix, receiver);
+            }
+            scored
+        }
+        Ok(found) => Frame::missed(&shot.name, found.reason.as_deref().unwrap_or("no fix")),
+        Err(reason) => Frame::missed(&shot.name, reason),
+    };
+    let found = found.as_ref().ok();
+    Frame {
+        footprint_width_m: shot.footprint_width_m,
+        truth_error_m: truth.error_m,
+        place: truth.place.clone(),
+        answerable: truth.featureless_share.map(|_| truth.is_answerable()),
+        tilt_deg: truth.tilt_deg,
+        confidence: found.and_then(|found| found.confidence),
+        inliers: found.and_then(|found| found.inliers),
+        time_ms: found.and_then(|found| found.stage_ms.get("total").copied()),
+        stage_ms: found
+            .map(|found| found.stage_ms.clone())
+            .unwrap_or_default(),
+        ..scored
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use grimnet_geo::{LonLat, destination_en_m};
+    use grimnet_photo::Metadata;
+    use image::RgbImage;
+
+    use super::*;
+    use crate::scene::{PhotoSource, Truth};
+
+    /// Answers ten metres east of zero if the heading is told, refuses dark photos.
+    struct Fixed;
+
+    impl Method for Fixed {
+        fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+            if photo.image.get_pixel(0, 0).0 == [0, 0, 0] {
+                return Err("too dark".into());
+            }
+            let position = destination_en_m(
+                LonLat {
+                    lon_deg: 0.0,
+                    lat_deg: 0.0,
+                },
+                10.0,
+                0.0,
+            );
+            let told = *prior != Prior::none().with_unknown_heading();
+            Ok(Found {
+                fix: told.then_some(ScoredFix {
+                    position,
+                    covariance_en_m2: [4.0, 0.0, 4.0],
+                    radius95_m: 5.0,
+                }),
+                confidence: Some(0.9),
+                ..Found::default()
+            })
+        }
+    }
+
+    fn shot(name: &str, tone: u8) -> Shot {
+        let image = RgbImage::from_pixel(64, 48, image::Rgb([tone; 3]));
+        let truth = LonLat {
+            lon_deg: 0.0,
+            lat_deg: 0.0,
+        };
+        Shot {
+            name: name.into(),
+            photo: PhotoSource::Memory(Arc::new(Photo::from_image(image, Metadata::default()))),
+            truth: Truth {
+                error_m: Some(1.5),
+                place: Some("field".into()),
+                featureless_share: Some(0.7),
+                receiver: Some(truth),
+                ..Truth::at(truth)
+            },
+            known: Prior::none().with_heading(10.0, 5.0),
+            footprint_width_m: None,
+        }
+    }
+
+    #[test]
+    fn fixes_misses_and_refusals_are_compared_with_the_truth() {
+        let gone = Shot {
+            photo: PhotoSource::File("no/such.jpg".into()),
+            ..shot("gone", 9)
+        };
+        let shots = [shot("bright", 200), shot("dark", 0), gone];
+        let mut seen = 0;
+        let trials = evaluate(&Fixed, &shots, HeadingMode::Known, &mut |_| seen += 1);
+        assert_eq!(seen, 3);
+        let frame = &trials[0].frame;
+        assert!((frame.error_m.unwrap() - 10.0).abs() < 1e-3);
+        assert!((frame.gps_error_m.unwrap() - 10.0).abs() < 1e-3);
+        assert_eq!(
+            (frame.place.as_deref(), frame.answerable),
+            (Some("field"), Some(false))
+        );
+        assert_eq!(
+            (frame.confidence, frame.truth_error_m),
+            (Some(0.9), Some(1.5))
+        );
+        assert!(frame.radius95_with_truth_m.unwrap() > 5.0);
+        assert_eq!(trials[1].frame.reason.as_deref(), Some("too dark"));
+        assert!(matches!(trials[1].found, Err(TrialError::Method(_))));
+        assert!(
+            trials[2]
+                .frame
+                .reason
+                .as_ref()
+                .unwrap()
+                .contains("such.jpg")
+        );
+        assert!(matches!(trials[2].found, Err(TrialError::Photo(_))));
+        let unknown = evaluate_one(&Fixed, &shots[0], HeadingMode::Unknown);
+        assert!(!unknown.frame.fixed && unknown.found.is_ok());
+    }
+
+    #[test]
+    fn a_footprint_gives_the_ground_resolution_of_the_full_size_photo() {
+        let shot = Shot {
+            footprint_width_m: Some(128.0),
+            ..shot("a", 9)
+        };
+        let photo = shot.photo.open().unwrap();
+        assert_eq!(shot.prior(HeadingMode::Unknown, &photo).view.gsd_m, Some(2.0));
+        assert_eq!(
+            shot.prior(HeadingMode::FromPhoto, &photo).view.heading,
+            Prior::none().view.heading
+        );
+    }
+}

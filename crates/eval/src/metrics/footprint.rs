@@ -1,0 +1,182 @@
+//! Figures relative to the ground width of the photos, for data sets whose metres are nominal or whose photos differ in scale.
+//!
+//! A fix is right within [`RIGHT_SHARE`] of the photo's ground width. It is wrong beyond that plus [`TRUTH_SIGMAS`] times the
+//! error of the truth; a fix in between is neither, since the truth does not tell.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use super::frame::Frame;
+use super::statistics::{grouped_bootstrap_interval, mean, percentile};
+
+/// Largest error of a right fix, as a share of the ground width of the photo.
+pub const RIGHT_SHARE: f64 = 0.05;
+
+/// Standard deviations of the truth that are added before a fix counts as wrong.
+pub const TRUTH_SIGMAS: f64 = 3.0;
+
+/// Largest error of a right fix if the ground width is not known, metres (the paper's success radius).
+pub const RIGHT_WITHIN_M: f64 = 20.0;
+
+/// Returns whether a photo has a right fix: within [`RIGHT_SHARE`] of its ground width, or within [`RIGHT_WITHIN_M`] if that is
+/// not known.
+#[must_use]
+pub fn is_right(frame: &Frame) -> bool {
+    frame
+        .error_m
+        .is_some_and(|error_m| error_m <= right_within_m(frame))
+}
+
+/// Returns whether a photo has a wrong fix: an error that the error of the truth does not explain.
+#[must_use]
+pub fn is_wrong(frame: &Frame) -> bool {
+    let truth_m = TRUTH_SIGMAS * frame.truth_error_m.unwrap_or(0.0);
+    frame
+        .error_m
+        .is_some_and(|error_m| error_m > right_within_m(frame) + truth_m)
+}
+
+fn right_within_m(frame: &Frame) -> f64 {
+    frame
+        .footprint_width_m
+        .map_or(RIGHT_WITHIN_M, |width_m| RIGHT_SHARE * width_m)
+}
+
+/// Figures relative to the ground width of the photos.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct FootprintSummary {
+    /// Photos whose ground width is known.
+    pub photos: usize,
+    /// Those with enough features to be localised, or of which that is not known.
+    pub answerable: usize,
+    /// Answerable photos with a fix.
+    pub answerable_fixes: usize,
+    /// Answerable photos with a right fix.
+    pub right: usize,
+    /// `right` as a share of `answerable`.
+    pub right_share: f64,
+    /// 95 % bootstrap interval of `right_share`; whole places are resampled.
+    pub right_share_interval: [f64; 2],
+    /// Places; a photo without a place counts as one of its own.
+    pub places: usize,
+    /// Photos with a wrong fix, answerable or not.
+    pub wrong: usize,
+    /// Photos with a fix that is neither right nor wrong.
+    pub undecided: usize,
+    /// Median error as a share of the ground width over the answerable photos, a miss counting as infinite; `None` if half of
+    /// them or more are missed.
+    pub median_share: Option<f64>,
+    /// 90th percentile of the error of the fixes as a share of the ground width.
+    pub fixes_p90_share: Option<f64>,
+}
+
+impl FootprintSummary {
+    /// Figures of the photos whose ground width is known; `None` if there are none.
+    #[must_use]
+    pub fn of(frames: &[Frame]) -> Option<Self> {
+        let known: Vec<&Frame> = frames
+            .iter()
+            .filter(|frame| frame.footprint_width_m.is_some())
+            .collect();
+        if known.is_empty() {
+            return None;
+        }
+        let answerable: Vec<&Frame> = known
+            .iter()
+            .copied()
+            .filter(|frame| frame.answerable != Some(false))
+            .collect();
+        let count = |of: &[&Frame], wanted: fn(&Frame) -> bool| {
+            of.iter().filter(|frame| wanted(frame)).count()
+        };
+        let right = count(&answerable, is_right);
+        let groups = by_place(&answerable, |frame| f64::from(u8::from(is_right(frame))));
+        let shares: Vec<f64> = answerable
+            .iter()
+            .map(|frame| frame.footprint_share().unwrap_or(f64::INFINITY))
+            .collect();
+        let fixed: Vec<f64> = known.iter().filter_map(|f| f.footprint_share()).collect();
+        Some(Self {
+            photos: known.len(),
+            answerable: answerable.len(),
+            answerable_fixes: count(&answerable, |frame| frame.fixed),
+            right,
+            right_share: right as f64 / answerable.len().max(1) as f64,
+            right_share_interval: grouped_bootstrap_interval(&groups, |sample| {
+                mean(sample).unwrap_or(0.0)
+            }),
+            places: groups.len(),
+            wrong: count(&known, is_wrong),
+            undecided: count(&known, |f| f.fixed && !is_right(f) && !is_wrong(f)),
+            median_share: percentile(&shares, 0.5),
+            fixes_p90_share: percentile(&fixed, 0.9),
+        })
+    }
+}
+
+/// A value of each photo, grouped by place in the order of their names; a photo without a place is a group of its own.
+fn by_place(frames: &[&Frame], value: impl Fn(&Frame) -> f64) -> Vec<Vec<f64>> {
+    let mut places: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+    let mut alone = Vec::new();
+    for frame in frames {
+        match &frame.place {
+            Some(place) => places.entry(place).or_default().push(value(frame)),
+            None => alone.push(vec![value(frame)]),
+        }
+    }
+    places.into_values().chain(alone).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(place: &str, error_m: Option<f64>, answerable: bool) -> Frame {
+        Frame {
+            fixed: error_m.is_some(),
+            error_m,
+            footprint_width_m: Some(200.0),
+            truth_error_m: Some(2.0),
+            place: Some(place.to_owned()),
+            answerable: Some(answerable),
+            ..Frame::default()
+        }
+    }
+
+    #[test]
+    fn figures_of_a_case_done_by_hand() {
+        // 200 m wide: right within 10 m, wrong beyond 16 m.
+        let frames = [
+            frame("a", Some(10.0), true),
+            frame("a", Some(15.0), true),
+            frame("b", Some(16.5), true),
+            frame("b", None, true),
+            frame("c", Some(100.0), false),
+            Frame::default(),
+        ];
+        let summary = FootprintSummary::of(&frames).unwrap();
+        assert_eq!(
+            (summary.photos, summary.answerable, summary.places),
+            (5, 4, 2)
+        );
+        assert_eq!((summary.right, summary.wrong, summary.undecided), (1, 2, 1));
+        assert_eq!(summary.answerable_fixes, 3);
+        assert!((summary.right_share - 0.25).abs() < 1e-12);
+        assert!((summary.median_share.unwrap() - 0.07875).abs() < 1e-12);
+        let [low, high] = summary.right_share_interval;
+        assert_eq!((low, high), (0.0, 0.5), "either place may be drawn twice");
+        assert_eq!(FootprintSummary::of(&[Frame::default()]), None);
+    }
+
+    #[test]
+    fn metres_decide_where_no_ground_width_is_known() {
+        let error = |error_m| Frame {
+            error_m: Some(error_m),
+            ..Frame::default()
+        };
+        assert!(is_right(&error(20.0)) && !is_wrong(&error(20.0)));
+        assert!(!is_right(&error(20.1)) && is_wrong(&error(20.1)));
+        assert!(!is_right(&Frame::default()) && !is_wrong(&Frame::default()));
+    }
+}

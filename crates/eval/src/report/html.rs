@@ -1,0 +1,34 @@
+//! The frame of every HTML page: document, style, title.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:70rem;margin:2rem auto;padding:0 1rem;color:#222}\
+table{border-collapse:collapse;margin:1rem 0}td,th{padding:.25rem .8rem;text-align:right;border-bottom:1px solid #ddd}\
+td:first-child,th:first-child{text-align:left}img,svg{max-width:100%;height:auto}figure{margin:1.5rem 0}\
+figcaption{color:#555}.miss{color:#b00}";
+
+/// A page with this title and content; it refers to nothing outside itself.
+#[must_use]
+pub fn page(title: &str, content: &Markup) -> String {
+    let page = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (title) }
+                (content)
+            }
+        }
+    };
+    page.into_string()
+}
+
+/// A picture in SVG, which the plotting library has escaped.
+#[must_use]
+pub fn svg(svg: String) -> Markup {
+    PreEscaped(svg)
+}

@@ -2,8 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use grimnet_eval::metrics::ScoredFix;
-use grimnet_geo::LonLat;
 use grimnet_locate::{EvidenceUsed, Outcome, TimeMs};
 use grimnet_photo::Evidence;
 use serde::Serialize;
@@ -125,17 +123,6 @@ impl Answer {
             assumed: evidence.assumed.clone(),
             ..Self::default()
         }
-    }
-
-    /// The fix as it is scored; `None` without a fix.
-    #[must_use]
-    pub fn scored_fix(&self) -> Option<ScoredFix> {
-        let (lat_deg, lon_deg) = self.lat_deg.zip(self.lon_deg)?;
-        Some(ScoredFix {
-            position: LonLat { lon_deg, lat_deg },
-            covariance_en_m2: self.covariance_en_m2?,
-            radius95_m: self.radius95_m?,
-        })
     }
 }
 

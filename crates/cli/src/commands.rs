@@ -5,9 +5,10 @@ pub mod absent;
 pub mod calibrate;
 pub mod completions;
 pub mod demo;
+pub mod elsewhere;
 pub mod eval;
-pub mod eval_layout;
 pub mod eval_pictures;
+pub mod eval_run;
 #[cfg(feature = "experiments")]
 pub mod experiment;
 pub mod experiment_options;

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use grimnet_eval::datasets::DataSetError;
 use grimnet_geo::GeoError;
 use grimnet_locate::LocateError;
 use grimnet_output::OutputError;
@@ -38,6 +39,18 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
     if let Some(error) = error.downcast_ref::<OutputError>() {
         return match error {
             OutputError::NotOwn { .. } => Some(("--overwrite", "--overwrite allows it")),
+            _ => None,
+        };
+    }
+    if let Some(error) = error.downcast_ref::<DataSetError>() {
+        return match error {
+            DataSetError::MsdiNeedsMap(_) | DataSetError::UnknownLayout(_) => {
+                Some(("--map", "--map MAP gives the map"))
+            }
+            DataSetError::OffMap { .. } => {
+                Some(("--crs", "--crs and --corners tell where the map lies"))
+            }
+            DataSetError::Map(error) => hint(error),
             _ => None,
         };
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use grimnet_locate::{Localizer, Outcome, Prior, Trace};
+use grimnet_locate::{Localizer, Outcome, Prior};
 use grimnet_photo::Photo;
 
 use crate::inputs;
@@ -13,23 +13,10 @@ use crate::inputs;
 /// # Errors
 /// The photo cannot be read.
 pub fn locate_one(localizer: &Localizer, path: &Path, prior: &Prior) -> Result<(Photo, Outcome)> {
-    let (photo, outcome, _) = locate_one_traced(localizer, path, prior)?;
-    Ok((photo, outcome))
-}
-
-/// As [`locate_one`], with what was searched on the way.
-///
-/// # Errors
-/// The photo cannot be read.
-pub fn locate_one_traced(
-    localizer: &Localizer,
-    path: &Path,
-    prior: &Prior,
-) -> Result<(Photo, Outcome, Trace)> {
     inputs::check_regular(path)?;
     let photo = Photo::open(path)?;
-    let (outcome, trace) = localizer.locate_traced(&photo, prior)?;
-    Ok((photo, outcome, trace))
+    let outcome = localizer.locate(&photo, prior)?;
+    Ok((photo, outcome))
 }
 
 /// A localiser whose photo statistics come from all the given photos; unreadable ones are left out.

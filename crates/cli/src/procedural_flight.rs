@@ -99,7 +99,7 @@ pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
 ///
 /// # Errors
 /// It cannot be read or written.
-pub fn move_into(folder: &OutputFolder, name: &str, scratch: &Path) -> Result<()> {
+fn move_into(folder: &OutputFolder, name: &str, scratch: &Path) -> Result<()> {
     let written = scratch.join(name);
     let mut file = fs_err::File::open(&written)?;
     folder.write(name, |out| std::io::copy(&mut file, out).map(drop))?;

@@ -22,6 +22,8 @@ macro_rules! numbers {
 numbers! {
     /// A length in metres, above zero.
     length_m: "a length in metres, above 0" if |v| v > 0.0;
+    /// A distance in pixels, zero or above.
+    length_px: "a number of pixels, 0 or above" if |v| v >= 0.0;
     /// A standard deviation in metres, zero or above.
     sigma_m: "a number of metres, 0 or above" if |v| v >= 0.0;
     /// A ground resolution in metres per pixel, above zero.

@@ -7,6 +7,7 @@
 
 pub mod calibration;
 pub mod datasets;
+pub mod elsewhere;
 pub mod evaluation;
 pub mod metrics;
 pub mod pictures;

@@ -4,8 +4,8 @@
 
 use std::path::Path;
 
-use grimnet_eval::metrics::{Frame, ScoredFix, Summary};
 use grimnet_eval::metrics::rank_distance::{FrameDistances, RankDistance, TileDistance};
+use grimnet_eval::metrics::{Frame, ScoredFix, Summary};
 use grimnet_geo::{LonLat, destination};
 use grimnet_locate::internals::covariance::radius95;
 use nalgebra::Matrix2;

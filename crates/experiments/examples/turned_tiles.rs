@@ -6,8 +6,8 @@
 use std::error::Error;
 use std::path::Path;
 
-use grimnet_eval::metrics::recall::{RECALL_AT, RightTile, rank_of_right};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::metrics::recall::{RECALL_AT, RightTile, rank_of_right};
 use grimnet_eval::scene::{HeadingMode, Scene, Shot};
 use grimnet_geo::{MapOptions, MapPx, Raster, WindowPx};
 use grimnet_locate::Options;

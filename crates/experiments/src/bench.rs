@@ -131,8 +131,7 @@ impl<'a> Bench<'a> {
             self.sift_map(&pack_path, &localizer, scene, setup)?;
             let sift = Sift {
                 map: &self.sift_maps[&pack_path],
-                retrieval: (setup.method == Localisation::SiftAmongRetrieved)
-                    .then_some(&localizer),
+                retrieval: (setup.method == Localisation::SiftAmongRetrieved).then_some(&localizer),
             };
             run(&sift, localizer.pack(), scene, setup)?
         };

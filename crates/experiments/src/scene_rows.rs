@@ -2,8 +2,8 @@
 
 use crate::bench::{Bench, BenchError, Measured, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
-use grimnet_eval::scene::Scene;
 use grimnet_eval::metrics::{Frame, Summary};
+use grimnet_eval::scene::Scene;
 
 /// The paper's scenes.
 pub(super) const PAPER_SCENES: [&str; 5] = [

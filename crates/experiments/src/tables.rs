@@ -7,14 +7,14 @@ use grimnet_pack::BuildOptions;
 use crate::bench::{Bench, BenchError, Localisation, Measured, Setup, at_gsd};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::photometry::Photometry;
-use grimnet_eval::scene::Scene;
 use crate::scene_rows::{
     ALE_NOTE, PAPER_DA_BN, PAPER_MODULES, PAPER_SCENES, ale, all_frames, mean, mean_time_s, over,
     paper_scenes, scene_row, table,
 };
-use grimnet_eval::metrics::{Frame, Summary};
 use grimnet_eval::metrics::rank_distance::{FrameDistances, RankDistance};
 use grimnet_eval::metrics::recall::Recall;
+use grimnet_eval::metrics::{Frame, Summary};
+use grimnet_eval::scene::Scene;
 
 /// The experiments that need no training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -8,12 +8,12 @@ use grimnet_train::{Norms, Weights};
 use crate::bench::{Bench, BenchError, Measured};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::networks::{Networks, NetworksError};
-use grimnet_eval::scene::Scene;
 use crate::scene_rows::{
     PAPER_DA_BN, PAPER_MODULES, ale, all_frames, mean, over, paper_scenes, scene_row, table,
 };
 use crate::tables::{PAPER_K, Recipe};
 use grimnet_eval::metrics::Summary;
+use grimnet_eval::scene::Scene;
 
 /// Name of the network with nothing changed, which all experiments share.
 const UNCHANGED: &str = "default";

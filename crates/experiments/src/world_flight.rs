@@ -7,8 +7,8 @@ use grimnet_geo::{GeoError, LonLat, MapOptions, open_map};
 use grimnet_locate::Prior;
 use grimnet_photo::{Metadata, Photo};
 use grimnet_world::{
-    Camera, Flight, Look, Placement, Pose, RegionM, Season, TruthRow, World, WorldConfig, WorldError,
-    write_geotiff,
+    Camera, Flight, Look, Placement, Pose, RegionM, Season, TruthRow, World, WorldConfig,
+    WorldError, write_geotiff,
 };
 
 use grimnet_eval::scene::{PhotoSource, Scene, Shot, TRUE_HEADING_SIGMA_DEG, Truth};
@@ -175,8 +175,7 @@ impl WorldFlight {
             name,
             photo: PhotoSource::Memory(Arc::new(Photo::from_image(picture, metadata))),
             truth: Truth::at(position),
-            known: Prior::none()
-                .with_heading(told_deg.rem_euclid(360.0), TRUE_HEADING_SIGMA_DEG),
+            known: Prior::none().with_heading(told_deg.rem_euclid(360.0), TRUE_HEADING_SIGMA_DEG),
             footprint_width_m: None,
         })
     }

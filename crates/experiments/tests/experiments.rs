@@ -143,5 +143,8 @@ fn photos_are_read_with_their_truth_and_scale() {
     let found = DataSet::find(&request).unwrap();
     let map = found.open_map().unwrap();
     let error = found.into_scene(map).err().unwrap().to_string();
-    assert!(error.contains("none of the 1 true positions is on the map"), "{error}");
+    assert!(
+        error.contains("none of the 1 true positions is on the map"),
+        "{error}"
+    );
 }

@@ -1,4 +1,4 @@
-//! `grim calibrate`: fit how far a model's answers may be off, and how often they are wrong.
+//! `grim calibrate`: fit the stated radius and confidence of a model.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
-use grimnet_eval::calibration::{self, observation, scene, trial};
+use grimnet_eval::calibration::{self, observation, scenes, trial};
 use grimnet_net::Model;
 
 use super::ModelChoice;
@@ -39,23 +39,23 @@ pub struct CalibrateArgs {
     #[arg(long, default_value_t = 1000)]
     seed: u64,
 
-    /// Folders of pictures taken straight down that photos are cut from, such as those the model was trained on
+    /// Folders of nadir pictures from which photos are cut, such as pictures that the model was trained on
     #[arg(long, value_name = "DIR", num_args = 1..)]
     pictures: Vec<PathBuf>,
 
-    /// Ground resolution that the pictures are taken to have, metres per pixel
+    /// Assumed ground resolution of the pictures, metres per pixel
     #[arg(long, value_name = "M", default_value_t = 0.15, value_parser = values::gsd_m, allow_hyphen_values = true)]
     pictures_gsd: f64,
 
-    /// Share of photos taken elsewhere that may be given a fix: a smaller share costs right answers
+    /// Share of photos taken elsewhere that may get a fix; a smaller share costs right fixes
     #[arg(long, value_name = "SHARE", default_value_t = ELSEWHERE_ANSWERED, value_parser = values::inner_share, allow_hyphen_values = true)]
     elsewhere_answered: f64,
 
-    /// Also write what was observed, a line a photo
+    /// Also write the observations, one line per photo
     #[arg(long, value_name = "FILE.csv")]
     observations: Option<PathBuf>,
 
-    /// Fit to what an earlier run observed with the same model
+    /// Fit to the observations of an earlier run with the same model
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["observations", "pictures"])]
     observed: Option<PathBuf>,
 }
@@ -94,7 +94,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     writeln!(out, "{}", serde_json::to_string_pretty(&calibration)?)?;
     writeln!(
         out,
-        "{}: written; the model's identity and its packs stay as they are",
+        "{}: written; the identity of the model does not change and its packs stay valid",
         arguments.out.display()
     )?;
     Ok(Exit::Done)
@@ -107,7 +107,7 @@ fn observe(
 ) -> Result<(Vec<observation::Observation>, String)> {
     if arguments.worlds + arguments.pictures.len() < 2 {
         bail!(
-            "at least two worlds or folders of pictures are needed: each is the other's wrong area"
+            "at least two worlds or folders of pictures are required: photos of one are localised on the map of the other"
         );
     }
     let folder = tempfile::tempdir()?;
@@ -116,13 +116,13 @@ fn observe(
         "drawing maps and photos",
         "scenes",
     );
-    let mut scenes = Vec::new();
+    let mut made = Vec::new();
     for seed in (arguments.seed..).take(arguments.worlds) {
-        scenes.push(scene::world(seed, arguments.photos, folder.path())?);
+        made.push(scenes::world(seed, arguments.photos, folder.path())?);
         bar.inc(1);
     }
     for (seed, pictures) in (0..).zip(&arguments.pictures) {
-        scenes.push(scene::pictures(
+        made.push(scenes::pictures(
             pictures,
             arguments.pictures_gsd,
             arguments.photos,
@@ -132,12 +132,12 @@ fn observe(
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let bar = progress::bar(trial::count(&scenes) as u64, "localising", "photos");
-    let observations = trial::observe(model, &scenes, folder.path(), &mut || bar.inc(1))?;
+    let bar = progress::bar(trial::count(&made) as u64, "localising", "photos");
+    let observations = trial::observe(model, &made, folder.path(), &mut || bar.inc(1))?;
     bar.finish_and_clear();
-    let names: Vec<&str> = scenes.iter().map(|scene| scene.name.as_str()).collect();
+    let names: Vec<&str> = made.iter().map(|scene| scene.name.as_str()).collect();
     let data = format!(
-        "{} photos each of: {}; every photo also looked for on another's map",
+        "{} photos each of: {}; every photo also localised on the map of another",
         arguments.photos,
         names.join(", ")
     );

@@ -6,20 +6,22 @@ use std::time::Instant;
 
 use anyhow::Result;
 use clap::Args;
-use grimnet_eval::report::{Picture, Report, Run};
-use grimnet_eval::truth::{self, TruthFrame};
-use grimnet_geo::{MapOptions, Raster, open_map};
-use grimnet_locate::{Localizer, Options, Prior};
+use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::evaluation::Trial;
+use grimnet_eval::report::results::summary_json;
+use grimnet_eval::report::{Picture, Report};
+use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_geo::MapOptions;
+use grimnet_locate::{Localizer, Options};
 use grimnet_output::OutputFolder;
 use grimnet_pack::{BuildOptions, Pack};
 use grimnet_world::WorldConfig;
 
 use super::ModelChoice;
-use super::eval::{HeadingMode, locate_all, score};
-use super::locate::locate_one;
+use super::eval_pictures::matches_jpeg;
+use super::eval_run::{answers, evaluate_all};
 use super::map::build_with_bar;
-use super::results::{print_summary, write_summary};
-use crate::drawings::jpeg_of;
+use super::results::print_summary;
 use crate::exit::Exit;
 use crate::formats::Format;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
@@ -91,17 +93,16 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     policy.check_file(out.join(PACK), OWN_MAGICS)?;
     let model = arguments.model.open()?;
     make_flight(&folder, arguments.seed, arguments.photos)?;
-    let truth: Vec<(TruthFrame, PathBuf)> = truth::read(&out.join("truth.csv"))?
-        .into_iter()
-        .map(|frame| {
-            let path = out.join("photos").join(&frame.photo);
-            (frame, path)
-        })
-        .collect();
-
-    let map = open_map(&out.join("map.tif"), &MapOptions::default())?;
+    let data = DataSet::find(&DataSetRequest {
+        folder: out,
+        map: None,
+        map_options: MapOptions::default(),
+        photos_out: out,
+    })?;
+    let map = data.open_map()?;
+    let scene = data.into_scene(map)?;
     let pack = out.join(PACK);
-    build_with_bar(map.as_ref(), &model, &BuildOptions::standard(), &pack)?;
+    build_with_bar(scene.map.as_ref(), &model, &BuildOptions::standard(), &pack)?;
     let localizer = Localizer::new(model, Pack::open(&pack)?)?.with_options(Options {
         keep_matches: true,
         // The map is drawn from the town itself.
@@ -109,29 +110,32 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         ..Options::default()
     });
 
-    let mut runs = Vec::new();
-    for (mode, file) in [
-        (HeadingMode::Exif, "fixes.jsonl"),
-        (HeadingMode::Unknown, "fixes_unknown_heading.jsonl"),
+    let (mut runs, mut first_trials) = (Vec::new(), Vec::new());
+    for (mode, name, file) in [
+        (HeadingMode::FromPhoto, "heading known", "fixes.jsonl"),
+        (
+            HeadingMode::Unknown,
+            "heading unknown",
+            "fixes_unknown_heading.jsonl",
+        ),
     ] {
-        let (answers, _) = locate_all(&localizer, &truth, mode, None)?;
-        folder.write_bytes(file, Format::Jsonl.text_of(&answers)?.as_bytes())?;
-        let name = if mode == HeadingMode::Exif {
-            "heading known"
-        } else {
-            mode.name()
-        };
-        runs.push(score(name, &answers, &truth));
+        let (run, trials) = evaluate_all(&localizer, &scene.shots, mode, name);
+        let text = Format::Jsonl.text_of(&answers(&trials))?;
+        folder.write_bytes(file, text.as_bytes())?;
+        runs.push(run);
+        if first_trials.is_empty() {
+            first_trials = trials;
+        }
     }
-    write_summary(&folder, &runs)?;
-    let pictures = draw_some(&localizer, map.as_ref(), &truth, &runs[0], &matches)?;
+    folder.write_bytes("summary.json", summary_json(None, &runs)?.as_bytes())?;
+    let pictures = draw_some(&scene, &first_trials, &matches)?;
     let report = Report {
         title: "A flight over a procedural town".into(),
         description: vec![
             format!(
                 "{} photos from 100 to 130 m above ground, taken in another season, light and year than the map, with a tilted \
                  camera and metadata errors; {:.0} m of town and countryside at {MAP_GSD_M} m per pixel.",
-                truth.len(),
+                scene.shots.len(),
                 WorldConfig::default().size_m
             ),
             "Everything here was made by this program: there is no such town, and real maps are harder.".into(),
@@ -153,18 +157,12 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
 }
 
 /// Draws the matches of a few photos, those with the largest errors first.
-fn draw_some(
-    localizer: &Localizer,
-    map: &dyn Raster,
-    truth: &[(TruthFrame, PathBuf)],
-    run: &Run,
-    folder: &OutputFolder,
-) -> Result<Vec<Picture>> {
-    let mut worst: Vec<usize> = (0..truth.len()).filter(|i| run.frames[*i].fixed).collect();
-    worst.sort_by(|a, b| {
-        let error = |i: usize| run.frames[i].error_m.unwrap_or(0.0);
-        error(*b).total_cmp(&error(*a))
-    });
+fn draw_some(scene: &Scene, trials: &[Trial], folder: &OutputFolder) -> Result<Vec<Picture>> {
+    let mut worst: Vec<usize> = (0..trials.len())
+        .filter(|i| trials[*i].frame.fixed)
+        .collect();
+    let error_m = |i: usize| trials[i].frame.error_m.unwrap_or(0.0);
+    worst.sort_by(|a, b| error_m(*b).total_cmp(&error_m(*a)));
     // Two of the worst, the others from the whole range.
     let step = (worst.len() / PICTURES).max(1);
     let chosen = worst
@@ -174,18 +172,13 @@ fn draw_some(
         .take(PICTURES);
     let mut pictures = Vec::new();
     for &i in chosen {
-        let (frame, path) = &truth[i];
-        let (photo, outcome) = locate_one(localizer, path, &Prior::none())?;
-        let Some(jpeg) = jpeg_of(&photo, &outcome, Some(map))? else {
+        let shot = &scene.shots[i];
+        let Some(jpeg) = matches_jpeg(shot, &trials[i], scene.map.as_ref())? else {
             continue;
         };
-        folder.write_bytes(&frame.photo, &jpeg)?;
+        folder.write_bytes(&shot.name, &jpeg)?;
         pictures.push(Picture {
-            caption: format!(
-                "{}: {:.1} m off",
-                frame.photo,
-                run.frames[i].error_m.unwrap_or(f64::NAN)
-            ),
+            caption: format!("{}: error {:.1} m", shot.name, error_m(i)),
             jpeg,
         });
     }

@@ -1,75 +1,67 @@
-//! `grim eval`: measure accuracy on photos whose place is known.
+//! `grim eval`: measure accuracy on photos with a known position.
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
-use grimnet_eval::metrics::{Frame, Summary};
+use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::report::Run;
-use grimnet_eval::truth::TruthFrame;
-use grimnet_geo::{LonLat, MapPx, Raster, open_map};
-use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Options, Prior, Trace};
-use grimnet_output::OutputFolder;
+use grimnet_eval::report::results::{self, About, FILE_NAMES, peak_memory_mib};
+use grimnet_eval::retrieval::RetrievalSummary;
+use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_geo::{MapPx, Raster};
+use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Options, Prior};
+use grimnet_net::Model;
+use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::{BuildOptions, Pack};
 
-use super::eval_layout::{Layout, LayoutChoice};
-use super::eval_pictures::{self, Drawn};
+use super::elsewhere::{self, ElsewhereOptions};
+use super::eval_pictures;
+use super::eval_run::evaluate_all;
 #[cfg(feature = "experiments")]
 use super::experiment::{self, Subject};
 use super::experiment_options::ExperimentOptions;
-use super::gallery::{GalleryOptions, RunRecall, print_recall};
-use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight, locate_one_traced};
-use super::map::{MapPlace, build_with_bar};
-use super::results::{About, peak_memory_mib, print_summary, write_results};
+use super::gallery::GalleryOptions;
+use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight};
+use super::map::build_with_bar;
+use super::map_place::MapPlace;
+use super::results::{print_retrieval, print_summary};
 use super::{ModeChoice, ModelChoice};
-use crate::answer::Answer;
 use crate::exit::Exit;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
-use crate::{errors, progress, values};
+use crate::procedural_flight::make_flight;
+use crate::values;
 
-/// The true heading is given to the localiser with this uncertainty, degrees (1 sigma).
-const TRUE_HEADING_SIGMA_DEG: f64 = 5.0;
+/// Photos of the procedural flight of `--world`.
+const WORLD_PHOTOS: usize = 40;
 
-/// Files in the folder of results, beside the pack.
-const FILES: [&str; 5] = [
-    "summary.json",
-    "report.html",
-    "frames.csv",
-    "failed.jsonl",
-    "recall.json",
-];
+/// The pack in the folder of results.
+const PACK: &str = "area.grim";
 
-/// Whether the truth file's headings are given to the localiser.
+/// The retrieval figures in the folder of results.
+const RECALL: &str = "recall.json";
+
+/// Which headings the localiser is given.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum HeadingMode {
+pub enum HeadingChoice {
     /// Both ways, one after the other
     #[default]
     Both,
     /// From the truth file
     Known,
-    /// Searched
+    /// None: the heading is searched
     Unknown,
     /// From the photos' metadata
     Exif,
 }
 
-impl HeadingMode {
-    fn runs(self) -> &'static [Self] {
+impl HeadingChoice {
+    fn modes(self) -> &'static [HeadingMode] {
         match self {
-            Self::Both => &[Self::Known, Self::Unknown],
-            Self::Known => &[Self::Known],
-            Self::Unknown => &[Self::Unknown],
-            Self::Exif => &[Self::Exif],
-        }
-    }
-
-    /// What tables call it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Both => "both",
-            Self::Known => "heading known",
-            Self::Unknown => "heading unknown",
-            Self::Exif => "heading from the photo",
+            Self::Both => &[HeadingMode::Known, HeadingMode::Unknown],
+            Self::Known => &[HeadingMode::Known],
+            Self::Unknown => &[HeadingMode::Unknown],
+            Self::Exif => &[HeadingMode::FromPhoto],
         }
     }
 }
@@ -77,16 +69,18 @@ impl HeadingMode {
 /// Arguments of `grim eval`.
 #[derive(Debug, Args)]
 pub struct EvalArgs {
-    /// A folder with map.tif, photos/ and truth.csv, or a scene of UAV-VisLoc or AnyVisLoc, or photos whose EXIF tells where
-    /// they were taken, such as MSDI's (with --map)
+    /// A folder with map.tif, photos/ and truth.csv, or a scene of UAV-VisLoc or AnyVisLoc, or photos with a position in their
+    /// EXIF, such as MSDI's (with --map)
     ///
-    /// truth.csv has the columns photo, lat_deg, lon_deg (of the image centre; or centre_lat, centre_lon), and, where known,
-    /// heading_deg, gps_lat, gps_lon. Of UAV-VisLoc give the folder of one scene, such as UAV-VisLoc/03, of
-    /// AnyVisLoc likewise, such as AnyVisLoc/Scene_01; --map satellite_map.png takes its satellite map. Of MSDI give the
-    /// whole or one scene of its calibrated_images.
+    /// truth.csv has the columns photo, lat_deg, lon_deg (of the image centre; or centre_lat, centre_lon), and, if known,
+    /// heading_deg, gps_lat, gps_lon, footprint_w_m (ground width of the photo, metres; given to the localiser instead of the
+    /// metadata), tilt_deg, truth_err_m (1 sigma per axis), flat_frac (share without features; above 0.5 no answer is expected)
+    /// and place (photos of one place are not independent). For UAV-VisLoc give the folder of one scene, such as
+    /// UAV-VisLoc/03, for AnyVisLoc likewise, such as AnyVisLoc/Scene_01; --map satellite_map.png selects its satellite map.
+    /// For MSDI give the whole data set or one scene of its calibrated_images.
     folder: Option<PathBuf>,
 
-    /// Draw the procedural world of this seed and a flight over it, and localise that
+    /// Render the procedural world of this seed and a flight over it, and localise that
     #[arg(long, value_name = "SEED", conflicts_with = "folder")]
     world: Option<u64>,
 
@@ -97,7 +91,7 @@ pub struct EvalArgs {
     #[command(flatten)]
     overwrite: OverwriteChoice,
 
-    /// The map, where it is not FOLDER/map.tif
+    /// The map [default: FOLDER/map.tif]
     #[arg(long, value_name = "MAP")]
     map: Option<PathBuf>,
 
@@ -107,23 +101,23 @@ pub struct EvalArgs {
     #[command(flatten)]
     model: ModelChoice,
 
-    /// Whether the localiser is told the true headings
-    #[arg(long = "heading", value_enum, default_value_t)]
-    heading_mode: HeadingMode,
+    /// Whether the localiser is given the true headings
+    #[arg(long, value_enum, default_value_t)]
+    heading: HeadingChoice,
 
-    /// Commit that this program was built from, to be kept with the figures
+    /// Commit that this program was built from, recorded with the figures
     #[arg(long, value_name = "HASH")]
     commit: Option<String>,
 
-    /// Width of ground that the photos show, metres, where it is known better than their metadata say
+    /// Ground width that every photo shows, metres, given to the localiser instead of truth file and metadata
     #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true)]
     footprint_width: Option<f64>,
 
-    /// Which recipe to follow
+    /// Method
     #[arg(long, value_enum, default_value_t)]
     mode: ModeChoice,
 
-    /// How far the map itself may lie beside the truth, metres (1 sigma per axis); the stated radius includes it
+    /// Position error of the map itself, metres (1 sigma per axis); the stated radius includes it
     #[arg(
         long,
         value_name = "M",
@@ -133,13 +127,20 @@ pub struct EvalArgs {
     )]
     map_error: f64,
 
-    /// How well the truth itself is known, metres (1 sigma per axis): the share of radii that hold is also given with it
+    /// Error of the true positions, metres (1 sigma per axis), for photos whose truth file does not state it
     #[arg(long, value_name = "M", value_parser = values::sigma_m, allow_hyphen_values = true)]
     truth_error: Option<f64>,
 
-    /// Take the normalisation statistics anew
+    /// Recompute batch-normalisation statistics
     #[arg(long, value_enum, default_value_t)]
     adapt: AdaptChoice,
+
+    /// Least confidence of a fix, 0 to 1; 0 turns the confidence gate off [default: from the model's calibration]
+    #[arg(long, value_name = "P", value_parser = values::probability, allow_hyphen_values = true)]
+    min_confidence: Option<f64>,
+
+    #[command(flatten)]
+    elsewhere: ElsewhereOptions,
 
     #[command(flatten)]
     gallery: GalleryOptions,
@@ -168,30 +169,138 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     let policy = arguments
         .overwrite
         .policy()
-        .protect_all(&arguments.model.model);
+        .protect_all(&arguments.model.model)
+        .protect_all(&arguments.map);
     // Refused at once, not after the work.
-    OutputFolder::open(&arguments.out, &policy)?.check(FILES)?;
-    let pack_path = arguments.out.join("area.grim");
+    let pack_path = arguments.out.join(PACK);
     policy.check_file(&pack_path, OWN_MAGICS)?;
-    let layout = Layout::find(&LayoutChoice {
-        folder: arguments.folder.as_deref(),
-        world: arguments.world,
-        out: &arguments.out,
-        policy: &policy,
-        map: arguments.map.as_deref(),
-        place: &arguments.place,
-    })?;
-    let (truth, data) = (layout.truth, layout.data);
+    if arguments.elsewhere.is_asked() {
+        return run_elsewhere(arguments, policy, &pack_path);
+    }
+    OutputFolder::open(&arguments.out, &policy)?.check(FILE_NAMES.into_iter().chain([RECALL]))?;
+    // AnyVisLoc's photos are written there.
+    let scratch = tempfile::tempdir()?;
+    let mut data = data_set(arguments, &policy, scratch.path())?;
+    for (frame, _) in &mut data.frames {
+        frame.footprint_width_m = arguments.footprint_width.or(frame.footprint_width_m);
+        frame.truth_error_m = frame.truth_error_m.or(arguments.truth_error);
+    }
     let policy = policy
-        .protect(&layout.map)
-        .protect_all(truth.iter().map(|(_, path)| path));
+        .protect(&data.map)
+        .protect_all(data.frames.iter().map(|(_, path)| path));
     let folder = OutputFolder::open(&arguments.out, &policy)?;
-    let matches = folder.subfolder("matches")?;
-    let map = arguments
-        .gallery
-        .lay_out(open_map(&layout.map, &layout.map_options)?)?;
-    let truth = Layout::on_map(truth, map.as_ref())?;
+    let map = arguments.gallery.lay_out(data.open_map()?)?;
+    let scene = data.into_scene(map)?;
     let model = arguments.model.open()?;
+    let mut localizer = localizer(arguments, &model, scene.map.as_ref(), &pack_path)?;
+    if arguments.adapt == AdaptChoice::Flight {
+        let paths: Vec<PathBuf> = scene
+            .shots
+            .iter()
+            .filter_map(|shot| shot.photo.path().map(Path::to_owned))
+            .collect();
+        localizer = adapt_to_flight(localizer, &paths, &Prior::none())?;
+    }
+    let about = about(arguments, &scene, &model, &pack_path)?;
+    evaluate_and_write(arguments, &scene, &localizer, &folder, about)
+}
+
+/// Runs the evaluation in each heading mode, writes the results and prints the figures.
+fn evaluate_and_write(
+    arguments: &EvalArgs,
+    scene: &Scene,
+    localizer: &Localizer,
+    folder: &OutputFolder,
+    about: About,
+) -> Result<Exit> {
+    let matches = folder.subfolder("matches")?;
+    let mut runs: Vec<Run> = Vec::new();
+    let (mut retrievals, mut first_trials) = (Vec::new(), Vec::new());
+    for mode in arguments.heading.modes() {
+        let (run, trials) = evaluate_all(localizer, &scene.shots, *mode, mode.name());
+        retrievals.push(RetrievalSummary::of(
+            mode.name(),
+            localizer.pack(),
+            &scene.shots,
+            &trials,
+            arguments.gallery.recall_radius,
+        ));
+        runs.push(run);
+        if first_trials.is_empty() {
+            first_trials = trials;
+        }
+    }
+    let pictures = eval_pictures::draw(scene, &first_trials, &runs[0].name, &matches)?;
+    let about = About {
+        peak_memory_mib: peak_memory_mib(),
+        ..about
+    };
+    let title = format!("Accuracy on {}", scene.name);
+    for (name, content) in results::files(title, &about, &runs, pictures)? {
+        folder.write_bytes(name, &content)?;
+    }
+    let recall_json = serde_json::to_string_pretty(&retrievals)?;
+    folder.write_bytes(RECALL, (recall_json + "\n").as_bytes())?;
+    print_summary(&runs)?;
+    print_retrieval(&retrievals)?;
+    Ok(Exit::Done)
+}
+
+/// `grim eval --elsewhere`: photos that are not on the map.
+fn run_elsewhere(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Result<Exit> {
+    let (map_path, options) = match (&arguments.map, &arguments.folder) {
+        (Some(map), _) => (map.clone(), arguments.place.options()),
+        (None, Some(_)) => {
+            let scratch = tempfile::tempdir()?;
+            let data = data_set(arguments, &policy, scratch.path())?;
+            (data.map, data.map_options)
+        }
+        (None, None) => bail!("--elsewhere needs a map: FOLDER with a map.tif, or --map MAP"),
+    };
+    let policy = policy.protect(&map_path);
+    let folder = OutputFolder::open(&arguments.out, &policy)?;
+    folder.check(elsewhere::FILES)?;
+    let map = grimnet_geo::open_map(&map_path, &options)?;
+    let model = arguments.model.open()?;
+    let localizer = localizer(arguments, &model, map.as_ref(), pack_path)?;
+    elsewhere::run(&arguments.elsewhere, map.as_ref(), &localizer, &folder)
+}
+
+/// The data set that was asked for: a folder, or a procedural flight.
+fn data_set(arguments: &EvalArgs, policy: &OutputPolicy, scratch: &Path) -> Result<DataSet> {
+    let folder = match (arguments.world, &arguments.folder) {
+        (Some(seed), _) => {
+            let out = OutputFolder::open(&arguments.out, policy)?;
+            make_flight(&out, seed, WORLD_PHOTOS)?;
+            arguments.out.clone()
+        }
+        (None, Some(folder)) => folder.clone(),
+        (None, None) => bail!(
+            "no FOLDER given: grim eval FOLDER --out DIR; only --world, --experiment and --sweep work without one"
+        ),
+    };
+    let data = DataSet::find(&DataSetRequest {
+        folder: &folder,
+        map: arguments.map.as_deref(),
+        map_options: arguments.place.options(),
+        photos_out: scratch,
+    })?;
+    Ok(match arguments.world {
+        Some(seed) => DataSet {
+            name: format!("procedural world {seed}"),
+            ..data
+        },
+        None => data,
+    })
+}
+
+/// Builds the pack of a map and opens a localiser on it.
+fn localizer(
+    arguments: &EvalArgs,
+    model: &Model,
+    map: &dyn Raster,
+    pack_path: &Path,
+) -> Result<Localizer> {
     let build = match arguments.mode {
         ModeChoice::Default => BuildOptions::standard(),
         ModeChoice::Paper => BuildOptions::paper(),
@@ -200,194 +309,49 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         levels: arguments.gallery.levels(),
         ..build
     };
-    build_with_bar(map.as_ref(), &model, &build, &pack_path)?;
-
+    build_with_bar(map, model, &build, pack_path)?;
     let options = LocateOptions {
         map_error: arguments.map_error,
+        min_confidence: arguments.min_confidence,
         ..LocateOptions::plain(arguments.mode, arguments.adapt)
     };
-    let model_hash = model.hash().to_string();
-    let model_calibrated = model.calibration().fitted_on.is_some();
-    let mut localizer = Localizer::new(model, Pack::open(&pack_path)?)?.with_options(Options {
+    let options = Options {
         keep_matches: true,
         ..options.options()
-    });
-    let paths: Vec<PathBuf> = truth.iter().map(|t| t.1.clone()).collect();
-    if arguments.adapt == AdaptChoice::Flight {
-        localizer = adapt_to_flight(localizer, &paths, &Prior::none())?;
-    }
-    let (mut runs, mut recalls) = (Vec::new(), Vec::new());
-    let mut first_answers = Vec::new();
-    for mode in arguments.heading_mode.runs() {
-        let (answers, traces) = locate_all(&localizer, &truth, *mode, arguments.footprint_width)?;
-        if first_answers.is_empty() {
-            first_answers.clone_from(&answers);
-        }
-        runs.push(score_with(
-            mode.name(),
-            &answers,
-            &truth,
-            arguments.truth_error,
-        ));
-        let tried = traces.iter().zip(truth.iter().map(|t| &t.0));
-        let radius_px = arguments.gallery.recall_radius;
-        recalls.push(RunRecall::of(
-            mode.name(),
-            localizer.pack(),
-            tried,
-            radius_px,
-        ));
-    }
-    let pictures = eval_pictures::draw(&Drawn {
-        localizer: &localizer,
-        map: map.as_ref(),
-        truth: &truth,
-        answers: &first_answers,
-        run: &runs[0],
-        folder: &matches,
-        prior_of: &|frame, path| {
-            prior(
-                arguments.heading_mode.runs()[0],
-                frame,
-                path,
-                arguments.footprint_width,
-            )
-        },
-    })?;
-    let about = About {
-        data: data.clone(),
+    };
+    Ok(Localizer::new(model.clone(), Pack::open(pack_path)?)?.with_options(options))
+}
+
+/// The conditions of the measurement.
+fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -> Result<About> {
+    Ok(About {
+        data: scene.name.clone(),
         mode: match arguments.mode {
             ModeChoice::Default => "default",
             ModeChoice::Paper => "paper",
         }
         .to_owned(),
-        model_hash,
-        model_calibrated,
+        model_hash: model.hash().to_string(),
+        model_calibrated: model.calibration().fitted_on.is_some(),
         commit: arguments.commit.clone(),
         version: env!("CARGO_PKG_VERSION"),
         map_error_m: arguments.map_error,
         truth_error_m: arguments.truth_error,
         footprint_width_m: arguments.footprint_width,
-        pack_bytes_per_km2: fs_err::metadata(&pack_path)?.len() as f64 / area_km2(map.as_ref())?,
-        peak_memory_mib: peak_memory_mib(),
-    };
-    let title = format!("Accuracy on {data}");
-    write_results(&folder, title, &about, &runs, pictures)?;
-    let recall_json = serde_json::to_string_pretty(&recalls)?;
-    folder.write_bytes("recall.json", (recall_json + "\n").as_bytes())?;
-    print_summary(&runs)?;
-    print_recall(&recalls)?;
-    Ok(Exit::Done)
+        min_confidence: arguments.min_confidence,
+        pack_bytes_per_km2: fs_err::metadata(pack_path)?.len() as f64
+            / area_km2(scene.map.as_ref()).context("cannot measure the area of the map")?,
+        peak_memory_mib: None,
+    })
 }
 
-/// What the localiser is told of one photo.
-fn prior(
-    mode: HeadingMode,
-    frame: &TruthFrame,
-    path: &Path,
-    footprint_width_m: Option<f64>,
-) -> Prior {
-    let prior = match (mode, frame.heading_deg) {
-        (HeadingMode::Unknown, _) => Prior::none().with_unknown_heading(),
-        (HeadingMode::Known, Some(heading)) => {
-            Prior::none().with_heading(heading, TRUE_HEADING_SIGMA_DEG)
-        }
-        _ => Prior::none(),
-    };
-    match footprint_width_m {
-        Some(width_m) => {
-            prior.with_gsd_m(width_m / f64::from(image::image_dimensions(path).map_or(1, |d| d.0)))
-        }
-        None => prior,
-    }
-}
-
-/// Area of a map, square kilometres, by the ground resolution in its middle.
+/// Area of a map, square kilometres, from the ground resolution in its middle.
 fn area_km2(map: &dyn Raster) -> Result<f64> {
     let (width, height) = map.size_px();
-    let georeference = map.georeference();
     let middle = MapPx {
         x: width as f64 / 2.0,
         y: height as f64 / 2.0,
     };
-    let (x_m, y_m) = georeference.ground_resolution_m(middle)?;
+    let (x_m, y_m) = map.georeference().ground_resolution_m(middle)?;
     Ok(width as f64 * x_m * height as f64 * y_m / 1e6)
-}
-
-/// Localises every photo under a progress bar: the answers, and what was tried for each.
-///
-/// # Errors
-/// Never for a single photo: it then has no fix, with the error as its reason.
-pub fn locate_all(
-    localizer: &Localizer,
-    truth: &[(TruthFrame, PathBuf)],
-    mode: HeadingMode,
-    footprint_width_m: Option<f64>,
-) -> Result<(Vec<Answer>, Vec<Trace>)> {
-    let bar = progress::bar(truth.len() as u64, mode.name(), "photos");
-    let mut answers = Vec::with_capacity(truth.len());
-    let mut traces = Vec::with_capacity(truth.len());
-    for (frame, path) in truth {
-        let prior = prior(mode, frame, path, footprint_width_m);
-        let (answer, trace) = match locate_one_traced(localizer, path, &prior) {
-            Ok((_, outcome, trace)) => (Answer::of(&frame.photo, &outcome), trace),
-            Err(error) => {
-                let answer = Answer::no_fix(&frame.photo, errors::message(&error));
-                (answer, Trace::default())
-            }
-        };
-        answers.push(answer);
-        traces.push(trace);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
-    Ok((answers, traces))
-}
-
-/// Scores answers against the image centre's true place (the receiver's, where no other is known), and beside it against the
-/// receiver's.
-pub fn score(name: &str, answers: &[Answer], truth: &[(TruthFrame, PathBuf)]) -> Run {
-    score_with(name, answers, truth, None)
-}
-
-/// As [`score`], with the truth known to `truth_error_m` metres per axis (1 sigma) only.
-fn score_with(
-    name: &str,
-    answers: &[Answer],
-    truth: &[(TruthFrame, PathBuf)],
-    truth_error_m: Option<f64>,
-) -> Run {
-    let frames: Vec<Frame> = answers
-        .iter()
-        .zip(truth)
-        .map(|(answer, (frame, _))| {
-            let place = frame.centre_lat_lon_deg.or(frame.gps_lat_lon_deg);
-            let scored = match (answer.scored_fix(), place) {
-                (Some(fix), Some((lat_deg, lon_deg))) => {
-                    let mut scored = Frame::score(&frame.photo, &fix, LonLat { lon_deg, lat_deg });
-                    if let Some(sigma_m) = truth_error_m {
-                        scored = scored.with_truth_error(&fix, sigma_m);
-                    }
-                    if let Some((lat_deg, lon_deg)) = frame.gps_lat_lon_deg {
-                        scored = scored.with_gps(&fix, LonLat { lon_deg, lat_deg });
-                    }
-                    scored
-                }
-                _ => Frame::missed(&frame.photo, answer.reason.as_deref().unwrap_or("no fix")),
-            };
-            Frame {
-                confidence: answer.confidence,
-                inliers: answer.inliers,
-                time_ms: answer.time_ms.get("total").copied(),
-                stage_ms: answer.time_ms.clone(),
-                ..scored
-            }
-        })
-        .collect();
-    let summary = Summary::of(&frames);
-    Run {
-        name: name.to_owned(),
-        frames,
-        summary,
-    }
 }

@@ -1,80 +1,73 @@
-//! The pictures of an evaluation: the map with truth and answers, and the worst frames' matches.
+//! The pictures of an evaluation: the map with true positions and fixes, and the matches of the worst photos.
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use anyhow::Result;
-use grimnet_eval::map_picture::{self, Mark};
-use grimnet_eval::report::{Picture, Run};
-use grimnet_eval::truth::TruthFrame;
-use grimnet_geo::{LonLat, Raster};
-use grimnet_locate::{Localizer, Prior};
+use grimnet_eval::evaluation::Trial;
+use grimnet_eval::report::Picture;
+use grimnet_eval::report::map_picture::{self, Mark};
+use grimnet_eval::scene::{Scene, Shot};
+use grimnet_geo::Raster;
 use grimnet_output::{OutputFolder, file_name_from};
 
-use super::locate::locate_one;
-use crate::answer::Answer;
 use crate::drawings::jpeg_of;
 
-/// Frames whose matches are drawn.
+/// Photos whose matches are drawn.
 const WORST: usize = 5;
 
-/// What is drawn.
-pub struct Drawn<'a> {
-    /// Answers again, with matches kept.
-    pub localizer: &'a Localizer,
-    /// The map.
-    pub map: &'a dyn Raster,
-    /// The photos and where they were.
-    pub truth: &'a [(TruthFrame, PathBuf)],
-    /// What was answered in the run that is drawn.
-    pub answers: &'a [Answer],
-    /// That run.
-    pub run: &'a Run,
-    /// Where the drawings of matches are written.
-    pub folder: &'a OutputFolder,
-    /// What the localiser was told of a photo in that run.
-    pub prior_of: &'a dyn Fn(&TruthFrame, &Path) -> Prior,
-}
+/// JPEG quality of the map.
+const MAP_JPEG_QUALITY: u8 = 82;
 
-/// Draws the map, then the worst frames: misses first, then by error.
+/// Draws the map of one run, then the worst photos: misses first, then by error.
 ///
 /// # Errors
 /// The map cannot be read, or a picture not be written.
-pub fn draw(drawn: &Drawn<'_>) -> Result<Vec<Picture>> {
-    let mut pictures = vec![whole_map(drawn)?];
-    let mut worst: Vec<usize> = (0..drawn.truth.len()).collect();
+pub fn draw(
+    scene: &Scene,
+    trials: &[Trial],
+    run: &str,
+    folder: &OutputFolder,
+) -> Result<Vec<Picture>> {
+    let mut pictures = vec![whole_map(scene, trials, run)?];
+    let mut worst: Vec<usize> = (0..trials.len()).collect();
     let mut names = HashSet::new();
-    let badness = |i: &usize| drawn.run.frames[*i].error_m.unwrap_or(f64::INFINITY);
+    let badness = |i: &usize| trials[*i].frame.error_m.unwrap_or(f64::INFINITY);
     worst.sort_by(|a, b| badness(b).total_cmp(&badness(a)));
     for &i in worst.iter().take(WORST) {
-        let (frame, path) = &drawn.truth[i];
-        let prior = (drawn.prior_of)(frame, path);
-        let Ok((photo, outcome)) = locate_one(drawn.localizer, path, &prior) else {
+        let (shot, frame) = (&scene.shots[i], &trials[i].frame);
+        let Some(jpeg) = matches_jpeg(shot, &trials[i], scene.map.as_ref())? else {
             continue;
         };
-        let Some(jpeg) = jpeg_of(&photo, &outcome, Some(drawn.map))? else {
-            continue;
-        };
-        drawn
-            .folder
-            .write_bytes(&picture_name(&frame.photo, &mut names), &jpeg)?;
-        let scored = &drawn.run.frames[i];
-        let caption = match (scored.error_m, &scored.reason) {
+        folder.write_bytes(&picture_name(&shot.name, &mut names), &jpeg)?;
+        let caption = match (frame.error_m, &frame.reason) {
             (Some(error_m), _) => format!(
-                "{}: {error_m:.1} m off, {} matches agree",
-                frame.photo,
-                scored.inliers.unwrap_or(0)
+                "{}: error {error_m:.1} m, {} inliers",
+                shot.name,
+                frame.inliers.unwrap_or(0)
             ),
             (None, reason) => format!(
                 "{}: no fix, {}",
-                frame.photo,
-                reason.as_deref().unwrap_or("without a reason")
+                shot.name,
+                reason.as_deref().unwrap_or("no reason given")
             ),
         };
         pictures.push(Picture { caption, jpeg });
     }
-    drawn.folder.prune(|_| true)?;
+    folder.prune(|_| true)?;
     Ok(pictures)
+}
+
+/// A JPEG of the matches of one photo; `None` if nothing was matched or the photo cannot be read.
+///
+/// # Errors
+/// The map cannot be read.
+pub fn matches_jpeg(shot: &Shot, trial: &Trial, map: &dyn Raster) -> Result<Option<Vec<u8>>> {
+    let outcome = trial.found.as_ref().ok().and_then(|f| f.outcome.as_ref());
+    match (outcome, shot.photo.open()) {
+        (Some(outcome), Ok(photo)) => jpeg_of(&photo, outcome, Some(map)),
+        _ => Ok(None),
+    }
 }
 
 /// File name of a photo's drawing: the truth file may name the photo by a path, also an absolute one.
@@ -92,29 +85,26 @@ fn picture_name(photo: &str, taken: &mut HashSet<String>) -> String {
     name
 }
 
-fn whole_map(drawn: &Drawn<'_>) -> Result<Picture> {
-    let marks: Vec<Mark> = drawn
-        .truth
+fn whole_map(scene: &Scene, trials: &[Trial], run: &str) -> Result<Picture> {
+    let marks: Vec<Mark> = scene
+        .shots
         .iter()
-        .zip(drawn.answers)
-        .filter_map(|((frame, _), answer)| {
-            let (lat_deg, lon_deg) = frame.centre_lat_lon_deg.or(frame.gps_lat_lon_deg)?;
-            Some(Mark {
-                truth: LonLat { lon_deg, lat_deg },
-                answer: answer
-                    .lat_deg
-                    .zip(answer.lon_deg)
-                    .map(|(lat_deg, lon_deg)| LonLat { lon_deg, lat_deg }),
-            })
+        .zip(trials)
+        .map(|(shot, trial)| Mark {
+            truth: shot.truth.position,
+            answer: trial
+                .found
+                .as_ref()
+                .ok()
+                .and_then(|found| Some(found.fix?.position)),
         })
         .collect();
     let mut jpeg = Vec::new();
-    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 82);
-    map_picture::draw(drawn.map, &marks)?.write_with_encoder(encoder)?;
+    let encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, MAP_JPEG_QUALITY);
+    map_picture::draw(scene.map.as_ref(), &marks)?.write_with_encoder(encoder)?;
     Ok(Picture {
         caption: format!(
-            "{}: truth in green, answers in red, photos without a fix in yellow",
-            drawn.run.name
+            "{run}: true positions in green, fixes in red, photos without a fix in yellow"
         ),
         jpeg,
     })

@@ -6,20 +6,20 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::pictures::file_name;
+use grimnet_eval::scene::Scene;
 use grimnet_experiments::bench::Bench;
 use grimnet_experiments::experiment_table::ExperimentTable;
 use grimnet_experiments::page;
-use grimnet_experiments::scene::Scene;
 use grimnet_experiments::sweep::{self, Sweep};
 use grimnet_experiments::tables::{self, Experiment, Recipe};
 use grimnet_experiments::world_flight::WorldFlight;
-use grimnet_geo::open_map;
 use grimnet_net::Model;
 
 use super::ModeChoice;
-use super::eval_layout::{Layout, LayoutChoice};
 use super::experiment_options::{ExperimentChoice, ExperimentOptions, SweepChoice, WORLDS};
-use super::map::MapPlace;
+use super::map_place::MapPlace;
 use crate::exit::Exit;
 use crate::progress;
 use training::Training;
@@ -145,7 +145,7 @@ fn experiments(
     let scenes = scenes(options, subject, work)?;
     let measured_on = Conditions {
         data: match subject.folder {
-            Some(folder) => name_of(folder),
+            Some(folder) => file_name(folder),
             None => worlds_in_words(options, scenes.len()),
         },
         frames: scenes.iter().map(|s| s.shots.len()).sum(),
@@ -206,38 +206,34 @@ fn scenes(options: &ExperimentOptions, subject: &Subject<'_>, work: &Path) -> Re
     };
     let mut folders: Vec<PathBuf> = fs_err::read_dir(folder)?
         .filter_map(|entry| entry.ok().map(|e| e.path()))
-        .filter(|path| Layout::is_told(path))
+        .filter(|path| DataSet::is_recognised(path))
         .collect();
     folders.sort();
-    if Layout::is_told(folder) || folders.is_empty() {
+    if DataSet::is_recognised(folder) || folders.is_empty() {
         folders = vec![folder.to_owned()];
     }
-    let read = |folder: &PathBuf| {
-        let layout = Layout::find(&LayoutChoice {
-            folder: Some(folder),
-            world: None,
-            out: work,
-            policy: &grimnet_output::OutputPolicy::new(),
-            map: None,
-            place: subject.place,
-        })?;
-        let map = open_map(&layout.map, &layout.map_options)?;
-        let truth = Layout::on_map(layout.truth, map.as_ref())?;
-        Ok(Scene::of(
-            &name_of(folder),
-            map,
-            truth,
-            subject.footprint_width_m,
-        )?)
-    };
-    folders.iter().map(read).collect()
+    folders
+        .iter()
+        .map(|f| read_scene(f, subject, work))
+        .collect()
 }
 
-fn name_of(path: &Path) -> String {
-    path.file_name().map_or_else(
-        || "data".to_owned(),
-        |name| name.to_string_lossy().into_owned(),
-    )
+/// The scene of one data set, named by its folder, with its photos decoded.
+fn read_scene(folder: &Path, subject: &Subject<'_>, work: &Path) -> Result<Scene> {
+    let mut data = DataSet::find(&DataSetRequest {
+        folder,
+        map: None,
+        map_options: subject.place.options(),
+        photos_out: &work.join("photos").join(file_name(folder)),
+    })?;
+    for (frame, _) in &mut data.frames {
+        frame.footprint_width_m = subject.footprint_width_m.or(frame.footprint_width_m);
+    }
+    let map = data.open_map()?;
+    Ok(Scene {
+        name: file_name(folder),
+        ..data.into_scene(map)?.decoded()?
+    })
 }
 
 fn worlds_in_words(options: &ExperimentOptions, count: usize) -> String {

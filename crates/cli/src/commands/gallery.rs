@@ -1,28 +1,23 @@
-//! `grim eval --distractors`: a gallery with foreign tiles, and recall in it.
+//! Options of `grim eval` about retrieval: resolution, foreign tiles, and when a tile is right.
 
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[cfg(feature = "experiments")]
 use anyhow::Context;
-use anyhow::{Result, ensure};
+use anyhow::Result;
 use clap::Args;
-use grimnet_eval::rank_distance::{FrameDistances, RankDistance};
-use grimnet_eval::recall::{
-    FrameRecall, MOST_RANKS, PAPER_RADIUS_PX, RECALL_AT, Recall, RightTile,
-};
-use grimnet_eval::truth::TruthFrame;
+use grimnet_eval::metrics::recall::PAPER_RADIUS_PX;
 #[cfg(feature = "experiments")]
 use grimnet_experiments::gallery::{Gallery, open_foreign};
-use grimnet_geo::{LonLat, Raster};
-use grimnet_locate::Trace;
-use grimnet_pack::{Levels, Pack};
-use serde::Serialize;
+use grimnet_geo::Raster;
+use grimnet_pack::Levels;
 
-/// The K at which SDM@K and PDM@K are printed.
-const DISTANCE_AT: [usize; 3] = [1, 5, 10];
+use crate::values;
 
-/// What makes the gallery harder, and when a retrieved tile is right.
+/// Heading of these options in the help.
+const RETRIEVAL: &str = "Retrieval";
+
+/// The tiles that are searched, and when a retrieved tile is right.
 #[derive(Debug, Clone, Args)]
 pub struct GalleryOptions {
     /// Add the tiles of this foreign map, or of all pictures in this folder, to the gallery
@@ -30,16 +25,24 @@ pub struct GalleryOptions {
         long,
         value_name = "MAP|FOLDER",
         requires = "gsd",
+        help_heading = RETRIEVAL,
         hide = cfg!(not(feature = "experiments"))
     )]
     pub distractors: Option<PathBuf>,
 
-    /// Only this ground resolution of the map, metres per pixel; distractors without a georeference are taken to have it
-    #[arg(long, value_name = "M")]
+    /// Build only this ground resolution of the map, metres per pixel; foreign pictures without a georeference are assumed to have it
+    #[arg(long, value_name = "M", value_parser = values::gsd_m, allow_hyphen_values = true, help_heading = RETRIEVAL)]
     pub gsd: Option<f64>,
 
-    /// Also count a retrieved tile as right if its centre lies within this many pixels of the truth
-    #[arg(long, value_name = "PX", default_value_t = PAPER_RADIUS_PX)]
+    /// Radius of the second definition of a right tile: its centre within this many pixels of the true position
+    #[arg(
+        long,
+        value_name = "PX",
+        default_value_t = PAPER_RADIUS_PX,
+        value_parser = values::length_px,
+        allow_hyphen_values = true,
+        help_heading = RETRIEVAL
+    )]
     pub recall_radius: f64,
 }
 
@@ -47,14 +50,8 @@ impl GalleryOptions {
     /// The map as it is, or with the foreign tiles beside it.
     ///
     /// # Errors
-    /// A resolution that means nothing; foreign pictures that cannot be read.
+    /// Foreign pictures cannot be read.
     pub fn lay_out(&self, map: Box<dyn Raster>) -> Result<Box<dyn Raster>> {
-        if let Some(gsd_m) = self.gsd {
-            ensure!(
-                gsd_m.is_finite() && gsd_m > 0.0,
-                "--gsd {gsd_m}: must be a positive number of metres per pixel"
-            );
-        }
         let (Some(path), Some(gsd_m)) = (&self.distractors, self.gsd) else {
             return Ok(map);
         };
@@ -81,122 +78,4 @@ fn lay_beside(map: Box<dyn Raster>, path: &Path, gsd_m: f64) -> Result<Box<dyn R
 #[cfg(not(feature = "experiments"))]
 fn lay_beside(_: Box<dyn Raster>, _: &Path, _: f64) -> Result<Box<dyn Raster>> {
     anyhow::bail!(super::absent::message("--distractors", "experiments"))
-}
-
-/// Recall of one run.
-#[derive(Debug, Serialize)]
-pub struct RunRecall {
-    /// The run, such as "heading known".
-    pub run: String,
-    /// Tiles in the level of the first frame's first round.
-    pub gallery_tiles: usize,
-    /// A tile is right if it covers the true centre.
-    pub covers: Recall,
-    /// A tile is right if its centre lies within `radius_px` of the true centre.
-    pub near: Recall,
-    /// Radius of `near`, pixels of the level.
-    pub radius_px: f64,
-    /// SDM@K and PDM@K: how near the first K tiles lie to the true centre.
-    pub distance: RankDistance,
-    /// Rank of the first covering tile, frame by frame.
-    pub frames: Vec<FrameRecall>,
-}
-
-impl RunRecall {
-    /// Compares what was tried for each frame with the truth.
-    pub fn of<'a>(
-        run: &str,
-        pack: &Pack,
-        frames: impl Iterator<Item = (&'a Trace, &'a TruthFrame)> + Clone,
-        radius_px: f64,
-    ) -> Self {
-        let ranks = |right| -> Vec<FrameRecall> {
-            frames
-                .clone()
-                .map(|(trace, truth)| frame_recall(pack, trace, truth, right))
-                .collect()
-        };
-        let covering = ranks(RightTile::Covers);
-        let level = frames
-            .clone()
-            .find_map(|(trace, _)| trace.rounds.first())
-            .map_or(0, |round| round.level);
-        let distances: Vec<FrameDistances> = frames
-            .clone()
-            .map(|(trace, truth)| {
-                centre_of(truth).map_or_else(FrameDistances::default, |centre| {
-                    FrameDistances::of(pack, trace, centre, MOST_RANKS)
-                })
-            })
-            .collect();
-        Self {
-            run: run.to_owned(),
-            gallery_tiles: pack.levels()[level].tile_count(),
-            covers: Recall::of(&covering, &RECALL_AT),
-            near: Recall::of(&ranks(RightTile::CentreWithinPx(radius_px)), &RECALL_AT),
-            radius_px,
-            distance: RankDistance::of(&distances, &RECALL_AT),
-            frames: covering,
-        }
-    }
-}
-
-fn frame_recall(pack: &Pack, trace: &Trace, truth: &TruthFrame, right: RightTile) -> FrameRecall {
-    centre_of(truth).map_or_else(FrameRecall::default, |centre| {
-        FrameRecall::of(pack, trace, centre, right)
-    })
-}
-
-/// The image centre's true place, or the receiver's where no other is known.
-fn centre_of(truth: &TruthFrame) -> Option<LonLat> {
-    truth
-        .centre_lat_lon_deg
-        .or(truth.gps_lat_lon_deg)
-        .map(|(lat_deg, lon_deg)| LonLat { lon_deg, lat_deg })
-}
-
-/// Prints recall, a column a run.
-///
-/// # Errors
-/// Standard output is gone.
-pub fn print_recall(runs: &[RunRecall]) -> Result<()> {
-    let mut out = std::io::stdout().lock();
-    let Some(first) = runs.first() else {
-        return Ok(());
-    };
-    writeln!(
-        out,
-        "\nrecall among {} tiles (a tile is right if it covers the true centre)",
-        first.gallery_tiles
-    )?;
-    let mut line = |name: &str, cell: &dyn Fn(&RunRecall) -> f64| -> Result<()> {
-        write!(out, "{name:<28}")?;
-        for run in runs {
-            write!(out, "{:>20}", format!("{:.0} %", cell(run) * 100.0))?;
-        }
-        Ok(writeln!(out)?)
-    };
-    for (i, k) in RECALL_AT.iter().enumerate() {
-        line(&format!("R@{k} by descriptor"), &|r| {
-            r.covers.by_descriptor[i]
-        })?;
-    }
-    for (i, k) in RECALL_AT.iter().enumerate() {
-        line(&format!("R@{k} after the vote"), &|r| r.covers.by_vote[i])?;
-    }
-    line("a right tile was matched", &|r| r.covers.matched)?;
-    for k in DISTANCE_AT {
-        let i = RECALL_AT.iter().position(|&at| at == k).unwrap_or(0);
-        line(&format!("SDM@{k} by descriptor"), &|r| {
-            r.distance.sdm_by_descriptor[i]
-        })?;
-        line(&format!("PDM@{k} by descriptor"), &|r| {
-            r.distance.pdm_by_descriptor[i]
-        })?;
-    }
-    let five = RECALL_AT.iter().position(|&k| k == 5).unwrap_or(0);
-    let radius = first.radius_px;
-    line(&format!("R@5, centre within {radius:.0} px"), &|r| {
-        r.near.by_descriptor[five]
-    })
 }

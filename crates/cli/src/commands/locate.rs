@@ -20,7 +20,7 @@ use crate::answer::Answer;
 use crate::drawings::Drawings;
 use crate::exit::Exit;
 use crate::formats::{AnswerStream, Format};
-pub use crate::localise::{adapt_to_flight, locate_one, locate_one_traced};
+pub use crate::localise::{adapt_to_flight, locate_one};
 use crate::outputs::OverwriteChoice;
 use crate::{errors, inputs, interrupt, photos, progress};
 

@@ -6,7 +6,6 @@ use clap::Subcommand;
 pub use super::map_build::build_with_bar;
 use super::map_build::{self, BuildArgs};
 use super::map_info::{self, InfoArgs, VerifyArgs};
-pub use super::map_place::MapPlace;
 use crate::exit::Exit;
 
 /// Build a map pack from your own map, show what one holds, check one.

@@ -108,9 +108,9 @@ pub fn print_summary(runs: &[Run]) -> Result<()> {
     if footprints.iter().any(Option::is_some) {
         writeln!(std::io::stdout())?;
         for (name, cell) in FOOTPRINT_ROWS {
-            let cells = footprints.iter().map(|summary| {
-                summary.as_ref().map_or_else(|| "-".to_owned(), cell)
-            });
+            let cells = footprints
+                .iter()
+                .map(|summary| summary.as_ref().map_or_else(|| "-".to_owned(), cell));
             line(name, cells)?;
         }
     }

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use anyhow::Result;
+use grimnet_eval::scene::Scene;
 use grimnet_experiments::experiment_table::ExperimentTable;
-use grimnet_experiments::scene::Scene;
 use grimnet_experiments::tables::Recipe;
 
 use crate::commands::experiment_options::{ExperimentChoice, ExperimentOptions};

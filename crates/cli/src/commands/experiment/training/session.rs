@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::Result;
+use grimnet_eval::scene::Scene;
 use grimnet_experiments::experiment_table::ExperimentTable;
 use grimnet_experiments::networks::Networks;
-use grimnet_experiments::scene::Scene;
 use grimnet_experiments::tables::Recipe;
 use grimnet_experiments::training::{TrainedExperiment, run};
 use grimnet_train::{Progress, TrainConfig};

@@ -1,0 +1,152 @@
+//! `grim eval --elsewhere`: photos that are not on the map must get no fix.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use grimnet_eval::elsewhere::{self, ElsewhereSummary, ElsewhereTrial, Group, Source};
+use grimnet_eval::pictures::{file_name, picture_files_below};
+use grimnet_geo::{MapPx, Raster};
+use grimnet_locate::Localizer;
+use grimnet_output::OutputFolder;
+
+use crate::exit::Exit;
+use crate::{progress, values};
+
+/// Files in the folder of results.
+pub const FILES: [&str; 2] = ["elsewhere.json", "elsewhere.csv"];
+
+/// Heading of these options in the help.
+const ELSEWHERE: &str = "Photos that are not on the map";
+
+/// Which pictures are localised on a map that does not show them.
+#[derive(Debug, Clone, Args)]
+pub struct ElsewhereOptions {
+    /// Localise the pictures in these folders, which must not show any place of the map, and count fixes
+    ///
+    /// Ground widths are drawn log-uniformly from a tenth of the map's width to twice its width; photos with a ground width in
+    /// their metadata are also tried with that. Half of the trials have an unknown heading. The map is that of FOLDER, or --map.
+    #[arg(long, value_name = "FOLDER", num_args = 1.., help_heading = ELSEWHERE)]
+    pub elsewhere: Vec<PathBuf>,
+
+    /// The same for folders of pictures that the model was trained on; they are counted apart
+    #[arg(long, value_name = "FOLDER", num_args = 1.., help_heading = ELSEWHERE)]
+    pub elsewhere_trained: Vec<PathBuf>,
+
+    /// Trials per folder
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = values::count, help_heading = ELSEWHERE)]
+    pub elsewhere_trials: usize,
+
+    /// Seed of ground widths and headings
+    #[arg(long, value_name = "N", default_value_t = 1, help_heading = ELSEWHERE)]
+    pub elsewhere_seed: u64,
+}
+
+impl ElsewhereOptions {
+    /// Returns whether any folder was given.
+    pub fn is_asked(&self) -> bool {
+        !(self.elsewhere.is_empty() && self.elsewhere_trained.is_empty())
+    }
+
+    fn sources(&self) -> Result<Vec<Source>> {
+        let untrained = self.elsewhere.iter().map(|folder| (folder, false));
+        let trained = self.elsewhere_trained.iter().map(|folder| (folder, true));
+        untrained
+            .chain(trained)
+            .map(|(folder, trained_on)| {
+                let pictures = picture_files_below(folder)?;
+                if pictures.is_empty() {
+                    bail!("{}: no pictures", folder.display());
+                }
+                Ok(Source {
+                    name: file_name(folder),
+                    pictures,
+                    trained_on,
+                })
+            })
+            .collect()
+    }
+}
+
+/// Runs the trials on a map, writes `elsewhere.json` and `elsewhere.csv` and prints the figures.
+///
+/// # Errors
+/// A folder without pictures, results that cannot be written.
+pub fn run(
+    options: &ElsewhereOptions,
+    map: &dyn Raster,
+    localizer: &Localizer,
+    folder: &OutputFolder,
+) -> Result<Exit> {
+    let sources = options.sources()?;
+    let total = options.elsewhere_trials * sources.len();
+    let bar = progress::bar(total as u64, "localising", "trials");
+    let settings = elsewhere::ElsewhereOptions {
+        trials: options.elsewhere_trials,
+        seed: options.elsewhere_seed,
+        map_width_m: width_m(map)?,
+    };
+    let trials = elsewhere::run(localizer, &sources, &settings, &mut |_| bar.inc(1));
+    bar.finish_and_clear();
+    let summary = ElsewhereSummary::of(&trials);
+    let [json, csv] = FILES;
+    let text = serde_json::to_string_pretty(&summary)? + "\n";
+    folder.write_bytes(json, text.as_bytes())?;
+    folder.write_bytes(csv, &trials_csv(&trials)?)?;
+    print(&summary)?;
+    Ok(Exit::Done)
+}
+
+/// Width of a map, metres, from the ground resolution in its middle.
+fn width_m(map: &dyn Raster) -> Result<f64> {
+    let (width, height) = map.size_px();
+    let middle = MapPx {
+        x: width as f64 / 2.0,
+        y: height as f64 / 2.0,
+    };
+    let (x_m, _) = map.georeference().ground_resolution_m(middle)?;
+    Ok(width as f64 * x_m)
+}
+
+fn trials_csv(trials: &[ElsewhereTrial]) -> Result<Vec<u8>> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for trial in trials {
+        writer.serialize(trial)?;
+    }
+    Ok(writer.into_inner()?)
+}
+
+fn print(summary: &ElsewhereSummary) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(
+        out,
+        "{:<78}{:>8}{:>8}{:>12}{:>18}",
+        "photos that are not on the map", "trials", "fixes", "share", "95 % interval"
+    )?;
+    let groups = [
+        &summary.by_training,
+        &summary.by_setting,
+        &summary.by_source,
+    ];
+    for group in std::iter::once(&summary.all).chain(groups.into_iter().flatten()) {
+        writeln!(out, "{}", line(group))?;
+    }
+    writeln!(out, "\nreasons of trials without a fix")?;
+    for (reason, count) in &summary.reasons {
+        writeln!(out, "{count:>8}  {reason}")?;
+    }
+    Ok(())
+}
+
+fn line(group: &Group) -> String {
+    let [low, high] = group.share_interval.map(|share| 100.0 * share);
+    format!(
+        "{:<78}{:>8}{:>8}{:>12}{:>18}",
+        group.name,
+        group.trials,
+        group.fixes,
+        format!("{:.2} %", 100.0 * group.share),
+        format!("{low:.2}-{high:.2} %")
+    )
+}

@@ -1,0 +1,417 @@
+//! Wrong-area trials: photos that are not on the map are localised, and every fix is an error.
+//!
+//! Pictures come from [`Source`]s. A photo with a ground width in its metadata is tried at that width and at drawn ones; a picture
+//! without is tried at drawn ones only. Widths are drawn log-uniformly as a share of the map's width, and every second trial has
+//! an unknown heading. All draws depend on the seed, the source and the number of the trial alone.
+
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+use grimnet_locate::Prior;
+use grimnet_photo::Photo;
+use rand::seq::SliceRandom;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::Serialize;
+
+use crate::evaluation::Method;
+use crate::metrics::reliability::wilson_interval;
+use crate::pictures::file_name;
+use crate::scene::TRUE_HEADING_SIGMA_DEG;
+
+/// Widths of the footprints that are drawn, as shares of the map's width.
+pub const WIDTH_SHARES: [f64; 2] = [0.1, 2.0];
+
+/// Limits between small, medium and large footprints, as shares of the map's width.
+const BANDS: [f64; 2] = [1.0 / 3.0, 1.0];
+
+/// Pictures of one origin, none of them on the map.
+#[derive(Debug, Clone)]
+pub struct Source {
+    /// Name for people, such as the folder's.
+    pub name: String,
+    /// The pictures.
+    pub pictures: Vec<PathBuf>,
+    /// Whether the model was trained on them.
+    pub trained_on: bool,
+}
+
+/// How many trials, and which.
+#[derive(Debug, Clone, Copy)]
+pub struct ElsewhereOptions {
+    /// Trials per source.
+    pub trials: usize,
+    /// Seed of all draws.
+    pub seed: u64,
+    /// Width of the map, metres.
+    pub map_width_m: f64,
+}
+
+/// How the ground width of a trial was chosen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scale {
+    /// From the photo's metadata.
+    Metadata,
+    /// Drawn at random.
+    Drawn,
+}
+
+/// One trial.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ElsewhereTrial {
+    /// Name of the source.
+    pub source: String,
+    /// Whether the model was trained on the source.
+    pub trained_on: bool,
+    /// File name of the picture.
+    pub picture: String,
+    /// How the ground width was chosen.
+    pub scale: Scale,
+    /// Ground width that the localiser was given, metres.
+    pub footprint_width_m: f64,
+    /// The same as a share of the map's width.
+    pub map_share: f64,
+    /// Whether the localiser was given a (random) heading.
+    pub heading_known: bool,
+    /// Whether it gave a fix, which is wrong.
+    pub fixed: bool,
+    /// Stated confidence of the fix.
+    pub confidence: Option<f64>,
+    /// Inliers of the answer or of the refused candidate.
+    pub inliers: Option<usize>,
+    /// Why there is no fix.
+    pub reason: Option<String>,
+}
+
+/// Trials and fixes of one group.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Group {
+    /// What the trials have in common.
+    pub name: String,
+    /// Number of trials.
+    pub trials: usize,
+    /// Trials with a fix.
+    pub fixes: usize,
+    /// Share of trials with a fix.
+    pub share: f64,
+    /// 95 % interval of the share (Wilson 1927).
+    pub share_interval: [f64; 2],
+}
+
+/// Figures of all trials.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ElsewhereSummary {
+    /// All trials.
+    pub all: Group,
+    /// Sources that the model was trained on, and the others.
+    pub by_training: Vec<Group>,
+    /// Settings: scale, heading and size of the footprint.
+    pub by_setting: Vec<Group>,
+    /// Sources.
+    pub by_source: Vec<Group>,
+    /// Number of trials without a fix by reason, most frequent first.
+    pub reasons: Vec<(String, usize)>,
+}
+
+/// Runs the trials of all sources; `on_trial` is called after each. Each picture is decoded once. Pictures that cannot be read are
+/// logged as warnings and left out.
+pub fn run(
+    method: &dyn Method,
+    sources: &[Source],
+    options: &ElsewhereOptions,
+    on_trial: &mut dyn FnMut(&ElsewhereTrial),
+) -> Vec<ElsewhereTrial> {
+    let mut trials = Vec::new();
+    for (index, source) in (0u64..).zip(sources) {
+        let mut order = source.pictures.clone();
+        order.shuffle(&mut rng(options.seed, index, u64::MAX));
+        for (number, path) in order.iter().enumerate().take(options.trials) {
+            let photo = match Photo::open_for_query(path) {
+                Ok(photo) => photo,
+                Err(error) => {
+                    tracing::warn!("{error}; left out");
+                    continue;
+                }
+            };
+            for trial in (number..options.trials).step_by(order.len()) {
+                let mut rng = rng(options.seed, index, trial as u64);
+                // Rounds of four: both scales with both headings.
+                let round = trial / order.len() + number;
+                let done = one(method, source, &photo, options, round, &mut rng);
+                on_trial(&done);
+                trials.push(done);
+            }
+        }
+    }
+    trials
+}
+
+/// A generator that depends on the seed, the source and the trial alone.
+fn rng(seed: u64, source: u64, trial: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed ^ (source << 32));
+    rng.set_stream(trial);
+    rng
+}
+
+fn one(
+    method: &dyn Method,
+    source: &Source,
+    photo: &Photo,
+    options: &ElsewhereOptions,
+    round: usize,
+    rng: &mut ChaCha8Rng,
+) -> ElsewhereTrial {
+    let heading_known = round.is_multiple_of(2);
+    let [low, high] = WIDTH_SHARES.map(f64::ln);
+    let drawn_m = options.map_width_m * rng.random_range(low..high).exp();
+    let heading_deg = rng.random_range(0.0..360.0);
+    let stated_m = photo
+        .view(&Prior::none().overrides())
+        .footprint
+        .map(|footprint| footprint.width_m)
+        .filter(|_| (round / 2).is_multiple_of(2));
+    let (scale, footprint_width_m) = match stated_m {
+        Some(width_m) => (Scale::Metadata, width_m),
+        None => (Scale::Drawn, drawn_m),
+    };
+    let prior = Prior::none().with_gsd_m(footprint_width_m / f64::from(photo.full_size_px.0));
+    let prior = if heading_known {
+        prior.with_heading(heading_deg, TRUE_HEADING_SIGMA_DEG)
+    } else {
+        prior.with_unknown_heading()
+    };
+    let found = method.locate(photo, &prior);
+    let answer = found.as_ref().ok();
+    ElsewhereTrial {
+        source: source.name.clone(),
+        trained_on: source.trained_on,
+        picture: file_name(&photo.path),
+        scale,
+        footprint_width_m,
+        map_share: footprint_width_m / options.map_width_m,
+        heading_known,
+        fixed: answer.is_some_and(|found| found.fix.is_some()),
+        confidence: answer.and_then(|found| found.confidence),
+        inliers: answer.and_then(|found| found.inliers),
+        reason: match &found {
+            Ok(found) => found.reason.clone(),
+            Err(error) => Some(error.to_string()),
+        },
+    }
+}
+
+impl ElsewhereTrial {
+    fn setting(&self) -> String {
+        let scale = match self.scale {
+            Scale::Metadata => "scale from metadata",
+            Scale::Drawn => "scale drawn",
+        };
+        let heading = if self.heading_known {
+            "known"
+        } else {
+            "unknown"
+        };
+        let size = match BANDS
+            .iter()
+            .filter(|&&limit| self.map_share > limit)
+            .count()
+        {
+            0 => "up to a third of the map",
+            1 => "a third of the map to its size",
+            _ => "larger than the map",
+        };
+        format!("{scale}, heading {heading}, footprint {size}")
+    }
+}
+
+impl Group {
+    fn of<'a>(name: &str, trials: impl Iterator<Item = &'a ElsewhereTrial>) -> Self {
+        let (count, fixes) = trials.fold((0, 0), |(count, fixes), trial| {
+            (count + 1, fixes + usize::from(trial.fixed))
+        });
+        Self {
+            name: name.to_owned(),
+            trials: count,
+            fixes,
+            share: fixes as f64 / count.max(1) as f64,
+            share_interval: wilson_interval(fixes, count),
+        }
+    }
+}
+
+/// A group for each name, in the order of the names.
+fn groups(trials: &[ElsewhereTrial], name: impl Fn(&ElsewhereTrial) -> String) -> Vec<Group> {
+    let mut named: BTreeMap<String, Vec<&ElsewhereTrial>> = BTreeMap::new();
+    for trial in trials {
+        named.entry(name(trial)).or_default().push(trial);
+    }
+    named
+        .into_iter()
+        .map(|(name, trials)| Group::of(&name, trials.into_iter()))
+        .collect()
+}
+
+impl ElsewhereSummary {
+    /// Figures of these trials.
+    #[must_use]
+    pub fn of(trials: &[ElsewhereTrial]) -> Self {
+        let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+        for reason in trials.iter().filter_map(|trial| trial.reason.as_deref()) {
+            // What follows a colon are figures of the single trial.
+            let kind = reason.split([':', ';']).next().unwrap_or(reason);
+            *reasons.entry(kind).or_default() += 1;
+        }
+        let mut reasons: Vec<(String, usize)> = reasons
+            .into_iter()
+            .map(|(reason, count)| (reason.to_owned(), count))
+            .collect();
+        reasons.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        Self {
+            all: Group::of("all trials", trials.iter()),
+            by_training: groups(trials, |trial| {
+                let training = if trial.trained_on {
+                    "sources trained on"
+                } else {
+                    "sources not trained on"
+                };
+                training.to_owned()
+            }),
+            by_setting: groups(trials, ElsewhereTrial::setting),
+            by_source: groups(trials, |trial| trial.source.clone()),
+            reasons,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use grimnet_geo::LonLat;
+    use grimnet_locate::HeadingPrior;
+    use image::{Rgb, RgbImage};
+
+    use super::*;
+    use crate::evaluation::{Found, MethodError};
+    use crate::metrics::ScoredFix;
+
+    /// Gives a fix where the heading is known and the footprint small.
+    struct Gullible;
+
+    impl Method for Gullible {
+        fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+            let width_m = prior.gsd_m.unwrap() * f64::from(photo.full_size_px.0);
+            let known = matches!(prior.heading, HeadingPrior::Known { .. });
+            let fix = ScoredFix {
+                position: LonLat {
+                    lon_deg: 0.0,
+                    lat_deg: 0.0,
+                },
+                covariance_en_m2: [1.0, 0.0, 1.0],
+                radius95_m: 2.0,
+            };
+            let fixed = known && width_m < 500.0;
+            Ok(Found {
+                fix: fixed.then_some(fix),
+                reason: (!fixed).then(|| format!("too few matches: {width_m}")),
+                ..Found::default()
+            })
+        }
+    }
+
+    fn source(folder: &Path, name: &str, count: usize, trained_on: bool) -> Source {
+        let pictures = (0..count)
+            .map(|i| {
+                let path = folder.join(format!("{name}{i}.png"));
+                let tone = Rgb([40 * i as u8, 90, 120]);
+                RgbImage::from_pixel(96, 80, tone).save(&path).unwrap();
+                path
+            })
+            .collect();
+        Source {
+            name: name.to_owned(),
+            pictures,
+            trained_on,
+        }
+    }
+
+    #[test]
+    fn trials_are_drawn_as_stated_and_counted_by_group() {
+        let folder = tempfile::tempdir().unwrap();
+        let sources = [
+            source(folder.path(), "farms", 3, true),
+            source(folder.path(), "coast", 50, false),
+        ];
+        let options = ElsewhereOptions {
+            trials: 40,
+            seed: 7,
+            map_width_m: 1000.0,
+        };
+        let mut seen = 0;
+        let trials = run(&Gullible, &sources, &options, &mut |_| seen += 1);
+        assert_eq!((trials.len(), seen), (80, 80));
+        let known = trials.iter().filter(|t| t.heading_known).count();
+        assert!((36..=44).contains(&known), "{known}");
+        assert!(trials.iter().all(|t| (0.1..2.0).contains(&t.map_share)));
+        let below = trials.iter().filter(|t| t.map_share < 0.447).count();
+        assert!(
+            (28..=52).contains(&below),
+            "half lies below the geometric mean: {below}"
+        );
+        assert!(
+            trials.iter().all(|t| t.scale == Scale::Drawn),
+            "no metadata"
+        );
+        assert_eq!(run(&Gullible, &sources, &options, &mut |_| ()), trials);
+
+        let summary = ElsewhereSummary::of(&trials);
+        let expected = trials
+            .iter()
+            .filter(|t| t.heading_known && t.footprint_width_m < 500.0)
+            .count();
+        assert!(expected > 0);
+        assert_eq!((summary.all.trials, summary.all.fixes), (80, expected));
+        let sums = |groups: &[Group]| {
+            let trials: usize = groups.iter().map(|g| g.trials).sum();
+            (trials, groups.iter().map(|g| g.fixes).sum::<usize>())
+        };
+        for groups in [
+            &summary.by_training,
+            &summary.by_setting,
+            &summary.by_source,
+        ] {
+            assert_eq!(sums(groups), (80, expected));
+        }
+        for group in &summary.by_setting {
+            let large = group.name.contains("larger") || group.name.contains("unknown");
+            assert!(!large || group.fixes == 0, "{group:?}");
+        }
+        assert_eq!(
+            summary.reasons,
+            [("too few matches".to_owned(), 80 - expected)]
+        );
+        let names: Vec<&str> = summary
+            .by_training
+            .iter()
+            .map(|g| g.name.as_str())
+            .collect();
+        assert_eq!(names, ["sources not trained on", "sources trained on"]);
+    }
+
+    #[test]
+    fn unreadable_pictures_are_left_out() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut one = source(folder.path(), "farms", 2, false);
+        fs_err::write(&one.pictures[0], "no picture").unwrap();
+        one.pictures.push(folder.path().join("gone.png"));
+        let options = ElsewhereOptions {
+            trials: 9,
+            seed: 1,
+            map_width_m: 1000.0,
+        };
+        assert_eq!(run(&Gullible, &[one], &options, &mut |_| ()).len(), 3);
+        let none = ElsewhereSummary::of(&[]);
+        assert_eq!((none.all.trials, none.all.share_interval), (0, [0.0, 1.0]));
+    }
+}

@@ -1,8 +1,8 @@
-//! EVALUATION.md: every figure that is stated about accuracy, made from stored `summary.json` files.
+//! EVALUATION.md: the published figures of accuracy, made from stored `summary.json` files.
 //!
 //! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
 //! `experiments/`, with the tables of `grim eval --experiment`. The page is made by
-//! `cargo run -p grimnet-experiments --example evaluation`; a test fails where page and stored figures differ.
+//! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
 
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -12,19 +12,19 @@ use serde_json::Value;
 
 use crate::experiment_table::ExperimentTable;
 
-/// What a stored `summary.json` does not say of itself.
+/// The description of a stored `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Claim {
     /// Heading of its section.
     pub title: String,
-    /// What was localised on what, and what the truth is.
+    /// Photos, map and truth.
     pub data: String,
     /// The command that measured it.
     pub command: String,
-    /// What others reach on the same frames.
+    /// Figures of other systems on the same photos.
     #[serde(default)]
     pub peers: Vec<Peer>,
-    /// What must be known to read the figures.
+    /// Remarks on the figures.
     #[serde(default)]
     pub remarks: Vec<String>,
 }
@@ -34,7 +34,7 @@ pub struct Claim {
 pub struct Peer {
     /// Its name.
     pub name: String,
-    /// The run that it is set beside, such as `heading_known`.
+    /// The run that it is compared with, such as `heading_known`.
     pub run: String,
     /// Share of all frames within 5 m.
     pub within_5m: f64,
@@ -50,6 +50,7 @@ pub struct Peer {
 
 /// Why the page cannot be made.
 #[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
 pub enum ClaimError {
     /// A file or folder cannot be read.
     #[error(transparent)]
@@ -71,7 +72,7 @@ const HEAD: &str = "\
 # Evaluation
 
 Made from the stored figures under `evaluation/` by `cargo run -p grimnet-experiments --example evaluation`; do not edit. Shares are of
-all frames, a frame without a fix is a miss. \"Behind\" stands where another system on the same frames is better than this one.
+all photos; a photo without a fix is a miss. \"Behind\" marks figures of this program that are worse than another system's on the same photos.
 ";
 
 /// The page for the claims stored in `folder`.
@@ -181,7 +182,7 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
     put(format_args!("\n## {}\n\n{}\n\n", claim.title, claim.data));
     let about = &summary["about"];
     let text = |key: &str| match &about[key] {
-        Value::Null => "not told".to_owned(),
+        Value::Null => "not given".to_owned(),
         Value::String(text) => text.chars().take(16).collect(),
         other => other.to_string(),
     };
@@ -193,7 +194,7 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
         if about["model_calibrated"] == true {
             "calibrated"
         } else {
-            "radii by default, never fitted"
+            "not calibrated"
         },
         text("version"),
         text("commit"),
@@ -235,7 +236,7 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
         }
     }
     put(format_args!(
-        "\n| | fixes | right within 20 m | confidently wrong | beyond 3 sigma | stated 95 % radius | truth within it | with the truth's error | average error | bias east, north | time a frame |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
+        "\n| | fixes | fixes within 20 m | confidently wrong | error above 3 sigma | stated 95 % radius | truth within it | with the error of the truth | mean error | mean error east, north | time per photo |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
     ));
     for (name, run) in &runs {
         let metres = |key: &str| {

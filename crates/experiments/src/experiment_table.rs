@@ -14,7 +14,7 @@
 //! }
 //! ```
 //! A value is a number or `null`: not measured, or not defined (an average over no fixes). `paper` holds the paper's own figures
-//! where they can be set beside these rows, with the columns named in `paper_columns`.
+//! if they can be compared with these rows, with the columns named in `paper_columns`.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 /// A column of figures.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Column {
-    /// What it is called.
+    /// Its name.
     pub name: String,
     /// Unit of its values, such as `m`, `s`, `%`; empty for counts.
     pub unit: String,
@@ -74,7 +74,7 @@ impl Column {
 /// A row of figures, one for each column.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// What was varied, as the paper writes it where it can.
+    /// What was varied, in the paper's words where possible.
     pub name: String,
     /// The figures.
     pub values: Vec<Option<f64>>,
@@ -97,7 +97,7 @@ pub struct ExperimentTable {
     pub id: String,
     /// What the table shows.
     pub title: String,
-    /// Number of the paper's table, where it has one.
+    /// Number of the paper's table, if there is one.
     pub paper_table: Option<u32>,
     /// The columns.
     pub columns: Vec<Column>,
@@ -115,20 +115,20 @@ pub struct ExperimentTable {
     /// What a reader must know to read it.
     #[serde(default)]
     pub notes: Vec<String>,
-    /// What the figures say beside the paper's, in a maintainer's words. Writing a new measurement over an old one keeps it: read it
-    /// again then.
+    /// A maintainer's comparison with the paper's figures. It is kept when a new measurement replaces an old one, and must then be
+    /// checked.
     #[serde(default)]
     pub discussion: String,
 }
 
-/// A table could not be written or read.
+/// Why a table cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
     /// A file cannot be written or read.
     #[error("cannot write or read the table: {0}")]
     Io(#[from] std::io::Error),
     /// The file is no table.
-    #[error("{path}: not a table of this program: {source}")]
+    #[error("{path}: not a table of an experiment: {source}")]
     Json {
         /// The file.
         path: std::path::PathBuf,

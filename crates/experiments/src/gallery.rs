@@ -1,8 +1,8 @@
-//! A gallery that hurts: the map, and foreign pictures beside it.
+//! A large gallery: the map, with foreign pictures as distractors beside it.
 //!
-//! On a small map every retrieval looks good. Foreign ground laid beside the map, in the same pixel frame, makes the search as
-//! hard as on a large one, while everything else (pack, search, vote, matching) stays as it is. The foreign ground gets degrees
-//! that are not its own; an answer there is a wrong answer.
+//! Retrieval on a small map is easy. Foreign pictures beside the map, in the same pixel frame, make the search as hard as on a
+//! large map, while pack, search, vote and matching stay the same. The foreign pictures get coordinates that are not theirs; an
+//! answer there is wrong.
 
 use std::path::{Path, PathBuf};
 
@@ -23,7 +23,7 @@ const GAP_PX: u64 = 512;
 /// Side of a degree of longitude or latitude at the equator, metres (WGS 84: 111,320 and 110,574).
 const EQUATOR_M_PER_DEG: [f64; 2] = [111_320.0, 110_574.0];
 
-/// Foreign ground could not be laid beside the map.
+/// Why foreign pictures cannot be used as distractors.
 #[derive(Debug, thiserror::Error)]
 pub enum GalleryError {
     /// A file or folder could not be read.
@@ -37,7 +37,7 @@ pub enum GalleryError {
     Empty(PathBuf),
     /// No foreign picture is as large as a cell.
     #[error(
-        "{path}: no picture there covers {CELL_PX} x {CELL_PX} pixels at {gsd_m} m a pixel; choose a finer resolution"
+        "{path}: no picture covers {CELL_PX} x {CELL_PX} pixels at {gsd_m} m per pixel; choose a finer resolution"
     )]
     TooSmall {
         /// File or folder.
@@ -47,11 +47,11 @@ pub enum GalleryError {
     },
 }
 
-/// Opens foreign ground: a map, or all pictures of a folder. What has a georeference keeps its ground resolution; what has none is
-/// taken to show `gsd_m` metres a pixel.
+/// Opens a foreign map, or all pictures of a folder. A picture without a georeference is assumed to have `gsd_m` metres per
+/// pixel.
 ///
 /// # Errors
-/// Nothing there, or nothing readable.
+/// The folder is empty or a picture cannot be read.
 pub fn open_foreign(path: &Path, gsd_m: f64) -> Result<Vec<Box<dyn Raster>>, GalleryError> {
     if !path.is_dir() {
         return Ok(vec![open_one(path, gsd_m)?]);
@@ -69,7 +69,7 @@ fn open_one(path: &Path, gsd_m: f64) -> Result<Box<dyn Raster>, GalleryError> {
         opened => return Ok(opened?),
     }
     let (width, height) = image::image_dimensions(path).map_err(std::io::Error::other)?;
-    // On the equator, where this many degrees are these metres: a place that gives the resolution, no more.
+    // Placed on the equator, where degrees and metres are proportional; only the resolution matters.
     let corners = Some([
         0.0,
         0.0,
@@ -83,16 +83,16 @@ fn open_one(path: &Path, gsd_m: f64) -> Result<Box<dyn Raster>, GalleryError> {
     Ok(open_map(path, &options)?)
 }
 
-/// One foreign raster, and where it lies in the frame of the gallery.
+/// One foreign raster and its window in the frame of the gallery.
 struct Foreign {
     raster: Box<dyn Raster>,
-    /// Where it lies, map pixels.
+    /// Its window, map pixels.
     place: WindowPx,
     /// Its own pixels per map pixel, along x and y.
     own_px_per_map_px: [f64; 2],
 }
 
-/// A map with foreign ground beside it, as one raster in the map's pixel frame and georeference.
+/// A map with foreign pictures beside it, as one raster in the map's pixel frame and georeference.
 pub struct Gallery {
     map: Box<dyn Raster>,
     foreign: Vec<Foreign>,
@@ -100,11 +100,11 @@ pub struct Gallery {
 }
 
 impl Gallery {
-    /// Lays `foreign` beside `map`, edge to edge, in columns about as high as the map, each at its ground resolution. `gsd_m` is the
-    /// resolution of the level that will be searched.
+    /// Places `foreign` beside `map`, edge to edge, in columns about as high as the map, each at its ground resolution. `gsd_m` is
+    /// the resolution of the level that will be searched.
     ///
     /// # Errors
-    /// A resolution cannot be told, or nothing foreign is left after cutting to whole cells; `path` is then named.
+    /// A resolution is not known, or no foreign picture covers a whole cell; the error then names `path`.
     pub fn new(
         map: Box<dyn Raster>,
         foreign: Vec<Box<dyn Raster>>,
@@ -161,12 +161,12 @@ impl Gallery {
         })
     }
 
-    /// Foreign pictures that were laid out.
+    /// Number of foreign pictures.
     pub fn foreign_count(&self) -> usize {
         self.foreign.len()
     }
 
-    /// The true map's size, pixels; what lies beyond is foreign.
+    /// Size of the map without the foreign pictures, pixels.
     pub fn map_size_px(&self) -> (u64, u64) {
         self.map.size_px()
     }
@@ -177,7 +177,7 @@ fn whole_cells(side_px: u64) -> u64 {
     side_px / CELL_PX * CELL_PX
 }
 
-/// Top-left corners of rectangles stacked in columns of at most `height`; a higher rectangle has a column of its own.
+/// Top-left corners of rectangles stacked in columns of at most `height`; a higher rectangle gets a separate column.
 fn columns(sizes: &[[u64; 2]], height: u64) -> Vec<[u64; 2]> {
     let (mut left, mut top, mut width) = (0, 0, 0);
     sizes
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_fill_the_height_and_start_anew() {
+    fn columns_fill_the_height_of_the_map() {
         let places = columns(&[[512, 512], [768, 512], [256, 256], [512, 2048]], 1024);
         assert_eq!(places, [[0, 0], [0, 512], [768, 0], [1024, 0]]);
     }

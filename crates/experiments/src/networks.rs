@@ -1,5 +1,5 @@
-//! The networks of an experiment that trains: variants of one configuration, each trained once, kept, and gone on with where it was
-//! interrupted.
+//! The networks of an experiment that trains: variants of one configuration, each trained once, kept, and resumed after an
+//! interruption.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -11,13 +11,13 @@ use grimnet_train::{
     export, save_model,
 };
 
-/// Pairs that an exported network is measured on, for its card: the experiment measures it on its scenes.
+/// Validation pairs for the model card of an exported network; the experiment itself measures on scenes.
 const VALIDATION_PAIRS: usize = 24;
 
-/// Digits of the hash that tells variants of different budgets apart.
+/// Digits of the hash that distinguishes variants with different training budgets.
 const KEY_DIGITS: usize = 8;
 
-/// A network could not be had.
+/// Why a network cannot be trained or opened.
 #[derive(Debug, thiserror::Error)]
 pub enum NetworksError {
     /// Training.
@@ -31,7 +31,7 @@ pub enum NetworksError {
     Io(#[from] std::io::Error),
     /// It was asked to stop.
     #[error(
-        "stopped at step {step} of the network `{name}`; what was trained is kept in {folder}: the same command goes on from there"
+        "stopped at step {step} of the network `{name}`; the checkpoint is in {folder}; run the same command to resume"
     )]
     Stopped {
         /// The network in hand.
@@ -49,7 +49,7 @@ impl From<TrainError> for NetworksError {
     }
 }
 
-/// Hears of every step, with the network's name.
+/// Called after every step with the network's name.
 type Listener = Box<dyn Fn(&str, &Progress)>;
 
 /// Trains variants of one configuration, on the same data each.
@@ -92,12 +92,12 @@ impl Networks {
         })
     }
 
-    /// From now on `tell` hears of every step, with the network's name.
+    /// Calls `tell` after every step with the network's name.
     pub fn on_progress(&mut self, tell: impl Fn(&str, &Progress) + 'static) {
         self.on_progress = Box::new(tell);
     }
 
-    /// The network that `change` makes of the configuration: trained, gone on with, or opened where it is finished.
+    /// The network of the configuration changed by `change`: trained, resumed, or opened if it is finished.
     ///
     /// # Errors
     /// Training fails or was stopped; a file cannot be written or read.
@@ -130,7 +130,7 @@ impl Networks {
         let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?;
         if resume {
             tracing::info!(
-                "{name}: goes on after step {}",
+                "{name}: resumes after step {}",
                 trainer.state().position.step
             );
         }
@@ -151,7 +151,7 @@ impl Networks {
         Ok(trainer)
     }
 
-    /// Folder of a variant: by its name, and by all that decides its numbers, so that another budget is another network.
+    /// Folder of a variant: its name and a hash of its configuration, so that another budget is another network.
     fn key(&self, name: &str, config: &TrainConfig) -> Result<String, NetworksError> {
         let mut hasher = blake3::Hasher::new();
         hasher.update(format!("{config:?}").as_bytes());
@@ -166,7 +166,7 @@ impl Networks {
         ))
     }
 
-    /// What the networks have in common, in words.
+    /// Description of what the networks have in common.
     #[must_use]
     pub fn describe(&self) -> String {
         let length = self.config.steps.map_or_else(

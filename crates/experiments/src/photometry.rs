@@ -1,4 +1,4 @@
-//! Changes of light and sharpness put on photos (the paper's table 7, and the sweeps).
+//! Changes of light and sharpness of photos (the paper's table 7, and the sweeps).
 
 use image::RgbImage;
 use image::imageops::blur;

@@ -1,4 +1,4 @@
-//! What the tables of several scenes have in common: a column a scene, a row a setup, and the paper's own figures beside them.
+//! Common parts of the tables over several scenes: one column per scene, one row per setup, and the paper's figures.
 
 use crate::bench::{Bench, BenchError, Measured, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
@@ -31,7 +31,7 @@ pub(super) const PAPER_DA_BN: [PaperRow; 2] = [
     ("without DA-BN", [6.59, 16.75, 19.21, 38.48, 19.23]),
 ];
 
-/// What a setup gives on each scene.
+/// Measurements of a setup on each scene.
 pub(super) fn over(
     bench: &mut Bench<'_>,
     scenes: &[Scene],
@@ -50,7 +50,7 @@ pub(super) fn all_frames(measured: &[Measured]) -> Vec<Frame> {
         .collect()
 }
 
-/// Mean of what is there; none of nothing.
+/// Mean of the values that are known; `None` if there are none.
 pub(super) fn mean(values: &[Option<f64>]) -> Option<f64> {
     let there: Vec<f64> = values.iter().flatten().copied().collect();
     (!there.is_empty()).then(|| there.iter().sum::<f64>() / there.len() as f64)
@@ -69,7 +69,7 @@ pub(super) fn mean_time_s(frames: &[Frame]) -> Option<f64> {
     )
 }
 
-/// A column a scene, then the average over scenes, and the shares of all frames that an average hides.
+/// One column per scene, the average over scenes, and the shares of all photos.
 fn scene_columns(scenes: &[Scene]) -> Vec<Column> {
     let mut columns: Vec<Column> = scenes.iter().map(|s| Column::metres(&*s.name)).collect();
     columns.extend([
@@ -104,10 +104,10 @@ pub(super) fn paper_scenes(rows: &[PaperRow]) -> (Vec<Column>, Vec<Row>) {
     (PAPER_SCENES.map(Column::metres).to_vec(), rows.collect())
 }
 
-/// What every table of errors must say.
+/// The note of every table of errors.
 pub(super) const ALE_NOTE: &str = "Metres are average errors over the frames with a fix (ALE); a frame without one has no error, and is counted in the columns of shares.";
 
-/// A table of errors by scene, still without rows.
+/// A table of errors by scene without rows.
 pub(super) fn table(id: &str, title: &str, number: u32, scenes: &[Scene]) -> ExperimentTable {
     ExperimentTable {
         id: id.to_owned(),

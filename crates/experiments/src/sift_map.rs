@@ -27,7 +27,7 @@ const RATIO: f32 = 0.8;
 /// Pixels about the centre of an integer keypoint position: from pixel indices to continuous pixels.
 const PIXEL_CENTRE: f64 = 0.5;
 
-/// A photo's keypoints nearer than this many of their sigmas to where nothing is seen are left out: the border would describe them.
+/// Keypoints nearer than this many of their sigmas to a masked area are removed: their descriptors would describe its border.
 const BORDER_SIGMAS: f32 = 8.0;
 
 /// Why the baseline cannot run.
@@ -44,7 +44,7 @@ pub enum SiftMapError {
     Matching(#[from] MatchingError),
     /// How large the photo is on the ground is not known.
     #[error(
-        "{0}: the ground resolution of the photo is not known, and SIFT's tiles have one scale"
+        "{0}: the ground resolution of the photo is not known; SIFT needs it, since its tiles have one scale"
     )]
     NoScale(String),
 }
@@ -61,7 +61,7 @@ struct Tile {
     features: SiftFeatures,
 }
 
-/// Where a photo was found.
+/// Position found by SIFT.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SiftFix {
     /// The photo's centre.
@@ -102,8 +102,8 @@ impl SiftMap {
         })
     }
 
-    /// Matches a photo with tiles (all of them, where `among` is none); the one with the most inliers of a similarity wins. None
-    /// where no tile has any.
+    /// Matches a photo with the tiles `among` (all tiles if `None`); the tile with the most inliers of a similarity is the answer.
+    /// `None` if no tile has inliers.
     ///
     /// # Errors
     /// The photo cannot be resampled, or its ground resolution is not known.
@@ -146,7 +146,7 @@ impl SiftMap {
         let Some((inliers, [x, y], tile)) = best else {
             return Ok(None);
         };
-        // A wild transform may lead to where there are no degrees: no answer, then.
+        // A wrong transform may lead outside of the coordinate system.
         let place = self
             .georeference
             .lonlat_from_map_px(self.frame.map_px_from_level_px(LevelPx::new(x, y)));
@@ -213,7 +213,7 @@ fn options() -> SiftOptions {
     }
 }
 
-/// Only keypoints whose surroundings are seen.
+/// Keypoints whose surroundings are not masked.
 fn seen(features: SiftFeatures, mask: &GrayImage) -> SiftFeatures {
     let is_seen = |x: f32, y: f32| {
         let (x, y) = (x.round() as i64, y.round() as i64);

@@ -1,4 +1,4 @@
-//! Robustness: one thing is made worse step by step on the procedural world, and accuracy is measured at each step.
+//! Robustness sweeps: one condition is varied step by step on the procedural world, and accuracy is measured at each step.
 
 use std::path::Path;
 
@@ -11,12 +11,12 @@ use crate::tables::Recipe;
 use crate::world_flight::{FlightError, PoseChange, WorldFlight};
 use grimnet_eval::metrics::Summary;
 
-/// What is made worse.
+/// The condition that is varied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sweep {
-    /// Heading of the photos, told and not told.
+    /// Heading of the photos, known and unknown.
     Yaw,
-    /// Height above ground, told and not told.
+    /// Height above ground, known and unknown.
     Scale,
     /// Camera ahead of straight down.
     Pitch,
@@ -85,7 +85,7 @@ impl Sweep {
         }
     }
 
-    /// The steps: name, flight, what is done to the photos, and whether headings are told.
+    /// The steps: name, flight, change of the photos, and whether headings are known.
     fn steps(self, flight: &WorldFlight) -> Vec<Step> {
         let posed = |name: String, change: PoseChange, heading_known: bool| Step {
             name,
@@ -185,7 +185,7 @@ struct Step {
     heading_known: bool,
 }
 
-/// A sweep could not be run.
+/// Why a sweep cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum SweepError {
     /// A flight cannot be rendered.
@@ -216,7 +216,7 @@ pub fn run(
     for flight in flights {
         for (i, step) in sweep.steps(flight).into_iter().enumerate() {
             let mut scene = step.flight.make(folder)?;
-            // The bench tells scenes apart by their names.
+            // The bench distinguishes scenes by name.
             scene.name = format!("{} {} {}", flight.name, sweep.id(), step.name);
             let setup = Setup {
                 photometry: step.photometry,
@@ -253,7 +253,7 @@ pub fn run(
 }
 
 fn row(sweep: Sweep, name: &str, summary: &Summary) -> Row {
-    // A fix in a wrong area is wrong, however near its made-up coordinates lie.
+    // Every fix in a wrong area is wrong, whatever its coordinates.
     let wrong = if sweep == Sweep::WrongArea {
         summary.fixes
     } else {
@@ -276,7 +276,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_sweep_has_steps_of_its_own() {
+    fn every_sweep_has_distinct_steps() {
         let flight = WorldFlight::over("town", 1, 300.0, 0.5, 1);
         for sweep in Sweep::ALL {
             let steps = sweep.steps(&flight);

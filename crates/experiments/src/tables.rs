@@ -37,18 +37,18 @@ pub enum Experiment {
     DaBn,
 }
 
-/// The two recipes.
+/// The two methods.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum Recipe {
-    /// What serves a user best.
+    /// The default method.
     #[default]
     Default,
-    /// The publication to the letter.
+    /// The publication without changes.
     Paper,
 }
 
 impl Recipe {
-    /// A setup of this recipe, headings told.
+    /// A setup of this method with known headings.
     #[must_use]
     pub fn setup(self) -> Setup {
         let (build, options) = match self {
@@ -74,7 +74,7 @@ impl Recipe {
 /// Sides of the network's input (table 2), pixels.
 const RESOLUTIONS: [u32; 5] = [160, 256, 320, 384, 512];
 
-/// The paper's default resolution, and that at which default mode sees a photo's width; the others scale with it.
+/// The paper's default resolution; it corresponds to the default width of a query in default mode.
 const PAPER_RESOLUTION: f64 = 320.0;
 
 /// K of table 5.
@@ -89,7 +89,7 @@ pub(super) const PAPER_K: usize = 5;
 /// Runs an experiment.
 ///
 /// # Errors
-/// A pack cannot be built, or a photo has no known scale where one is needed.
+/// A pack cannot be built, or a photo has no known scale but needs one.
 pub fn run(
     experiment: Experiment,
     bench: &mut Bench<'_>,
@@ -168,7 +168,7 @@ fn resolution(
     })
 }
 
-/// Settings under which every tile of the level is matched, without retrieval (M + L).
+/// A setup that matches every tile of the level, without retrieval (M + L).
 fn block_by_block(setup: Setup) -> Setup {
     Setup {
         options: Options {

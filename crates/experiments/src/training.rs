@@ -21,7 +21,7 @@ const UNCHANGED: &str = "default";
 /// The paper's names of the weights that table 3 varies (section 3.6).
 const WEIGHT_NAMES: [&str; 4] = ["alpha", "beta 1", "beta 2", "gamma"];
 
-/// What table 3 multiplies each weight with.
+/// Factors on each weight in table 3.
 const FACTORS: [f32; 2] = [0.5, 2.0];
 
 /// The paper's table 3: average error, metres, in the order of [`weightings`].
@@ -34,13 +34,13 @@ const PAPER_LOSS_WEIGHTS_M: [f64; 9] = [
 pub enum TrainedExperiment {
     /// Table 3: each loss weight halved and doubled.
     LossWeights,
-    /// Table 4: G + M, two networks that know nothing of each other, beside G + M + L.
+    /// Table 4: G + M, two independent networks, compared with G + M + L.
     Modules,
-    /// Table 10: DA-BN beside one normalisation for both domains.
+    /// Table 10: DA-BN compared with one normalisation for both domains.
     DaBn,
 }
 
-/// An experiment with training could not be run.
+/// Why an experiment with training cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
     /// A network.
@@ -57,7 +57,8 @@ impl From<BenchError> for TrainingError {
     }
 }
 
-/// Runs an experiment: trains what it compares, or takes it from `networks`, and measures each on all scenes; packs go to `packs`.
+/// Runs an experiment: trains the networks that it compares, or opens them if they are finished, and measures each on all scenes;
+/// packs are written to `packs`.
 ///
 /// # Errors
 /// Training or measuring fails, or was stopped.
@@ -77,7 +78,7 @@ pub fn run(
     Ok(made)
 }
 
-/// Table 3's columns: what changes which weight by which factor.
+/// Columns of table 3: name, weight and factor.
 fn weightings() -> Vec<(String, usize, f32)> {
     let changed = FACTORS.iter().flat_map(|&factor| {
         WEIGHT_NAMES

@@ -1,4 +1,4 @@
-//! Scenes of the procedural world: a flight over it, with one thing changed at a time.
+//! Scenes of the procedural world: a flight over it, with one condition changed at a time.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -13,13 +13,13 @@ use grimnet_world::{
 
 use grimnet_eval::scene::{PhotoSource, Scene, Shot, TRUE_HEADING_SIGMA_DEG, Truth};
 
-/// Where made-up places lie: in the Gulf of Guinea, where there is no land.
+/// Position of procedural worlds: in the Gulf of Guinea, where there is no land.
 const PLACE_LON_LAT_DEG: [f64; 2] = [1.5, 1.0];
 
 /// Ground resolution of the maps, metres per pixel: that of a good aerial orthophoto.
 pub const MAP_GSD_M: f64 = 0.3;
 
-/// The camera: near that of a small consumer drone, at a resolution that keeps experiments short.
+/// The camera: similar to that of a small consumer drone, at a resolution that keeps experiments short.
 const CAMERA: Camera = Camera {
     hfov_deg: 70.0,
     width_px: 800,
@@ -54,13 +54,13 @@ pub struct WorldFlight {
     pub urban: f32,
     /// Photos.
     pub photos: usize,
-    /// What the map looks like.
+    /// Appearance of the map.
     pub map_look: Look,
-    /// What the photos look like.
+    /// Appearance of the photos.
     pub photo_look: Look,
-    /// What is changed of each pose.
+    /// Change of each pose.
     pub change: PoseChange,
-    /// Whether the photos are of another world than the map: none may then get a fix.
+    /// Whether the photos show another world than the map, so that none may get a fix.
     pub wrong_area: bool,
 }
 
@@ -72,13 +72,13 @@ pub enum PoseChange {
     None,
     /// All photos point this way, degrees clockwise from north.
     Heading(f64),
-    /// All photos are turned by this against what is said of them, degrees.
+    /// Error of the reported heading, degrees.
     HeadingError(f64),
-    /// Heights times this, and said so.
+    /// Heights times this, also in the metadata.
     Height(f64),
-    /// Heights times this, while metadata tell the old ones.
+    /// Heights times this; the metadata keep the original heights.
     UntoldHeight(f64),
-    /// The camera looks this much ahead of straight down, degrees, and says so.
+    /// Camera pitch ahead of straight down, degrees, also in the metadata.
     Pitch(f64),
 }
 
@@ -185,7 +185,7 @@ impl WorldFlight {
 const WRONG_AREA: u64 = 0x5eed_0fff;
 
 impl PoseChange {
-    /// True pose and what is said of it, changed.
+    /// True and reported pose after the change.
     fn of(self, mut pose: Pose, mut reported: Pose) -> (Pose, Pose) {
         let error_deg = reported.heading_deg - pose.heading_deg;
         match self {

@@ -127,7 +127,7 @@ pub fn run(
         let mut order = source.pictures.clone();
         order.shuffle(&mut rng(options.seed, index, u64::MAX));
         for (number, path) in order.iter().enumerate().take(options.trials) {
-            let photo = match Photo::open_for_query(path) {
+            let photo = match Photo::open(path) {
                 Ok(photo) => photo,
                 Err(error) => {
                     tracing::warn!("{error}; left out");
@@ -167,7 +167,7 @@ fn one(
     let drawn_m = options.map_width_m * rng.random_range(low..high).exp();
     let heading_deg = rng.random_range(0.0..360.0);
     let stated_m = photo
-        .view(&Prior::none().overrides())
+        .view(&Prior::none().view)
         .footprint
         .map(|footprint| footprint.width_m)
         .filter(|_| (round / 2).is_multiple_of(2));
@@ -301,8 +301,8 @@ mod tests {
 
     impl Method for Gullible {
         fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-            let width_m = prior.gsd_m.unwrap() * f64::from(photo.full_size_px.0);
-            let known = matches!(prior.heading, HeadingPrior::Known { .. });
+            let width_m = prior.view.gsd_m.unwrap() * f64::from(photo.full_size_px.0);
+            let known = matches!(prior.view.heading, HeadingPrior::Known { .. });
             let fix = ScoredFix {
                 position: LonLat {
                     lon_deg: 0.0,

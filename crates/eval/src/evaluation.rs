@@ -301,7 +301,10 @@ mod tests {
             ..shot("a", 9)
         };
         let photo = shot.photo.open().unwrap();
-        assert_eq!(shot.prior(HeadingMode::Unknown, &photo).view.gsd_m, Some(2.0));
+        assert_eq!(
+            shot.prior(HeadingMode::Unknown, &photo).view.gsd_m,
+            Some(2.0)
+        );
         assert_eq!(
             shot.prior(HeadingMode::FromPhoto, &photo).view.heading,
             Prior::none().view.heading

@@ -140,7 +140,7 @@ impl Shot {
         match heading {
             HeadingMode::Known => {}
             HeadingMode::Unknown => prior.view.heading = HeadingPrior::Unknown,
-            HeadingMode::FromPhoto => prior.view.heading = HeadingPrior::FromPhoto,
+            HeadingMode::FromPhoto => prior.view.heading = HeadingPrior::FromMetadata,
         }
         match self.footprint_width_m {
             Some(width_m) => prior.with_gsd_m(width_m / f64::from(photo.full_size_px.0)),

@@ -135,8 +135,11 @@ fn photos_are_read_with_their_truth_and_scale() {
     let shot = &scene.shots[0];
     assert_eq!(shot.truth.place.as_deref(), Some("square"));
     let told = shot.prior(HeadingMode::Known, &shot.photo.open().unwrap());
-    assert_eq!(told.gsd_m, Some(0.2), "160 m over 800 px");
-    assert_eq!(told.heading, Prior::none().with_heading(30.0, 5.0).heading);
+    assert_eq!(told.view.gsd_m, Some(0.2), "160 m over 800 px");
+    assert_eq!(
+        told.view.heading,
+        Prior::none().with_heading(30.0, 5.0).view.heading
+    );
     assert!((scene.ground_width_m().unwrap().unwrap() - 160.0).abs() < 1e-6);
     let elsewhere = format!("photo,lat_deg,lon_deg\na.jpg,{},{lon_deg}\n", lat_deg + 1.0);
     std::fs::write(data.join("truth.csv"), elsewhere).unwrap();

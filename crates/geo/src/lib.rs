@@ -49,6 +49,7 @@ mod samples;
 mod tiff;
 mod tiff_georeference;
 mod tiff_images;
+mod tiff_strips;
 mod units;
 mod windowed;
 mod world_file;

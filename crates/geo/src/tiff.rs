@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use tiff_reader::{ColorModel, ExtraSample, RasterLayout};
+use tiff_reader::{ColorModel, ExtraSample};
 
 use crate::GeoError;
 use crate::block::{Block, BlockLayout, BlockSource, Validity};
@@ -13,8 +13,6 @@ use crate::tiff_images::{TiffImage, TiffImages, TiffLevel, open_images};
 
 /// GDAL's tag for the value of pixels without data.
 const TAG_GDAL_NODATA: u16 = 42113;
-/// TIFF 6.0: no compression.
-const COMPRESSION_NONE: u16 = 1;
 /// Number of rows that thin strips are combined to.
 const BAND_ROWS: u64 = 64;
 /// Maximum size of combined strips as RGB, bytes.
@@ -398,91 +396,5 @@ fn bands_of(model: &ColorModel, count: usize, access: Access) -> Bands {
     Bands {
         inverted,
         ..Bands::first(count, color_bands.min(without_alpha), alpha)
-    }
-}
-
-impl TiffImage {
-    /// Whether parts of rows can be read where they lie.
-    fn can_read_direct(&self, layout: &RasterLayout) -> bool {
-        let native = if cfg!(target_endian = "big") {
-            tiff_reader::ByteOrder::BigEndian
-        } else {
-            tiff_reader::ByteOrder::LittleEndian
-        };
-        !self.ifd.is_tiled()
-            && self.ifd.compression() == COMPRESSION_NONE
-            && layout.planar_configuration == 1
-            && layout.predictor == 1
-            && self.ifd.fill_order() == 1
-            && (layout.bytes_per_sample == 1 || self.file.byte_order() == native)
-    }
-
-    /// Reads a rectangle of uncompressed strips, row by row, without touching the rest of them.
-    fn read_direct(
-        &self,
-        kind: SampleKind,
-        samples: usize,
-        x: usize,
-        y: usize,
-        w: usize,
-        h: usize,
-    ) -> Result<Vec<u8>, tiff_reader::TiffError> {
-        let pixel_bytes = samples * kind.bytes();
-        let row_bytes = self.size().0 * pixel_bytes as u64;
-        let rows_per_strip = u64::from(self.ifd.rows_per_strip().max(1));
-        let mut out = Vec::with_capacity(w * h * pixel_bytes);
-        for row in y as u64..(y + h) as u64 {
-            let (offset, count) = self.block_place((row / rows_per_strip) as usize, false);
-            if offset == 0 || count == 0 {
-                out.resize(out.len() + w * pixel_bytes, 0);
-                continue;
-            }
-            let at = offset + (row % rows_per_strip) * row_bytes + (x * pixel_bytes) as u64;
-            out.extend_from_slice(&self.file.source().read_exact_at(at, w * pixel_bytes)?);
-        }
-        Ok(out)
-    }
-
-    /// Whether none of the blocks under a rectangle was ever written (sparse files).
-    fn is_unwritten(&self, x: usize, y: usize, w: usize, h: usize) -> bool {
-        let tiled = self.ifd.is_tiled();
-        let (width, height) = self.size();
-        let (bw, bh) = match (self.ifd.tile_width(), self.ifd.tile_height()) {
-            (Some(bw), Some(bh)) if tiled => (u64::from(bw.max(1)), u64::from(bh.max(1))),
-            _ => (
-                width,
-                u64::from(self.ifd.rows_per_strip().max(1)).min(height),
-            ),
-        };
-        let planes = if self.ifd.planar_configuration() == 2 {
-            u64::from(self.ifd.samples_per_pixel())
-        } else {
-            1
-        };
-        let (columns, rows) = (width.div_ceil(bw), height.div_ceil(bh));
-        (0..planes).all(|plane| {
-            (y as u64 / bh..=(y + h - 1) as u64 / bh).all(|row| {
-                (x as u64 / bw..=(x + w - 1) as u64 / bw).all(|column| {
-                    let index = (plane * rows + row) * columns + column;
-                    let (offset, count) = self.block_place(index as usize, tiled);
-                    offset == 0 || count == 0
-                })
-            })
-        })
-    }
-
-    /// Offset and length of a strip or tile; zeros if there is none.
-    fn block_place(&self, index: usize, tiled: bool) -> (u64, u64) {
-        use tiff_reader::TagValue;
-        // TIFF 6.0: TileOffsets, TileByteCounts, StripOffsets, StripByteCounts.
-        let (offsets, counts) = if tiled { (324, 325) } else { (273, 279) };
-        let at = |tag: u16| match self.ifd.tag(tag).map(|t| &t.value) {
-            Some(TagValue::Byte(v)) => v.get(index).map(|&v| u64::from(v)),
-            Some(TagValue::Short(v)) => v.get(index).map(|&v| u64::from(v)),
-            Some(TagValue::Long(v)) => v.get(index).map(|&v| u64::from(v)),
-            Some(TagValue::Long8(v)) => v.get(index).copied(),
-            _ => None,
-        };
-        (at(offsets).unwrap_or(0), at(counts).unwrap_or(0))
     }
 }

@@ -218,6 +218,36 @@ pub fn write_bytes_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
     write_atomic(path, |file| file.write_all(bytes))
 }
 
+/// Puts a file that is completely written in the place of `path`, in the same folder: syncs it to disk and renames it.
+/// For writers that keep a temporary file of their own, such as a build that can be resumed; others use [`AtomicFile`].
+///
+/// # Errors
+/// [`OutputError`] if the path is that of a folder, device or pipe, or the system refuses a step; what was at the path
+/// then stays as it was.
+pub fn rename_into_place(written: impl AsRef<Path>, path: impl AsRef<Path>) -> Result<()> {
+    let (written, path) = (written.as_ref(), path.as_ref());
+    match TargetKind::of(path)? {
+        TargetKind::Folder => {
+            return Err(OutputError::IsFolder {
+                path: path.to_owned(),
+            });
+        }
+        TargetKind::Stream => {
+            let kind = io::Error::new(io::ErrorKind::InvalidInput, "it is a device or pipe");
+            return Err(OutputError::io("replace", path)(kind));
+        }
+        TargetKind::Absent | TargetKind::File => {}
+    }
+    let file = File::open(written).map_err(OutputError::io("open", written))?;
+    file.sync_all()
+        .map_err(OutputError::io("sync to disk", written))?;
+    let place = Place::of(path)?;
+    fs::rename(written, place.path())
+        .map_err(OutputError::io("rename a temporary file to", path))?;
+    sync_folder(&place.folder);
+    Ok(())
+}
+
 /// BLAKE3 of a whole file.
 pub(crate) fn hash_of(file: &mut File) -> io::Result<blake3::Hash> {
     file.seek(SeekFrom::Start(0))?;

@@ -37,7 +37,7 @@ mod name;
 mod policy;
 mod target;
 
-pub use atomic::{AtomicFile, write_atomic, write_bytes_atomic};
+pub use atomic::{AtomicFile, rename_into_place, write_atomic, write_bytes_atomic};
 pub use error::{OutputError, Result};
 pub use folder::{FolderFile, OutputFolder};
 pub use listing::LISTING_NAME;

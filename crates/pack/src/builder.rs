@@ -29,6 +29,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_geo::Raster;
 use grimnet_net::Model;
+use grimnet_output::rename_into_place;
 
 use self::assemble::write_pack;
 use self::cells::Cells;
@@ -147,8 +148,7 @@ pub fn build_with_limits(
         let _ = fs_err::remove_file(&aside);
         return Err(error);
     }
-    fs_err::rename(&aside, out).map_err(|e| PackError::io("write", out, e))?;
-    sync_folder(out);
+    rename_into_place(&aside, out)?;
     journal.remove()?;
     Ok(report(&Pack::open(out)?, &meter, false))
 }
@@ -204,15 +204,4 @@ fn beside(out: &Path, suffix: &str) -> PathBuf {
     name.push(".");
     name.push(suffix);
     PathBuf::from(name)
-}
-
-/// Makes the rename durable. Not every system can; the pack is complete either way.
-fn sync_folder(out: &Path) {
-    let folder = match out.parent() {
-        Some(folder) if !folder.as_os_str().is_empty() => folder,
-        _ => Path::new("."),
-    };
-    if let Ok(folder) = std::fs::File::open(folder) {
-        let _ = folder.sync_all();
-    }
 }

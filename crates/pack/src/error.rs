@@ -160,12 +160,26 @@ pub enum PackError {
         /// Length that was given.
         found: usize,
     },
+    /// The finished pack could not be put in place.
+    #[error("cannot put the pack in place: {source}{}", cause_of(source))]
+    Output {
+        /// What failed.
+        #[from]
+        source: grimnet_output::OutputError,
+    },
     /// The map could not be read.
     #[error("cannot read the map: {0}")]
     Map(#[from] grimnet_geo::GeoError),
     /// The network refused its input.
     #[error("cannot compute features: {0}")]
     Net(#[from] grimnet_net::NetError),
+}
+
+/// The cause of an error as a suffix: errors of the output name what was attempted, and their source what went wrong.
+fn cause_of(error: &dyn std::error::Error) -> String {
+    error
+        .source()
+        .map_or_else(String::new, |source| format!(": {source}"))
 }
 
 /// Result of this crate's functions.

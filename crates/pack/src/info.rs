@@ -134,6 +134,58 @@ impl Pack {
     }
 }
 
+impl LevelInfo {
+    /// Writes the line about this level.
+    fn write_line(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = if self.units_per_tile_side == 1 {
+            "tile"
+        } else {
+            "cell"
+        };
+        write!(
+            f,
+            "level    {:.3} m/px: {} tiles of {:.0} m ({} skipped), {} {unit}s ({} skipped), \
+             {:.0} keypoints and {} per {unit}, ",
+            self.gsd_m,
+            self.tiles,
+            self.tile_m,
+            self.tiles_skipped,
+            self.units,
+            self.units_skipped,
+            self.keypoints_per_unit,
+            Bytes(self.bytes_per_unit),
+        )?;
+        match self.index {
+            Index::Exact => write!(f, "exact search")?,
+            Index::IvfPq {
+                nlist,
+                subquantisers,
+                nprobe,
+                rerank_factor,
+            } => {
+                write!(f, "IVF{nlist} PQ{subquantisers} nprobe {nprobe}")?;
+                if rerank_factor > 0 {
+                    write!(f, ", re-ranked")?;
+                }
+            }
+        }
+        if let Some(recall) = self.index_recall_at_10 {
+            write!(f, ", recall at 10 of {:.1} %", 100.0 * recall)?;
+        }
+        if !self.index_note.is_empty() {
+            write!(f, " ({})", Printable(&self.index_note))?;
+        }
+        if self.adapted_from_tiles > 0 {
+            write!(
+                f,
+                ", statistics adapted on {} tiles",
+                self.adapted_from_tiles
+            )?;
+        }
+        writeln!(f)
+    }
+}
+
 impl fmt::Display for PackInfo {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mode = self.mode;
@@ -173,52 +225,7 @@ impl fmt::Display for PackInfo {
             writeln!(f, "centre   {lat:.6}, {lon:.6} (lat, lon)")?;
         }
         for level in &self.levels {
-            let unit = if level.units_per_tile_side == 1 {
-                "tile"
-            } else {
-                "cell"
-            };
-            write!(
-                f,
-                "level    {:.3} m/px: {} tiles of {:.0} m ({} skipped), {} {unit}s ({} skipped), \
-                 {:.0} keypoints and {} per {unit}, ",
-                level.gsd_m,
-                level.tiles,
-                level.tile_m,
-                level.tiles_skipped,
-                level.units,
-                level.units_skipped,
-                level.keypoints_per_unit,
-                Bytes(level.bytes_per_unit),
-            )?;
-            match level.index {
-                Index::Exact => write!(f, "exact search")?,
-                Index::IvfPq {
-                    nlist,
-                    subquantisers,
-                    nprobe,
-                    rerank_factor,
-                } => {
-                    write!(f, "IVF{nlist} PQ{subquantisers} nprobe {nprobe}")?;
-                    if rerank_factor > 0 {
-                        write!(f, ", re-ranked")?;
-                    }
-                }
-            }
-            if let Some(recall) = level.index_recall_at_10 {
-                write!(f, ", recall at 10 of {:.1} %", 100.0 * recall)?;
-            }
-            if !level.index_note.is_empty() {
-                write!(f, " ({})", Printable(&level.index_note))?;
-            }
-            if level.adapted_from_tiles > 0 {
-                write!(
-                    f,
-                    ", statistics adapted on {} tiles",
-                    level.adapted_from_tiles
-                )?;
-            }
-            writeln!(f)?;
+            level.write_line(f)?;
         }
         Ok(())
     }

@@ -9,12 +9,12 @@ use memmap2::Mmap;
 use crate::error::{PackError, Result};
 use crate::feature_store::FeatureStore;
 use crate::features::{FeatureBlock, TileFeatures};
-use crate::file::{AlignedBytes, PackFile};
-use crate::format::{BlobLayout, TileEntry, UnitEntry, UnitState, blocks_name};
+use crate::file::PackFile;
+use crate::format::{BlobLayout, TileEntry, UnitState};
 use crate::index::Index;
-use crate::layout::copy_section;
+use crate::level_tables::{Tables, features_of};
 use crate::limits::PackLimits;
-use crate::manifest::{LevelManifest, Manifest, Section};
+use crate::manifest::{LevelManifest, Manifest};
 use crate::search::ivf_pq::IvfPqView;
 
 /// Side of a cell, level pixels: half a tile.
@@ -33,26 +33,6 @@ pub struct Level {
     len_bytes: u64,
     tables: Arc<Tables>,
     features: Arc<FeatureStore>,
-}
-
-/// The sections that are copied into memory.
-#[derive(Debug)]
-struct Tables {
-    tiles: AlignedBytes,
-    units: AlignedBytes,
-    globals: AlignedBytes,
-    global_scales: AlignedBytes,
-    statistics: Option<AlignedBytes>,
-    ivf_lists: Option<IvfTables>,
-}
-
-#[derive(Debug)]
-struct IvfTables {
-    centroids: AlignedBytes,
-    codebooks: AlignedBytes,
-    list_starts: AlignedBytes,
-    ids: AlignedBytes,
-    codes: AlignedBytes,
 }
 
 /// Where a tile lies.
@@ -81,41 +61,8 @@ impl Level {
         limits: &PackLimits,
     ) -> Result<Self> {
         let manifest = pack.levels[index].clone();
-        let find = |name: &str| -> Result<&Section> {
-            let name = format!("{index}/{name}");
-            pack.section(&name).ok_or_else(|| {
-                PackError::corrupt(file.path(), format!("section {name} is missing"))
-            })
-        };
-        let table = |name: &str| copy_section(file, find(name)?);
-        let ivf_lists = match manifest.index {
-            Index::Exact => None,
-            Index::IvfPq { .. } => Some(IvfTables {
-                centroids: table("ivf.centroids")?,
-                codebooks: table("ivf.codebooks")?,
-                list_starts: table("ivf.list_starts")?,
-                ids: table("ivf.ids")?,
-                codes: table("ivf.codes")?,
-            }),
-        };
-        let has_statistics = pack.section(&format!("{index}/statistics")).is_some();
-        let tables = Tables {
-            tiles: table("tiles")?,
-            units: table("units")?,
-            globals: table("globals")?,
-            global_scales: table("global_scales")?,
-            statistics: has_statistics.then(|| table("statistics")).transpose()?,
-            ivf_lists,
-        };
-        let features = find("features")?;
-        let block_hashes = find(&blocks_name("features"))?;
-        if features.block_len.is_none() || features.blake3 != block_hashes.blake3 {
-            return Err(PackError::corrupt(
-                file.path(),
-                format!("level {index}: features without block hashes"),
-            ));
-        }
-        let block_hashes = copy_section(file, block_hashes)?;
+        let tables = Tables::open(file, pack, index)?;
+        let (features, block_hashes) = features_of(file, pack, index)?;
         let prefix = format!("{index}/");
         let sections = pack.sections.iter();
         let level = Self {
@@ -137,69 +84,15 @@ impl Level {
             )?),
         };
         level
-            .check(features.len)
+            .tables
+            .check(
+                &level.manifest,
+                level.descriptor_dim,
+                level.global_dim,
+                features.len,
+            )
             .map_err(|what| PackError::corrupt(file.path(), format!("level {index}: {what}")))?;
         Ok(level)
-    }
-
-    /// Checks lengths and references.
-    fn check(&self, features_len: u64) -> std::result::Result<(), String> {
-        let m = &self.manifest;
-        let wrong = |what: &str| Err(what.to_owned());
-        let tiles = usize::try_from(m.tiles).unwrap_or(usize::MAX);
-        let units = m.unit_grid[0] as usize * m.unit_grid[1] as usize;
-        let is_expected = self.tile_entries().len() == tiles
-            && self.unit_entries().len() == units
-            && self.global_scales().len() == tiles
-            && Some(self.globals().len()) == tiles.checked_mul(self.global_dim);
-        if !is_expected {
-            return wrong("sections of the wrong length");
-        }
-        if !self.global_scales().iter().all(|s| s.is_finite()) {
-            return wrong("a quantisation scale that is not finite");
-        }
-        let in_grid = |t: &TileEntry| t.column < m.tile_grid[0] && t.row < m.tile_grid[1];
-        if !self.tile_entries().iter().all(in_grid) {
-            return wrong("a tile outside the grid");
-        }
-        let by_row = |t: &TileEntry| (t.row, t.column);
-        let is_sorted = |pair: &[TileEntry]| by_row(&pair[0]) < by_row(&pair[1]);
-        if !self.tile_entries().windows(2).all(is_sorted) {
-            return wrong("tiles that are not in order");
-        }
-        let mut keypoints = 0u64;
-        for unit in self.unit_entries() {
-            if unit.keypoints > m.keypoints_per_unit {
-                return Err(format!(
-                    "a unit of {} keypoints, more than {}",
-                    unit.keypoints, m.keypoints_per_unit
-                ));
-            }
-            keypoints += u64::from(unit.keypoints);
-            let end = BlobLayout::new(unit.keypoints as usize, self.descriptor_dim)
-                .and_then(|layout| unit.offset.checked_add(layout.stored_len() as u64));
-            if end.is_none_or(|end| end > features_len) || unit.offset % 64 != 0 {
-                return wrong("features outside their section");
-            }
-        }
-        if keypoints != m.keypoints {
-            return Err(format!(
-                "{keypoints} keypoints; the manifest says {}",
-                m.keypoints
-            ));
-        }
-        if self.tables.ivf_lists.is_some() && self.ivf_pq().is_none() {
-            return wrong("the index does not fit the tiles");
-        }
-        Ok(())
-    }
-
-    fn tile_entries(&self) -> &[TileEntry] {
-        self.tables.tiles.numbers()
-    }
-
-    fn unit_entries(&self) -> &[UnitEntry] {
-        self.tables.units.numbers()
     }
 
     /// Ground resolution, scale factors to map pixels and size.
@@ -259,7 +152,7 @@ impl Level {
 
     /// Number of tiles with a descriptor.
     pub fn tile_count(&self) -> usize {
-        self.tile_entries().len()
+        self.tables.tiles().len()
     }
 
     /// Where tile `i` lies.
@@ -267,7 +160,7 @@ impl Level {
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
     pub fn tile(&self, i: usize) -> TileInfo {
-        let TileEntry { column, row } = self.tile_entries()[i];
+        let TileEntry { column, row } = self.tables.tiles()[i];
         let m = &self.manifest;
         let origin =
             |a: usize, step: u32| m.origin_px[a] + i64::from(step) * i64::from(m.stride_px);
@@ -286,7 +179,8 @@ impl Level {
     /// Index of the tile at a column and row of the tile grid, if it has a descriptor.
     pub fn tile_at(&self, grid: [u32; 2]) -> Option<usize> {
         // Tiles are stored row by row.
-        self.tile_entries()
+        self.tables
+            .tiles()
             .binary_search_by_key(&(grid[1], grid[0]), |t| (t.row, t.column))
             .ok()
     }
@@ -328,11 +222,11 @@ impl Level {
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
     pub fn blocks(&self, i: usize) -> Result<Vec<FeatureBlock<'_>>> {
-        let TileEntry { column, row } = self.tile_entries()[i];
+        let TileEntry { column, row } = self.tables.tiles()[i];
         let m = &self.manifest;
         let px_per_stored_px = m.tile_px as f32 / m.network_px as f32;
         let side = m.units_per_tile_side;
-        let units = self.unit_entries();
+        let units = self.tables.units();
         let mut blocks = Vec::with_capacity((side * side) as usize);
         for (dy, dx) in (0..side).flat_map(|dy| (0..side).map(move |dx| (dy, dx))) {
             let at = (row + dy) as usize * m.unit_grid[0] as usize + (column + dx) as usize;
@@ -385,12 +279,12 @@ impl Level {
 
     /// Tile descriptors, `tile_count x global_dim`, int8; row `i` has the scale [`Level::global_scales`]`[i]`.
     pub fn globals(&self) -> &[i8] {
-        self.tables.globals.numbers()
+        self.tables.globals()
     }
 
     /// The int8 quantisation scale of each tile descriptor.
     pub fn global_scales(&self) -> &[f32] {
-        self.tables.global_scales.numbers()
+        self.tables.global_scales()
     }
 
     /// Descriptor of tile `i`, a unit vector except for rounding.
@@ -410,9 +304,8 @@ impl Level {
     pub fn statistics(&self) -> Result<Option<Statistics>> {
         Ok(self
             .tables
-            .statistics
-            .as_ref()
-            .map(|bytes| Statistics::from_bytes(bytes.as_slice()))
+            .statistics()
+            .map(Statistics::from_bytes)
             .transpose()?)
     }
 
@@ -421,7 +314,8 @@ impl Level {
         let at = unit[1] as usize * self.manifest.unit_grid[0] as usize + unit[0] as usize;
         unit[0] < self.manifest.unit_grid[0]
             && self
-                .unit_entries()
+                .tables
+                .units()
                 .get(at)
                 .is_some_and(|u| u.state == UnitState::Computed as u32)
     }
@@ -433,25 +327,6 @@ impl Level {
 
     /// The IVF-PQ index, if the level has one.
     pub(crate) fn ivf_pq(&self) -> Option<IvfPqView<'_>> {
-        let Index::IvfPq {
-            nlist,
-            subquantisers,
-            ..
-        } = self.manifest.index
-        else {
-            return None;
-        };
-        let tables = self.tables.ivf_lists.as_ref()?;
-        IvfPqView::new(
-            self.global_dim,
-            nlist as usize,
-            subquantisers as usize,
-            self.tile_count(),
-            tables.centroids.numbers(),
-            tables.codebooks.numbers(),
-            tables.list_starts.numbers(),
-            tables.ids.numbers(),
-            tables.codes.as_slice(),
-        )
+        self.tables.ivf_pq(self.manifest.index, self.global_dim)
     }
 }

@@ -22,6 +22,7 @@ mod index;
 mod info;
 mod layout;
 mod level;
+mod level_tables;
 mod limits;
 pub mod manifest;
 mod manifest_check;

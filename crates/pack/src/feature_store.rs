@@ -51,7 +51,7 @@ impl FeatureStore {
             verified: (0..blocks).map(|_| AtomicBool::new(false)).collect(),
         };
         if section.len <= limits.verify_at_open_bytes {
-            features.verify(0..blocks)?;
+            features.verify_all()?;
         }
         Ok(Self::Mapped(features))
     }
@@ -100,30 +100,47 @@ impl MappedFeatures {
                 .iter()
                 .for_each(|v| v.store(false, Ordering::Relaxed));
         }
-        blocks.into_par_iter().try_for_each(|i| {
-            let Some(verified) = self.verified.get(i) else {
-                return Ok(());
-            };
-            if verified.load(Ordering::Relaxed) {
-                return Ok(());
-            }
-            let first = i as u64 * BLOCK_LEN;
-            let len = BLOCK_LEN.min(self.section.len - first);
-            let start = (self.section.offset + first) as usize;
-            let bytes = self
-                .map
-                .get(start..start + len as usize)
-                .unwrap_or_default();
-            check_block(
-                &self.file,
-                &self.section,
-                i,
-                bytes,
-                self.block_hashes.as_slice(),
-            )?;
-            verified.store(true, Ordering::Relaxed);
-            Ok(())
-        })
+        blocks.into_iter().try_for_each(|i| self.verify_block(i))
+    }
+
+    /// Verifies all blocks from the file, without the mapping.
+    fn verify_all(&self) -> Result<()> {
+        self.verified
+            .par_iter()
+            .enumerate()
+            .try_for_each(|(i, verified)| {
+                let (offset, len) = self.place(i);
+                let bytes = self.file.copy(offset, len)?;
+                self.check(i, bytes.as_slice())?;
+                verified.store(true, Ordering::Relaxed);
+                Ok(())
+            })
+    }
+
+    /// Offset and length of a block in the file.
+    fn place(&self, i: usize) -> (u64, u64) {
+        let first = i as u64 * BLOCK_LEN;
+        let len = BLOCK_LEN.min(self.section.len - first);
+        (self.section.offset + first, len)
+    }
+
+    fn check(&self, i: usize, bytes: &[u8]) -> Result<()> {
+        let hashes = self.block_hashes.as_slice();
+        check_block(&self.file, &self.section, i, bytes, hashes)
+    }
+
+    fn verify_block(&self, i: usize) -> Result<()> {
+        let Some(verified) = self.verified.get(i) else {
+            return Ok(());
+        };
+        if verified.load(Ordering::Relaxed) {
+            return Ok(());
+        }
+        let (offset, len) = self.place(i);
+        let range = offset as usize..(offset + len) as usize;
+        self.check(i, self.map.get(range).unwrap_or_default())?;
+        verified.store(true, Ordering::Relaxed);
+        Ok(())
     }
 }
 

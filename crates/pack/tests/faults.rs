@@ -369,9 +369,9 @@ fn plans_that_would_cost_too_much_are_refused_before_work_starts() {
     // So fine that the pack would not fit anywhere.
     refused(&map, &at(1e-4), &["tiles", "limit"]);
     refused(&map, &at(1e-9), &["px along a side"]);
-    // Pixels of a nanometre, and of a thousand kilometres.
-    for pixel_m in [1e-9, 1e6] {
-        let map = TestMap::with_pixel(4103, 3894, pixel_m);
+    // Pixels of a nanometre, and of twenty kilometres.
+    for (side, pixel_m) in [(4103, 1e-9), (9, 2e4)] {
+        let map = TestMap::with_pixel(side, side, pixel_m);
         let auto = BuildOptions::standard();
         refused(&map, &auto, &["made-up map", "coordinate system"]);
     }

@@ -1,6 +1,6 @@
 //! The GRiM-Net network on the CPU: network description, model file, inference.
 //!
-//! A [`NetSpec`] describes a network (presets: `compact`, the default, `vgg16`, the paper's, and `vgg16-lateral`); a
+//! A [`NetSpec`] describes a network (presets: `compact`, the default, and three variants of the paper's VGG-16); a
 //! [`Model`] is a description with its weights; an [`Extractor`] is a model prepared for one [`Domain`] (normalisation
 //! folded into the convolutions) and computes the [`Features`] of an image: keypoints, local descriptors and one global
 //! descriptor.
@@ -13,8 +13,8 @@
 //!
 //! let model = Model::random(&NetSpec::compact(), 7)?;
 //! let extractor = Extractor::new(&model, Domain::Uav)?;
-//! let picture = image::RgbImage::from_fn(64, 96, |x, y| image::Rgb([(x * 4) as u8, (y * 2) as u8, 90]));
-//! let features = extractor.extract(&picture, None, &ExtractOptions::default())?;
+//! let image = image::RgbImage::from_fn(64, 96, |x, y| image::Rgb([(x * 4) as u8, (y * 2) as u8, 90]));
+//! let features = extractor.extract(&image, None, &ExtractOptions::default())?;
 //! assert_eq!(features.global.len(), 1024);
 //! assert_eq!(features.descriptors.len(), features.keypoints.len() * features.descriptor_dim);
 //! # Ok::<(), grimnet_net::NetError>(())
@@ -23,6 +23,7 @@
 
 mod bundled;
 mod calibration;
+mod card;
 mod dense;
 mod describe;
 mod error;
@@ -35,17 +36,20 @@ mod k_means;
 mod keypoints;
 mod layer;
 mod model;
+mod model_hash;
 mod parameter;
 mod parameter_names;
 mod random;
 mod seen;
 mod softmax;
 mod spec;
+mod spec_check;
 mod statistics;
 mod vlad;
 mod whitening;
 
 pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
+pub use card::Card;
 pub use dense::Dense;
 pub use describe::normalise;
 pub use error::{
@@ -54,7 +58,8 @@ pub use error::{
 pub use extractor::Extractor;
 pub use features::{ExtractOptions, Features, Keypoint};
 pub use k_means::{KMeans, nearest_by_distance, nearest_by_product};
-pub use model::{Card, Model, ModelHash};
+pub use model::Model;
+pub use model_hash::ModelHash;
 pub use parameter::{Parameter, Precision};
 pub use spec::{
     BATCH_NORM_EPSILON, Decoder, Domain, Downsample, KEYPOINT_CELL_PX, KEYPOINT_CLASSES,

@@ -1,5 +1,6 @@
 //! Names and shapes of a network's tensors, as in the model file.
 
+use crate::parameter::{WHITENING_MEAN, WHITENING_PROJECTION};
 use crate::spec::STAGES;
 use crate::{Decoder, Domain, KEYPOINT_CELL_PX, KEYPOINT_CLASSES, KeypointHead, NetSpec};
 
@@ -10,98 +11,109 @@ pub(crate) struct NormSpec {
     pub channels: usize,
 }
 
+/// Names and shapes of tensors.
+struct List(Vec<(String, Vec<usize>)>);
+
+impl List {
+    fn push(&mut self, name: impl Into<String>, shape: &[usize]) {
+        self.0.push((name.into(), shape.to_vec()));
+    }
+
+    /// The tensors of a layer's normalisation, both domains.
+    fn norm(&mut self, layer: &str, channels: usize) {
+        for domain in Domain::ALL {
+            for part in ["weight", "bias", "mean", "var"] {
+                self.push(domain.norm_name(layer, part), &[channels]);
+            }
+        }
+    }
+}
+
 impl NetSpec {
     /// Names and shapes of all tensors, in a fixed order. Weights of convolutions are `[out, in, k, k]`, those of transposed
     /// convolutions `[in, out, 4, 4]` (PyTorch's layouts).
     pub fn parameters(&self) -> Vec<(String, Vec<usize>)> {
-        let mut all = Vec::new();
-        let mut push = |name: String, shape: &[usize]| all.push((name, shape.to_vec()));
-        let norm = |push: &mut dyn FnMut(String, &[usize]), layer: &str, channels: usize| {
-            for domain in Domain::ALL {
-                for part in ["weight", "bias", "mean", "var"] {
-                    push(domain.norm_name(layer, part), &[channels]);
-                }
-            }
-        };
+        let mut list = List(Vec::new());
         let mut channels = 3;
         for (s, stage) in self.stages.iter().enumerate() {
             for (c, &width) in stage.widths.iter().enumerate() {
-                push(format!("encoder.{s}.{c}.weight"), &[width, channels, 3, 3]);
-                norm(&mut push, &format!("encoder.{s}.{c}"), width);
+                list.push(format!("encoder.{s}.{c}.weight"), &[width, channels, 3, 3]);
+                list.norm(&format!("encoder.{s}.{c}"), width);
                 channels = width;
             }
         }
+        self.add_decoder(&mut list);
+        let kernel = self.descriptor_kernel();
+        list.push(
+            "descriptor.weight",
+            &[self.descriptor_dim, self.decoder.width(), kernel, kernel],
+        );
+        list.push("descriptor.bias", &[self.descriptor_dim]);
+        self.add_keypoint_head(&mut list);
+        let (clusters, dim) = (self.vlad.clusters, self.vlad_dim());
+        list.push("netvlad.assign.weight", &[clusters, dim]);
+        list.push("netvlad.assign.bias", &[clusters]);
+        list.push("netvlad.centres", &[clusters, dim]);
+        if self.has_whitening() {
+            list.push(WHITENING_MEAN, &[self.vlad_len()]);
+            list.push(WHITENING_PROJECTION, &[self.global_dim, self.vlad_len()]);
+        }
+        list.0
+    }
+
+    fn add_decoder(&self, list: &mut List) {
+        let transposed = |width| {
+            [self.stage_width(STAGES - 1), width]
+                .into_iter()
+                .enumerate()
+        };
         match self.decoder {
             Decoder::Lateral { width } => {
                 for (name, stage) in [("lateral.h16", 3), ("lateral.h32", 4)] {
-                    push(
+                    list.push(
                         format!("{name}.weight"),
                         &[width, self.stage_width(stage), 1, 1],
                     );
-                    push(format!("{name}.bias"), &[width]);
+                    list.push(format!("{name}.bias"), &[width]);
                 }
-                push("fuse.weight".into(), &[width, width, 3, 3]);
-                norm(&mut push, "fuse", width);
+                list.push("fuse.weight", &[width, width, 3, 3]);
+                list.norm("fuse", width);
             }
             Decoder::Transposed { width } => {
-                for (i, from) in [self.stage_width(STAGES - 1), width]
-                    .into_iter()
-                    .enumerate()
-                {
-                    push(format!("upsample.{i}.weight"), &[from, width, 4, 4]);
-                    norm(&mut push, &format!("upsample.{i}"), width);
+                for (i, from) in transposed(width) {
+                    list.push(format!("upsample.{i}.weight"), &[from, width, 4, 4]);
+                    list.norm(&format!("upsample.{i}"), width);
                 }
             }
             Decoder::TransposedPlain { width } => {
-                for (i, from) in [self.stage_width(STAGES - 1), width]
-                    .into_iter()
-                    .enumerate()
-                {
-                    push(format!("upsample.{i}.weight"), &[from, width, 4, 4]);
-                    push(format!("upsample.{i}.bias"), &[width]);
+                for (i, from) in transposed(width) {
+                    list.push(format!("upsample.{i}.weight"), &[from, width, 4, 4]);
+                    list.push(format!("upsample.{i}.bias"), &[width]);
                 }
             }
         }
-        let kernel = self.descriptor_kernel();
-        push(
-            "descriptor.weight".into(),
-            &[self.descriptor_dim, self.decoder.width(), kernel, kernel],
-        );
-        push("descriptor.bias".into(), &[self.descriptor_dim]);
+    }
+
+    fn add_keypoint_head(&self, list: &mut List) {
         match self.keypoints {
             KeypointHead::FromGrey { width, layers } => {
                 let mut from = (KEYPOINT_CELL_PX * KEYPOINT_CELL_PX) as usize;
                 for i in 0..layers {
-                    push(format!("keypoint.{i}.weight"), &[width, from, 1, 1]);
-                    norm(&mut push, &format!("keypoint.{i}"), width);
+                    list.push(format!("keypoint.{i}.weight"), &[width, from, 1, 1]);
+                    list.norm(&format!("keypoint.{i}"), width);
                     from = width;
                 }
-                push(
-                    "keypoint.out.weight".into(),
-                    &[KEYPOINT_CLASSES, from, 1, 1],
-                );
-                push("keypoint.out.bias".into(), &[KEYPOINT_CLASSES]);
+                list.push("keypoint.out.weight", &[KEYPOINT_CLASSES, from, 1, 1]);
+                list.push("keypoint.out.bias", &[KEYPOINT_CLASSES]);
             }
             KeypointHead::FromDecoder => {
-                push(
-                    "keypoint.weight".into(),
+                list.push(
+                    "keypoint.weight",
                     &[KEYPOINT_CLASSES, self.decoder.width(), 3, 3],
                 );
-                push("keypoint.bias".into(), &[KEYPOINT_CLASSES]);
+                list.push("keypoint.bias", &[KEYPOINT_CLASSES]);
             }
         }
-        let (clusters, dim) = (self.vlad.clusters, self.vlad_dim());
-        push("netvlad.assign.weight".into(), &[clusters, dim]);
-        push("netvlad.assign.bias".into(), &[clusters]);
-        push("netvlad.centres".into(), &[clusters, dim]);
-        if self.has_whitening() {
-            push("whitening.mean".into(), &[self.vlad_len()]);
-            push(
-                "whitening.projection".into(),
-                &[self.global_dim, self.vlad_len()],
-            );
-        }
-        all
     }
 
     /// All batch normalisations, in the order of [`NetSpec::parameters`].

@@ -11,7 +11,7 @@ use crate::parameter::{Parameter, Values};
 const BLOCK: usize = 1024;
 
 /// `P (v - mean)` scaled to unit length, for each of the VLAD vectors `rows` (n x K*D). A row of zeros (no position of the
-/// picture is visible) stays zeros.
+/// image is visible) stays zeros.
 ///
 /// The projection is read in the precision in which it is stored: for one vector, reading it from memory is most of the
 /// work.

@@ -5,12 +5,14 @@ use std::path::Path;
 use anyhow::{Result, bail};
 
 /// Checks that an input is a file that can be read from any position: opening a FIFO would wait for a writer, and a
-/// device may never end. What is missing is left to the reader, which says what it looked for.
+/// device may never end.
 ///
 /// # Errors
-/// The path is that of something else.
+/// Nothing is there, or something else than a file.
 pub fn check_regular(path: &Path) -> Result<()> {
-    match fs_err::metadata(path) {
+    // Not `fs_err`: the path is told once.
+    match std::fs::metadata(path) {
+        Err(error) => bail!("cannot read {}: {error}", path.display()),
         Ok(metadata) if metadata.is_dir() => {
             bail!("{}: is a folder; expected a file", path.display())
         }
@@ -18,6 +20,6 @@ pub fn check_regular(path: &Path) -> Result<()> {
             "{}: is a pipe or a device; expected a file: save it to a file first",
             path.display()
         ),
-        _ => Ok(()),
+        Ok(_) => Ok(()),
     }
 }

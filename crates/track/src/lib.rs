@@ -41,6 +41,7 @@ mod sensors;
 pub mod simulation;
 mod tilt;
 mod tracker;
+mod window;
 
 pub use error::{InputError, OptionsError};
 pub use hypothesis::PositionOf;
@@ -50,3 +51,4 @@ pub use options::{GATE_99_9_PERCENT, Start, TrackOptions, Vehicle};
 pub use point::{Estimate, Source, TrackPoint, TrackState};
 pub use radius::radius95_m;
 pub use tracker::{InputCounts, Tracker};
+pub use window::{Search, SearchWindow};

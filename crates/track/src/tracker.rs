@@ -7,6 +7,7 @@ use crate::{
     lag::{Lag, Taken},
     options::TrackOptions,
     point::TrackPoint,
+    window::Search,
 };
 
 /// So many inputs in a row have to be outside of the lag or beyond the jump before the clock is believed to have jumped.
@@ -169,6 +170,13 @@ impl Tracker {
         }
         let state = self.lag.state_at(time_s, &self.options)?;
         Some(TrackPoint::of(&state, time_s, &self.options))
+    }
+
+    /// Where to search a frame taken at `time_s` (not before the newest input), of which half the footprint's diagonal is
+    /// `half_footprint_m`. A tracked frame has one small window; misses open it step by step to the whole map.
+    pub fn search(&self, time_s: f64, half_footprint_m: f64) -> Search {
+        let time_s = time_s.max(self.head().time_s);
+        Search::of(self.head(), time_s, half_footprint_m, &self.options)
     }
 
     /// The state after all inputs.

@@ -205,7 +205,7 @@ impl Bank {
             let (Some(innovation), Some(density_m2)) = (judged.innovation, judged.density_m2)
             else {
                 judged.hypothesis.weight = before * (wrong * alias_m2).powf(part);
-                judged.hypothesis.last_was_wrong = true;
+                judged.hypothesis.see(false);
                 self.hypotheses.push(judged.hypothesis);
                 continue;
             };
@@ -214,7 +214,7 @@ impl Bank {
             if much_more_certain && before > LEAST_WEIGHT_TO_SPLIT {
                 let mut without = judged.hypothesis.clone();
                 without.id = self.new_id();
-                without.last_was_wrong = true;
+                without.see(false);
                 without.weight =
                     before * (wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2)).powf(part);
                 self.hypotheses.push(without);
@@ -223,7 +223,7 @@ impl Bank {
                 judged.hypothesis.weight =
                     before * ((1.0 - wrong) * density_m2 + wrong * alias_m2).powf(part);
             }
-            judged.hypothesis.last_was_wrong = false;
+            judged.hypothesis.see(true);
             judged.hypothesis.accept(fix, &innovation, options);
             self.hypotheses.push(judged.hypothesis);
         }

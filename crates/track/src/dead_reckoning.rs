@@ -4,8 +4,8 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     hypothesis::Hypothesis,
-    input::{RelativeMotion, Velocity},
-    kalman::{Observation, POSITION, VELOCITY, update},
+    input::{Attitude, RelativeMotion, Velocity},
+    kalman::{Observation, POSITION, VELOCITY},
     options::TrackOptions,
     reference::ReferenceKind,
     scalar::HeadingFilter,
@@ -107,7 +107,7 @@ impl Hypothesis {
     }
 
     /// The attitude turned by `turn_deg` since `from_s`.
-    pub fn turn_with_attitude(&mut self, from_s: f64, to_s: f64, turn_deg: f64) {
+    fn turn_with_attitude(&mut self, from_s: f64, to_s: f64, turn_deg: f64) {
         self.turn(
             from_s,
             to_s,
@@ -128,8 +128,21 @@ impl Hypothesis {
         }
     }
 
+    /// Takes in an attitude and the turn since the one before: its time and degrees clockwise.
+    pub fn attitude(
+        &mut self,
+        attitude: &Attitude,
+        turn: Option<(f64, f64)>,
+        options: &TrackOptions,
+    ) {
+        self.start_heading(attitude.time_s, attitude.yaw_deg, options);
+        if let Some((from_s, turn_deg)) = turn {
+            self.turn_with_attitude(from_s, attitude.time_s, turn_deg);
+        }
+    }
+
     /// The yaw of an attitude, where no heading is known yet.
-    pub fn start_heading(&mut self, time_s: f64, yaw_deg: f64, options: &TrackOptions) {
+    fn start_heading(&mut self, time_s: f64, yaw_deg: f64, options: &TrackOptions) {
         if self.heading.is_none() {
             self.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
             self.heading_time_s = time_s;
@@ -151,12 +164,6 @@ impl Hypothesis {
             .copy_from(&Matrix2::identity());
         let covariance = self.velocity_covariance_m2_s2() + Matrix2::identity() * variance;
         let innovation = measured_m_s - self.velocity_m_s();
-        update(
-            &mut self.mean,
-            &mut self.covariance,
-            &observation,
-            innovation,
-            covariance,
-        );
+        self.measure(&observation, innovation, covariance);
     }
 }

@@ -56,31 +56,28 @@ impl Filter {
             self.begin(input.time_s(), options);
         }
         self.time_s = input.time_s();
+        let change = self.sensors.take(input);
+        let hypotheses = &mut self.bank.hypotheses;
         match input {
             Input::Attitude(attitude) => {
-                let turn = self.sensors.set_attitude(*attitude);
-                for hypothesis in &mut self.bank.hypotheses {
-                    hypothesis.start_heading(attitude.time_s, attitude.yaw_deg, options);
-                    if let Some((from_s, turn_deg)) = turn {
-                        hypothesis.turn_with_attitude(from_s, attitude.time_s, turn_deg);
-                    }
+                for hypothesis in hypotheses {
+                    hypothesis.attitude(attitude, change, options);
                 }
             }
-            Input::Height(height) => {
-                if let Some(factor) = self.sensors.set_height(*height) {
-                    for hypothesis in &mut self.bank.hypotheses {
+            Input::Height(_) => {
+                if let Some((_, factor)) = change {
+                    for hypothesis in hypotheses {
                         hypothesis.climb(factor);
                     }
                 }
             }
             Input::Velocity(velocity) => {
-                self.sensors.set_velocity(*velocity);
-                for hypothesis in &mut self.bank.hypotheses {
+                for hypothesis in hypotheses {
                     hypothesis.velocity(velocity, options);
                 }
             }
             Input::Motion(motion) => {
-                for hypothesis in &mut self.bank.hypotheses {
+                for hypothesis in hypotheses {
                     hypothesis.motion(motion, options);
                 }
             }

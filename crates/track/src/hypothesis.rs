@@ -10,7 +10,11 @@ use nalgebra::{Matrix2, SVector, Vector2};
 use crate::{
     gauss_markov::GaussMarkov,
     input::{PositionFix, Velocity},
-    kalman::{BORESIGHT, Covariance, MAP, POSITION, STATE, State, TILT, VELOCITY, set_diagonal},
+    journal::Journal,
+    kalman::{
+        BORESIGHT, Covariance, ESTIMATED, MAP, Observation, POSITION, STATE, State, TILT, VELOCITY,
+        set_diagonal, update,
+    },
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
     scalar::{GsdFilter, HeadingFilter},
@@ -21,6 +25,9 @@ use crate::{
 const GSD_SPREAD: f64 = 0.02;
 /// How a heading that nothing measures may turn, degrees in the square root of a second.
 const HEADING_SPREAD_DEG: f64 = 10.0;
+
+/// Fixes that a hypothesis remembers having accepted or not.
+pub(crate) const FIXES_IN_HISTORY: usize = 128;
 
 /// What point the position is, and where the error of the view's tilt comes from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
@@ -54,6 +61,14 @@ pub(crate) struct Hypothesis {
     pub distance_since_fix_m: f64,
     /// Whether the last fix was of another place, according to this hypothesis.
     pub last_was_wrong: bool,
+    /// The hypothesis's first ancestor: hypotheses are split in two and merged.
+    pub root: u64,
+    /// Fixes since it was founded.
+    pub fixes_seen: u32,
+    /// Which of them were accepted, the latest in the lowest bit.
+    pub history: u128,
+    /// What is needed for smoothing, if that is wanted. All states are then estimated.
+    pub journal: Option<Box<Journal>>,
     /// Squared Mahalanobis distance of the last fix that was tested, over the gate.
     pub test_ratio: f64,
 }
@@ -117,6 +132,7 @@ impl Hypothesis {
             );
         }
         new.fixes = 1;
+        new.see(true);
         new.last_fix_s = Some(fix.time_s);
         new
     }
@@ -145,6 +161,10 @@ impl Hypothesis {
             last_fix_s: None,
             distance_since_fix_m: 0.0,
             last_was_wrong: false,
+            root: id,
+            fixes_seen: 0,
+            history: 0,
+            journal: None,
             test_ratio: 0.0,
         }
     }
@@ -262,13 +282,71 @@ impl Hypothesis {
         };
         let decay = (-dt_s / correlation_s).exp();
         for tilt in TILT..STATE {
+            self.mean[tilt] *= decay;
+        }
+        for tilt in TILT..STATE {
             for other in 0..TILT {
                 self.covariance[(tilt, other)] *= decay;
                 self.covariance[(other, tilt)] *= decay;
             }
         }
+        if let Some(journal) = &mut self.journal {
+            let mut transition = Covariance::identity();
+            for axis in 0..2 {
+                transition[(POSITION + axis, VELOCITY + axis)] = step.gain_s;
+                transition[(VELOCITY + axis, VELOCITY + axis)] = step.decay;
+                transition[(TILT + axis, TILT + axis)] = decay;
+            }
+            journal.transition = transition * journal.transition;
+        }
         if let Some(gsd) = &mut self.gsd {
             gsd.spread(GSD_SPREAD * GSD_SPREAD * dt_s);
+        }
+    }
+
+    /// Counts a fix that was accepted or not.
+    pub fn see(&mut self, accepted: bool) {
+        self.last_was_wrong = !accepted;
+        self.fixes_seen = self.fixes_seen.saturating_add(1);
+        self.history = self.history << 1 | u128::from(accepted);
+    }
+
+    /// A measurement: how it depends on the state, measured minus predicted, and the covariance of that.
+    pub(crate) fn measure(
+        &mut self,
+        observation: &Observation,
+        innovation: Vector2<f64>,
+        covariance: Matrix2<f64>,
+    ) {
+        let estimated = if self.journal.is_some() {
+            STATE
+        } else {
+            ESTIMATED
+        };
+        let predicted = self
+            .journal
+            .is_some()
+            .then_some((self.mean, self.covariance));
+        update(
+            &mut self.mean,
+            &mut self.covariance,
+            observation,
+            innovation,
+            covariance,
+            estimated,
+        );
+        if let (Some(journal), Some(predicted)) = (&mut self.journal, predicted) {
+            let reference_m_s = self.reference.velocity_m_s;
+            let filtered = (self.mean, self.covariance);
+            journal.write(self.time_s, reference_m_s, predicted, filtered);
+        }
+    }
+
+    /// Writes the state as it is into the journal.
+    pub fn write_epoch(&mut self) {
+        let state = (self.mean, self.covariance);
+        if let Some(journal) = &mut self.journal {
+            journal.write(self.time_s, self.reference.velocity_m_s, state, state);
         }
     }
 

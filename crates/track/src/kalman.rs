@@ -33,7 +33,7 @@ pub(crate) type Covariance = SMatrix<f64, STATE, STATE>;
 /// How a measured position depends on the state.
 pub(crate) type Observation = SMatrix<f64, 2, STATE>;
 
-/// Schmidt's update: the gain of the considered states is zero. For any gain the covariance is
+/// Schmidt's update: the gain of all but the first `estimated` states is zero. For any gain the covariance is
 /// `P - K (P H^T)^T - P H^T K^T + K S K^T` (Bar-Shalom et al. 2001, equation 5.2.3-18, Joseph's form).
 pub(crate) fn update(
     mean: &mut State,
@@ -41,14 +41,14 @@ pub(crate) fn update(
     observation: &Observation,
     innovation: Vector2<f64>,
     covariance: Matrix2<f64>,
+    estimated: usize,
 ) {
     let Some(inverse) = covariance.try_inverse() else {
         return;
     };
     let cross: SMatrix<f64, STATE, 2> = *state_covariance * observation.transpose();
     let mut gain = cross * inverse;
-    gain.fixed_rows_mut::<{ STATE - ESTIMATED }>(ESTIMATED)
-        .fill(0.0);
+    gain.rows_mut(estimated, STATE - estimated).fill(0.0);
     *mean += gain * innovation;
     let change: Covariance = gain * cross.transpose();
     *state_covariance += gain * covariance * gain.transpose() - change - change.transpose();

@@ -12,6 +12,7 @@
 //!   considered states (Schmidt 1966).
 //! - The aircraft is not the image centre. With attitude and height the position is the aircraft's, and the camera's boresight
 //!   is estimated; without them [`Estimate::position_of`] says so and the covariance has the unknown tilt in it.
+//! - [`smooth`] goes over a recorded flight forward and backward (Rauch, Tung and Striebel 1965).
 //! - Inputs may come up to 30 s late and in any order. The state is the same, bit for bit, as if they had come in order.
 //!
 //! # Frames and units
@@ -26,6 +27,7 @@ mod filter;
 mod gauss_markov;
 mod hypothesis;
 mod input;
+mod journal;
 mod kalman;
 mod lag;
 pub mod measure;
@@ -35,10 +37,12 @@ mod plane;
 mod point;
 mod radius;
 mod reference;
+mod rts;
 mod scalar;
 mod sensors;
 #[cfg(any(test, feature = "simulation"))]
 pub mod simulation;
+mod smoother;
 mod tilt;
 mod tracker;
 mod window;
@@ -50,5 +54,6 @@ pub use lag::Taken;
 pub use options::{GATE_99_9_PERCENT, Start, TrackOptions, Vehicle};
 pub use point::{Estimate, Source, TrackPoint, TrackState};
 pub use radius::radius95_m;
+pub use smoother::{SmoothedPoint, smooth};
 pub use tracker::{InputCounts, Tracker};
 pub use window::{Search, SearchWindow};

@@ -4,7 +4,7 @@ use grimnet_geo::{LonLat, offset_en_m};
 use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
-use crate::point::TrackPoint;
+use crate::{point::TrackPoint, smoother::SmoothedPoint};
 
 /// An answer further off than so many times its 95 % radius is confidently wrong.
 pub const CONFIDENTLY_WRONG_RADII: f64 = 3.0;
@@ -68,6 +68,21 @@ impl Instant {
                 }
             });
         Self { time_s, answer }
+    }
+}
+
+impl Instant {
+    /// Compares a point of a smoothed track with the truth.
+    pub fn of_smoothed(point: &SmoothedPoint, truth: LonLat) -> Self {
+        let (east_m, north_m) = offset_en_m(truth, LonLat::new(point.lon_deg, point.lat_deg));
+        Self {
+            time_s: point.time_s,
+            answer: Some(Answer {
+                error_en_m: [east_m, north_m],
+                covariance_en_m2: point.covariance_en_m2,
+                radius95_m: point.radius95_m,
+            }),
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use nalgebra::{Matrix2, Vector2};
 use crate::{
     hypothesis::{Hypothesis, PositionOf},
     input::{Attitude, PositionFix},
-    kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal, update},
+    kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal},
     options::TrackOptions,
     scalar::{GsdFilter, HeadingFilter},
     sensors::View,
@@ -65,6 +65,11 @@ impl Hypothesis {
             self.covariance.column_mut(tilt).fill(0.0);
         }
         set_diagonal(&mut self.covariance, TILT, sigma_deg.to_radians().powi(2));
+        // It is another error from now on, with a mean of zero.
+        self.mean.fixed_rows_mut::<2>(TILT).fill(0.0);
+        if let Some(journal) = &mut self.journal {
+            journal.transition.fixed_rows_mut::<2>(TILT).fill(0.0);
+        }
     }
 
     /// Predicted image centre (metres), how it depends on the state, and the noise of a measurement of it.
@@ -97,7 +102,8 @@ impl Hypothesis {
         };
         set(POSITION, &Matrix2::identity());
         set(MAP, &Matrix2::identity());
-        let mut predicted_m = self.position_m();
+        let mut predicted_m = self.position_m() + self.mean.fixed_rows::<2>(MAP);
+        let tilt_rad = self.mean.fixed_rows::<2>(TILT).into_owned();
         let mut noise = Matrix2::zeros();
         match view {
             View::Attitude {
@@ -117,7 +123,7 @@ impl Hypothesis {
                 if let Some(centre) = CentreOffset::new(&attitude, boresight_rad, height_agl_m) {
                     set(BORESIGHT, &centre.by_boresight_m);
                     set(TILT, &centre.by_tilt_m);
-                    predicted_m += centre.offset_en_m;
+                    predicted_m += centre.offset_en_m + centre.by_tilt_m * tilt_rad;
                     let by_yaw_m = Vector2::new(centre.offset_en_m.y, -centre.offset_en_m.x);
                     noise += by_yaw_m * by_yaw_m.transpose() * yaw_sigma_deg.to_radians().powi(2);
                     noise += centre.offset_en_m
@@ -130,6 +136,7 @@ impl Hypothesis {
             }
             View::Height { height_agl_m } => {
                 set(TILT, &(Matrix2::identity() * height_agl_m));
+                predicted_m += tilt_rad * height_agl_m;
             }
             View::Centre => {}
         }
@@ -169,9 +176,7 @@ impl Hypothesis {
 
     /// Takes in a fix.
     pub fn accept(&mut self, fix: &PositionFix, innovation: &Innovation, options: &TrackOptions) {
-        update(
-            &mut self.mean,
-            &mut self.covariance,
+        self.measure(
             &innovation.observation,
             innovation.measured_minus_predicted_m,
             innovation.covariance_m2,

@@ -3,7 +3,7 @@
 use nalgebra::Vector2;
 
 use crate::{
-    input::{Attitude, Height, PositionFix, Velocity},
+    input::{Attitude, Height, Input, PositionFix, Velocity},
     options::TrackOptions,
     scalar::signed_turn_deg,
     tilt::CentreOffset,
@@ -42,8 +42,22 @@ pub(crate) enum View {
 }
 
 impl Sensors {
+    /// Takes in an input that is for the sensors. Gives the time of the attitude before and the turn since, or the time of the
+    /// height and the factor by which it changed.
+    pub fn take(&mut self, input: &Input) -> Option<(f64, f64)> {
+        match input {
+            Input::Attitude(attitude) => self.set_attitude(*attitude),
+            Input::Height(height) => Some((height.time_s, self.set_height(*height)?)),
+            Input::Velocity(velocity) => {
+                self.velocity = Some(*velocity);
+                None
+            }
+            Input::Motion(_) | Input::Fix(_) | Input::Miss(_) => None,
+        }
+    }
+
     /// Takes in an attitude. Gives the turn from the one before, if that is recent: its time and degrees clockwise.
-    pub fn set_attitude(&mut self, attitude: Attitude) -> Option<(f64, f64)> {
+    fn set_attitude(&mut self, attitude: Attitude) -> Option<(f64, f64)> {
         self.previous_attitude = self.attitude.replace(attitude);
         self.previous_attitude
             .filter(|before| attitude.time_s - before.time_s < 1.0)
@@ -56,15 +70,11 @@ impl Sensors {
     }
 
     /// Takes in a height. Gives the ratio to the one before.
-    pub fn set_height(&mut self, height: Height) -> Option<f64> {
+    fn set_height(&mut self, height: Height) -> Option<f64> {
         self.height
             .replace(height)
             .filter(|before| height.time_s - before.time_s < HEIGHT_HOLD_S)
             .map(|before| height.agl_m / before.agl_m)
-    }
-
-    pub fn set_velocity(&mut self, velocity: Velocity) {
-        self.velocity = Some(velocity);
     }
 
     /// The velocity, if it is not older than `hold_s`.

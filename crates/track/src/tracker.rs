@@ -175,7 +175,12 @@ impl Tracker {
     /// Where to search a frame taken at `time_s` (not before the newest input), of which half the footprint's diagonal is
     /// `half_footprint_m`. A tracked frame has one small window; misses open it step by step to the whole map.
     pub fn search(&self, time_s: f64, half_footprint_m: f64) -> Search {
-        let time_s = time_s.max(self.head().time_s);
+        let newest_s = self.head().time_s;
+        let time_s = if time_s.is_finite() {
+            time_s.max(newest_s)
+        } else {
+            newest_s
+        };
         Search::of(self.head(), time_s, half_footprint_m, &self.options)
     }
 

@@ -1,5 +1,7 @@
 //! The window in which the next frame is searched.
 
+#![allow(clippy::unwrap_used)]
+
 use grimnet_geo::{LonLat, destination_en_m, distance_m};
 use grimnet_track::{
     Attitude, Height, Input, Miss, PositionFix, Start, TrackOptions, TrackState, Tracker, Velocity,

@@ -93,10 +93,16 @@ impl Method for Localizer {
 pub enum TrialError {
     /// The photo cannot be read.
     #[error(transparent)]
-    Photo(#[from] PhotoError),
+    Photo(Box<PhotoError>),
     /// The method refuses it.
     #[error(transparent)]
     Method(MethodError),
+}
+
+impl From<PhotoError> for TrialError {
+    fn from(error: PhotoError) -> Self {
+        Self::Photo(Box::new(error))
+    }
 }
 
 /// One photo, localised and compared with its truth.

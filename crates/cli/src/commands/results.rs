@@ -72,8 +72,11 @@ const ROWS: [Row; 16] = [
     }),
 ];
 
+/// A row about errors as shares of the footprint: its name, and its cell for a run.
+type FootprintRow = (&'static str, fn(&FootprintSummary) -> String);
+
 /// Rows for photos whose ground width is known.
-const FOOTPRINT_ROWS: [(&str, fn(&FootprintSummary) -> String); 7] = [
+const FOOTPRINT_ROWS: [FootprintRow; 7] = [
     ("answerable photos", |s| s.answerable.to_string()),
     ("answerable photos with a fix", |s| {
         s.answerable_fixes.to_string()

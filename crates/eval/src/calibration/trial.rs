@@ -19,10 +19,16 @@ pub enum ObserveError {
     Pack(#[from] PackError),
     /// The localiser refuses the model or the pack.
     #[error(transparent)]
-    Locate(#[from] LocateError),
+    Locate(Box<LocateError>),
     /// A photo cannot be localised.
     #[error(transparent)]
     Trial(#[from] TrialError),
+}
+
+impl From<LocateError> for ObserveError {
+    fn from(error: LocateError) -> Self {
+        Self::Locate(Box::new(error))
+    }
 }
 
 /// One in so many photos is also localised without its heading, which takes a dozen times as long.

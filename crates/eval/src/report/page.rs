@@ -184,8 +184,11 @@ const ROWS: [Row; 22] = [
     }),
 ];
 
+/// A row about errors as shares of the footprint: its name, and its cell for a run.
+type FootprintRow = (&'static str, fn(&FootprintSummary) -> String);
+
 /// Further rows if the ground width of photos is known.
-const FOOTPRINT_ROWS: [(&str, fn(&FootprintSummary) -> String); 5] = [
+const FOOTPRINT_ROWS: [FootprintRow; 5] = [
     ("answerable photos", |s| s.answerable.to_string()),
     ("right: within 5 % of the footprint", |s| {
         let [low, high] = s.right_share_interval;

@@ -109,7 +109,7 @@ pub fn fixes_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
         .collect()
 }
 
-/// The control: velocity, else motion between frames, added up from the true start.
+/// The control: velocity, else motion between frames, added up from the true start. Without either there is no answer.
 pub fn motion_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
     let mut by_time: Vec<Input> = flight.deliveries.iter().map(|d| d.input).collect();
     by_time.sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
@@ -118,6 +118,7 @@ pub fn motion_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
     let (mut place_m, mut velocity_m_s, mut at_s) = (Vector2::zeros(), Vector2::zeros(), 0.0);
     let (mut yaw_deg, mut length_m) = (0.0f64, 0.0f64);
     let mut sigma_m_s = 0.0;
+    let moves = flight.options.velocity || flight.options.motion;
     flight
         .instants_s()
         .map(|time_s| {
@@ -151,7 +152,7 @@ pub fn motion_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
             let covariance = Matrix2::identity() * (sigma_m * sigma_m);
             Instant {
                 time_s,
-                answer: Some(answer(flight.truth_at(time_s), place, &covariance)),
+                answer: moves.then(|| answer(flight.truth_at(time_s), place, &covariance)),
             }
         })
         .collect()

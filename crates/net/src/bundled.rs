@@ -40,8 +40,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn there_is_always_a_bundled_model_and_it_is_honest() {
+    fn there_is_always_a_bundled_model_and_a_random_one_says_so() {
         let model = Model::bundled().unwrap();
         assert_eq!(model.is_random(), BUNDLED.is_none());
+    }
+
+    #[cfg(grimnet_bundled_model)]
+    #[test]
+    fn the_bundled_model_has_a_checksum_and_a_calibration() {
+        let bytes = BUNDLED.unwrap();
+        let path = Path::new(BUNDLED_NAME);
+        let model = Model::from_bytes(bytes, path).unwrap();
+        assert!(model.calibration().fitted_on.is_some());
+        let mut damaged = bytes.to_vec();
+        damaged[bytes.len() / 2] ^= 1;
+        let error = Model::from_bytes(&damaged, path).unwrap_err().to_string();
+        assert!(error.contains("checksum"), "{error}");
     }
 }

@@ -40,7 +40,8 @@ def main():
         if package["publish"] == []:
             command += ["--exclude", package["name"]]
     # The packages are built only to see that they build.
-    subprocess.run(command, check=True, env=os.environ | {"CARGO_PROFILE_DEV_DEBUG": "false"})
+    quick = {"CARGO_PROFILE_DEV_DEBUG": "false", "CARGO_PROFILE_DEV_OPT_LEVEL": "0"}
+    subprocess.run(command, check=True, env=os.environ | quick)
 
     folder = pathlib.Path(metadata["target_directory"]) / "package"
     for package in sorted(published, key=lambda package: package["name"]):

@@ -171,7 +171,8 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         .policy()
         .protect_all(&arguments.model.model)
         .protect_all(&arguments.map);
-    // Refused at once, not after the work.
+    // What cannot be written is refused at once, not after the work; the check of the pack's path needs the folder.
+    drop(OutputFolder::open(&arguments.out, &policy)?);
     let pack_path = arguments.out.join(PACK);
     policy.check_file(&pack_path, OWN_MAGICS)?;
     if arguments.elsewhere.is_asked() {

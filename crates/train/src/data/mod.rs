@@ -7,6 +7,8 @@ mod corners;
 mod counterpart;
 mod cross_view;
 mod cuts;
+mod date_change;
+mod filters;
 mod homography;
 mod label_cache;
 mod label_options;

@@ -1,5 +1,7 @@
 //! Photometric changes: the same place under another sensor and at another time.
 
+use super::date_change::{coarsen, rebuild, snow, uneven_light};
+use super::filters::{gaussian, sharpen};
 use grimnet_net::Domain;
 use image::RgbImage;
 use rand::Rng;
@@ -25,6 +27,14 @@ pub struct Look {
     pub season: f64,
     /// Share of views with JPEG compression.
     pub jpeg: f64,
+    /// Share of views under snow.
+    pub snow: f64,
+    /// Share of views under uneven light: cloud shadows, gradients, seams.
+    pub uneven_light: f64,
+    /// Share of views that lost resolution, and may have been sharpened afterwards.
+    pub coarse: f64,
+    /// Share of photos with pieces of ground that were rebuilt.
+    pub rebuilt: f64,
 }
 
 impl Default for Look {
@@ -38,8 +48,18 @@ impl Default for Look {
             haze: 0.25,
             season: 0.35,
             jpeg: 0.3,
+            snow: 0.0,
+            uneven_light: 0.0,
+            coarse: 0.0,
+            rebuilt: 0.0,
         }
     }
+}
+
+/// Whether something that happens to `share` of the views happens to this one. It takes no random number if it never does, so
+/// that runs with and without the setting see the same pairs.
+fn happens(share: f64, random: &mut impl Rng) -> bool {
+    share > 0.0 && random.random_bool(share.min(1.0))
 }
 
 /// A uniform random number between the bounds.
@@ -65,6 +85,12 @@ pub fn change_look(
         .iter()
         .map(|v| f32::from(*v) / 255.0)
         .collect();
+    if domain == Domain::Uav && happens(look.rebuilt, random) {
+        rebuild(&mut pixels, width, height, random);
+    }
+    if happens(look.snow, random) {
+        snow(&mut pixels, width, height, random);
+    }
     if random.random_bool(look.season) {
         change_season(&mut pixels, k, random);
     }
@@ -99,6 +125,12 @@ pub fn change_look(
         for _ in 0..random.random_range(1..4) {
             cast_shadow(&mut pixels, width, height, random);
         }
+    }
+    if happens(look.uneven_light, random) {
+        uneven_light(&mut pixels, width, height, random);
+    }
+    if happens(look.coarse, random) {
+        coarsen(&mut pixels, width, height, random);
     }
     match random.random_range(0..10) {
         0..4 => gaussian(&mut pixels, width, height, between(random, 0.4, 1.8)),
@@ -265,66 +297,6 @@ fn cast_shadow(pixels: &mut [f32], width: usize, height: usize, random: &mut imp
     }
 }
 
-/// Separable Gaussian blur; edges repeated.
-fn gaussian(pixels: &mut [f32], width: usize, height: usize, sigma_px: f32) {
-    let radius = (2.5 * sigma_px).ceil() as usize;
-    let mut taps: Vec<f32> = (0..=radius)
-        .map(|i| (-0.5 * (i as f32 / sigma_px).powi(2)).exp())
-        .collect();
-    let sum = taps[0] + 2.0 * taps[1..].iter().sum::<f32>();
-    taps.iter_mut().for_each(|t| *t /= sum);
-    let row = width * 3;
-    let mut border = vec![0.0f32; row + 6 * radius];
-    let mut scratch = vec![0.0f32; pixels.len()];
-    for y in 0..height {
-        let line = &pixels[y * row..(y + 1) * row];
-        for i in 0..radius {
-            border[3 * i..3 * i + 3].copy_from_slice(&line[..3]);
-            border[row + 3 * (radius + i)..row + 3 * (radius + i) + 3]
-                .copy_from_slice(&line[row - 3..]);
-        }
-        border[3 * radius..3 * radius + row].copy_from_slice(line);
-        let out = &mut scratch[y * row..(y + 1) * row];
-        out.iter_mut()
-            .zip(&border[3 * radius..])
-            .for_each(|(o, v)| *o = v * taps[0]);
-        for (i, tap) in taps.iter().enumerate().skip(1) {
-            let (left, right) = (&border[3 * (radius - i)..], &border[3 * (radius + i)..]);
-            for ((o, a), b) in out.iter_mut().zip(left).zip(right) {
-                *o += tap * (a + b);
-            }
-        }
-    }
-    for y in 0..height {
-        let line = |i: isize| {
-            let y = (y as isize + i).clamp(0, height as isize - 1) as usize;
-            &scratch[y * row..(y + 1) * row]
-        };
-        let out = &mut pixels[y * row..(y + 1) * row];
-        out.iter_mut()
-            .zip(line(0))
-            .for_each(|(o, v)| *o = v * taps[0]);
-        for (i, tap) in taps.iter().enumerate().skip(1) {
-            for ((o, a), b) in out
-                .iter_mut()
-                .zip(line(-(i as isize)))
-                .zip(line(i as isize))
-            {
-                *o += tap * (a + b);
-            }
-        }
-    }
-}
-
-/// Unsharp masking.
-fn sharpen(pixels: &mut [f32], width: usize, height: usize, amount: f32) {
-    let before = pixels.to_vec();
-    gaussian(pixels, width, height, 1.2);
-    for (v, b) in pixels.iter_mut().zip(before) {
-        *v = b + amount * (b - *v);
-    }
-}
-
 /// Approximately Gaussian noise: the sum of eight uniform bytes.
 fn add_noise(pixels: &mut [f32], sigma: f32, random: &mut impl Rng) {
     if sigma < 0.002 {
@@ -385,17 +357,5 @@ mod tests {
             assert_eq!(one.dimensions(), (64, 48));
             assert_ne!(one, image);
         }
-    }
-
-    #[test]
-    fn blur_keeps_the_mean_of_a_constant_and_spreads_a_point() {
-        let mut flat = vec![0.5; 20 * 20 * 3];
-        gaussian(&mut flat, 20, 20, 1.3);
-        assert!(flat.iter().all(|v| (v - 0.5).abs() < 1e-5));
-        let mut point = vec![0.0; 21 * 21 * 3];
-        point[(10 * 21 + 10) * 3] = 1.0;
-        gaussian(&mut point, 21, 21, 1.0);
-        assert!((point.iter().sum::<f32>() - 1.0).abs() < 1e-4);
-        assert!((point[(10 * 21 + 11) * 3] - point[(11 * 21 + 10) * 3]).abs() < 1e-6);
     }
 }

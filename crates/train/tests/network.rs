@@ -4,12 +4,14 @@
 
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
-use grimnet_net::{Card, Domain, Extractor, Model, NetSpec};
+use grimnet_net::{Card, Domain, Extractor, Model, NetSpec, VladInput};
 use grimnet_train::{InputBuilder, Network, Parameters, Statistics};
 use image::{Rgb, RgbImage};
 use rstest::rstest;
 
 const SIZE_PX: (u32, u32) = (96, 64);
+/// Factor on the assignment's random weights for vectors that are not scaled to unit length.
+const UNSCALED_WEIGHT: f32 = 0.01;
 
 fn host<const D: usize>(tensor: Tensor<D>) -> Vec<f32> {
     tensor.try_into_vec_as::<f32>().unwrap()
@@ -50,6 +52,18 @@ fn shaken(model: &Model, device: &Device) -> Parameters {
         let length = values.len();
         let value = Tensor::from_data(burn::tensor::TensorData::new(values, [length]), device);
         parameters.set(&name, value).unwrap();
+    }
+    if model.spec().vlad.input == VladInput::DeepestUnscaled {
+        // Vectors of any length times random weights leave most clusters with an assignment near the smallest float, and
+        // what intra-normalisation makes of that is rounding. Training starts from clusters that fit the vectors.
+        let name = "netvlad.assign.weight";
+        let soft: Vec<f32> = host(parameters.flat(name).unwrap())
+            .into_iter()
+            .map(|v| v * UNSCALED_WEIGHT)
+            .collect();
+        let length = soft.len();
+        let value = Tensor::from_data(burn::tensor::TensorData::new(soft, [length]), device);
+        parameters.set(name, value).unwrap();
     }
     parameters
 }

@@ -30,6 +30,8 @@ mod confidence;
 mod context;
 pub mod draw;
 mod error;
+mod frame_features;
+mod frame_motion;
 mod geometry;
 mod localizer;
 mod options;
@@ -44,6 +46,8 @@ mod validation;
 
 pub use confidence::Support;
 pub use error::{LocateError, Result};
+pub use frame_features::FrameFeatures;
+pub use frame_motion::{FrameMotion, FramePair, FrameTilt};
 pub use geometry::{
     estimation::GeometryModel,
     ransac::{Ransac, Score},

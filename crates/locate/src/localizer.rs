@@ -9,12 +9,14 @@ use grimnet_photo::Photo;
 use crate::{
     context::Context,
     error::Result,
+    frame_features::FrameFeatures,
+    frame_motion::{FrameMotion, FramePair, motion_between},
     options::{Adapt, Options},
     outcome::Outcome,
     paper::procedure,
     pipeline::{
         queries::{extract_queries, query_maker, side_px},
-        run,
+        run::{self, Located},
     },
     prior::Prior,
     search::{
@@ -143,23 +145,57 @@ impl Localizer {
     /// As [`Localizer::locate`].
     #[doc(hidden)]
     pub fn locate_traced(&self, photo: &Photo, prior: &Prior) -> Result<(Outcome, Trace)> {
+        let located = self.run(photo, prior)?;
+        Ok((located.outcome, located.trace))
+    }
+
+    /// As [`Localizer::locate`], with the photo's keypoints and descriptors, from which [`Localizer::motion_between`] measures
+    /// the motion to another photo. `None` in paper mode.
+    ///
+    /// # Errors
+    /// As [`Localizer::locate`].
+    pub fn locate_with_features(
+        &self,
+        photo: &Photo,
+        prior: &Prior,
+    ) -> Result<(Outcome, Option<FrameFeatures>)> {
+        let located = self.run(photo, prior)?;
+        Ok((located.outcome, located.features))
+    }
+
+    /// The motion of the camera over level ground from the first photo to the second; `None` if too few keypoints agree on one,
+    /// as over water or where the photos do not overlap. Both photos must have been searched under about the true heading, or
+    /// under the same one with little turn between them: descriptors tolerate a turn of about 15 degrees.
+    ///
+    /// # Errors
+    /// The descriptors cannot be compared.
+    pub fn motion_between(
+        &self,
+        first: &FrameFeatures,
+        second: &FrameFeatures,
+        pair: &FramePair,
+    ) -> Result<Option<FrameMotion>> {
+        self.scratch
+            .with(|scratch| motion_between(first, second, pair, self.options.seed, scratch))
+    }
+
+    fn run(&self, photo: &Photo, prior: &Prior) -> Result<Located> {
         let context = self.context();
         let budget = context.start_budget();
         self.options.check()?;
         prior.check()?;
         let view = photo.view(&prior.view);
-        let located = match self.options.mode {
+        let mut located = match self.options.mode {
             Mode::Paper => procedure::locate(context, photo, &view, prior)?,
             Mode::Default => run::locate(context, photo, &view, prior, budget)?,
         };
         let mut time_ms = located.time_ms;
         time_ms.total = budget.elapsed_ms();
-        let mut outcome = located.outcome;
-        match &mut outcome {
+        match &mut located.outcome {
             Outcome::Fix(fix) => fix.time_ms = time_ms,
             Outcome::NoFix(no_fix) => no_fix.time_ms = time_ms,
         }
-        Ok((outcome, located.trace))
+        Ok(located)
     }
 
     /// The same localiser with batch-normalisation statistics recomputed from the photos of a flight, without labels

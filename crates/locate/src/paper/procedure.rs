@@ -83,6 +83,8 @@ pub(crate) fn locate(
     };
     Ok(Located {
         outcome: outcome(context, photo, level_index, query, &verified, evidence)?,
+        // Frames of a flight are followed in default mode.
+        features: None,
         trace,
         time_ms,
     })

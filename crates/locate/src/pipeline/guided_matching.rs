@@ -13,7 +13,6 @@ use crate::{
         homography::Homography,
         transform::Transform as _,
     },
-    query_features::QueryFeatures,
     search::matching::{Match, Similarities},
 };
 
@@ -22,9 +21,11 @@ const MAX_CLOSER: usize = 1;
 /// Search radius of each iteration, in thresholds of RANSAC. Each iteration starts from the transform of the one before.
 const SEARCH_RADII: [f64; 2] = [2.0, 1.0];
 
-/// The keypoints that are matched: those of a query, and those of a tile at the query's resolution.
+/// The keypoints that are matched: those of a query, and those of a tile (or of another photo) at the query's resolution.
 pub(crate) struct KeypointPair<'a> {
-    pub query: &'a QueryFeatures,
+    pub points: &'a [Point2<f32>],
+    /// Probabilities of the query's keypoints.
+    pub scores: &'a [f32],
     pub tile_points: &'a [Point2<f64>],
 }
 
@@ -33,9 +34,9 @@ impl KeypointPair<'_> {
     pub fn pairs<'m>(&self, matches: impl IntoIterator<Item = &'m Match>) -> Vec<Correspondence> {
         let pair = |found: &Match| {
             Correspondence::weighted(
-                self.query.points[found.query as usize].cast::<f64>(),
+                self.points[found.query as usize].cast::<f64>(),
                 self.tile_points[found.tile as usize],
-                f64::from(self.query.scores[found.query as usize]),
+                f64::from(self.scores[found.query as usize]),
             )
         };
         matches.into_iter().map(pair).collect()
@@ -59,7 +60,7 @@ pub(crate) fn match_guided(
         let radius_px = radius * options.ransac.threshold_px;
         similarities.guided(
             |row, near| {
-                let from = keypoints.query.points[row].cast::<f64>();
+                let from = keypoints.points[row].cast::<f64>();
                 index.near(&estimated.homography, from, radius_px, near);
             },
             MAX_CLOSER,

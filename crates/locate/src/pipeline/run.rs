@@ -1,10 +1,12 @@
 //! The whole search in default mode: round after round until an answer is clear, then a second matching of the best one.
 
 use grimnet_photo::{Photo, View};
+use nalgebra::Point2;
 
 use crate::{
     context::{Context, TimeBudget},
     error::Result,
+    frame_features::FrameFeatures,
     outcome::{EvidenceUsed, Outcome, Reason, TimeMs},
     pipeline::{
         answer::{no_fix, outcome},
@@ -12,9 +14,10 @@ use crate::{
         realign::realign,
         round_result::RoundResult,
         rounds::run_round,
+        verification::VerifiedCandidate,
     },
     prior::Prior,
-    query_features::MIN_KEYPOINTS,
+    query_features::{MIN_KEYPOINTS, QueryFeatures},
     search::hypotheses::rounds,
     trace::Trace,
 };
@@ -23,6 +26,8 @@ use crate::{
 #[derive(Debug)]
 pub(crate) struct Located {
     pub outcome: Outcome,
+    /// Features of the query that gave the answer, or of the first one.
+    pub features: Option<FrameFeatures>,
     pub trace: Trace,
     pub time_ms: TimeMs,
 }
@@ -59,8 +64,10 @@ pub(crate) fn locate(
         .filter_map(|result| RankedAnswer::of(result, options))
         .reduce(|a, b| if b.rank() > a.rank() { b } else { a });
     let Some(best) = best else {
+        let first = results.iter().find_map(|result| result.queries.first());
         return Ok(Located {
             outcome: no_fix(reason_without_candidates(&results), None, evidence),
+            features: first.map(|query| features_of(photo, query, None)),
             trace,
             time_ms,
         });
@@ -73,11 +80,27 @@ pub(crate) fn locate(
         .as_ref()
         .and_then(|result| RankedAnswer::of(result, options));
     let best = best.or_realigned(realigned, options);
+    let outcome = outcome(context, photo, prior, &best, evidence)?;
+    let query = &best.round.queries[best.verified.candidate.query];
+    let verified = outcome.fix().map(|_| best.verified);
     Ok(Located {
-        outcome: outcome(context, photo, prior, &best, evidence)?,
+        features: Some(features_of(photo, query, verified)),
+        outcome,
         trace,
         time_ms,
     })
+}
+
+/// The features of a query of `photo`, with the fix that they gave.
+fn features_of(
+    photo: &Photo,
+    query: &QueryFeatures,
+    verified: Option<&VerifiedCandidate>,
+) -> FrameFeatures {
+    let (width, height) = photo.image.dimensions();
+    let centre_px = Point2::new(f64::from(width) / 2.0, f64::from(height) / 2.0);
+    let full_px_per_image_px = f64::from(photo.full_size_px.0) / f64::from(width.max(1));
+    FrameFeatures::new(query, verified, centre_px, full_px_per_image_px)
 }
 
 /// Why no candidate was matched: too few keypoints under every hypothesis, or no tile.

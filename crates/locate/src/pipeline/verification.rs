@@ -22,7 +22,7 @@ use crate::{
         tile_frame::TileFrame,
     },
     query_features::QueryFeatures,
-    search::matching::Descriptors,
+    search::matching::{Descriptors, sort_best_first},
     search::{candidates::Candidate, hypotheses::Hypothesis, scratch::Scratch},
 };
 
@@ -134,14 +134,10 @@ fn match_tile(
         .matcher
         .compare(whole, tile_descriptors, query.dim)?;
     similarities.mutual(options.max_ratio, &mut scratch.matches);
-    // The progressive sampler expects the best match first.
-    scratch.matches.sort_by(|a, b| {
-        b.similarity
-            .total_cmp(&a.similarity)
-            .then(a.query.cmp(&b.query))
-    });
+    sort_best_first(&mut scratch.matches);
     let keypoints = KeypointPair {
-        query,
+        points: &query.points,
+        scores: &query.scores,
         tile_points: &tile_points,
     };
     let pairs = keypoints.pairs(&scratch.matches);

@@ -13,6 +13,15 @@ pub struct Match {
     pub similarity: f32,
 }
 
+/// Sorts by falling similarity, as the progressive sampler expects; of equal ones the first row comes first.
+pub fn sort_best_first(matches: &mut [Match]) {
+    matches.sort_by(|a, b| {
+        b.similarity
+            .total_cmp(&a.similarity)
+            .then(a.query.cmp(&b.query))
+    });
+}
+
 /// Descriptors of one picture: one unit vector per row.
 #[derive(Debug, Clone, Copy)]
 pub enum Descriptors<'a> {

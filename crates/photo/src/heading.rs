@@ -2,7 +2,7 @@
 
 use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::metadata::Metadata;
-use crate::view::{Heading, HeadingPrior, View, ViewPrior};
+use crate::view::{CameraAttitude, Heading, HeadingPrior, View, ViewPrior};
 
 /// 1-sigma of a gimbal's yaw, degrees: typical for the compass of a small drone in flight.
 const GIMBAL_SIGMA_DEG: f64 = 5.0;
@@ -17,15 +17,12 @@ const PAN_DEG: f64 = 30.0;
 /// Smaller tilts are ignored: they distort less than buildings do, degrees.
 const MIN_TILT_DEG: f64 = 1.0;
 
-/// Attitude of the camera.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Attitude {
-    pub pitch_from_nadir_deg: f64,
-    pub roll_deg: f64,
-}
-
 /// Sets the view's heading. Returns the attitude, `None` if it is unknown.
-pub(crate) fn resolve(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Attitude> {
+pub(crate) fn resolve(
+    metadata: &Metadata,
+    prior: &ViewPrior,
+    view: &mut View,
+) -> Option<CameraAttitude> {
     let recorded = gimbal_is_recorded(metadata, view);
     let attitude = if recorded {
         attitude(metadata, view)
@@ -94,7 +91,7 @@ fn gimbal_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
     true
 }
 
-fn attitude(metadata: &Metadata, view: &mut View) -> Option<Attitude> {
+fn attitude(metadata: &Metadata, view: &mut View) -> Option<CameraAttitude> {
     let pitch = metadata.gimbal_pitch_deg?;
     if pitch == 0.0 {
         view.set_aside(
@@ -134,13 +131,13 @@ fn attitude(metadata: &Metadata, view: &mut View) -> Option<Attitude> {
     } else {
         view.use_evidence("gimbal pitch", degrees(pitch), "nadir");
     }
-    Some(Attitude {
+    Some(CameraAttitude {
         pitch_from_nadir_deg,
         roll_deg,
     })
 }
 
-impl Attitude {
+impl CameraAttitude {
     /// The tilt to rectify, if it is large enough.
     pub(crate) fn tilt(self, hfov_deg: f64) -> Option<Tilt> {
         (self.pitch_from_nadir_deg.abs() >= MIN_TILT_DEG).then_some(Tilt {

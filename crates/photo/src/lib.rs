@@ -56,4 +56,4 @@ pub use photo::{Photo, QUERY_LONG_SIDE_PX};
 pub use points::{PhotoPx, QueryPx};
 pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
 pub use scale::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};
-pub use view::{Footprint, Heading, HeadingPrior, View, ViewPrior};
+pub use view::{CameraAttitude, Footprint, Heading, HeadingPrior, View, ViewPrior};

@@ -16,6 +16,7 @@ impl View {
         let mut view = Self::default();
         view.set_aside.extend(metadata.notes.iter().cloned());
         let attitude = heading::resolve(metadata, prior, &mut view);
+        view.attitude = attitude;
         scale::resolve(metadata, size_px, prior, attitude, &mut view);
         view
     }

@@ -1,9 +1,8 @@
 //! Which field of view, height and ground width are used.
 
 use crate::camera::{EquivalentFocal, focal_px, focal_px_from_35mm, fov_deg};
-use crate::heading::Attitude;
 use crate::metadata::Metadata;
-use crate::view::{Footprint, View, ViewPrior};
+use crate::view::{CameraAttitude, Footprint, View, ViewPrior};
 
 /// Relative 1-sigma of a ground resolution or height that the caller gives.
 const USER_SIGMA: f64 = 0.02;
@@ -35,7 +34,7 @@ pub(crate) fn resolve(
     metadata: &Metadata,
     size_px: (u32, u32),
     prior: &ViewPrior,
-    attitude: Option<Attitude>,
+    attitude: Option<CameraAttitude>,
     view: &mut View,
 ) {
     let focal = focal(metadata, size_px, prior, view);

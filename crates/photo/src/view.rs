@@ -80,6 +80,15 @@ impl Footprint {
     }
 }
 
+/// Attitude of the camera, with the angles of drone metadata ([`Tilt`]).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct CameraAttitude {
+    /// Angle between the optical axis and straight down, degrees; positive looks ahead (DJI's gimbal pitch + 90).
+    pub pitch_from_nadir_deg: f64,
+    /// Turn about the optical axis, degrees.
+    pub roll_deg: f64,
+}
+
 /// What is known of how a photo sees the ground. Everything may be unknown; a localiser then searches.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct View {
@@ -89,6 +98,8 @@ pub struct View {
     pub footprint: Option<Footprint>,
     /// Tilt of the camera if it is recorded and at least one degree; `None` is treated as straight down.
     pub tilt: Option<Tilt>,
+    /// Attitude of the camera if it is recorded and plausible, straight down included.
+    pub attitude: Option<CameraAttitude>,
     /// Field of view across the displayed photo's width, degrees.
     pub hfov_deg: Option<f64>,
     /// Height above ground, m, if `footprint` was computed from one.

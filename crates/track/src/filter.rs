@@ -86,7 +86,8 @@ impl Filter {
         }
     }
 
-    fn begin(&mut self, time_s: f64, options: &TrackOptions) {
+    /// Places the start, if one is known.
+    pub fn begin(&mut self, time_s: f64, options: &TrackOptions) {
         let Some(start) = options.start else { return };
         let plane = LocalPlane::new(start.lonlat);
         let id = self.bank.new_id();

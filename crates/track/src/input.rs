@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 
 use grimnet_geo::LonLat;
+use nalgebra::{Rotation3, Vector3};
 
 use crate::error::InputError;
 
@@ -63,13 +64,28 @@ pub struct Attitude {
 }
 
 impl Attitude {
-    /// The attitude of a gimbal whose pitch is -90 degrees when it looks straight down, as DJI and MAVLink report it.
-    pub fn from_gimbal(time_s: f64, yaw_deg: f64, gimbal_pitch_deg: f64, roll_deg: f64) -> Self {
+    /// The attitude of a gimbal whose pitch is -90 degrees when it looks straight down, as DJI and MAVLink report it: its optical
+    /// axis is the x axis of its frame, so that the roll turns the photo about its centre.
+    pub fn from_gimbal(
+        time_s: f64,
+        yaw_deg: f64,
+        gimbal_pitch_deg: f64,
+        gimbal_roll_deg: f64,
+    ) -> Self {
+        let gimbal = Rotation3::from_euler_angles(
+            gimbal_roll_deg.to_radians(),
+            gimbal_pitch_deg.to_radians(),
+            yaw_deg.to_radians(),
+        );
+        // The photo's top is opposite to the gimbal's z axis, and the axis of the camera's frame that looks down is the gimbal's x.
+        let looks_down =
+            gimbal * Rotation3::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
+        let (roll_rad, pitch_rad, yaw_rad) = looks_down.euler_angles();
         Self {
             time_s,
-            yaw_deg,
-            pitch_deg: gimbal_pitch_deg + 90.0,
-            roll_deg,
+            yaw_deg: yaw_rad.to_degrees(),
+            pitch_deg: pitch_rad.to_degrees(),
+            roll_deg: roll_rad.to_degrees(),
         }
     }
 }
@@ -368,6 +384,32 @@ mod tests {
             }
         }
         assert!(Input::Fix(fix()).validate().is_ok());
+    }
+
+    #[test]
+    fn the_roll_of_a_gimbal_turns_the_photo_about_its_centre() {
+        let level = Attitude::from_gimbal(0.0, 30.0, -80.0, 0.0);
+        for (value, expected) in [
+            (level.yaw_deg, 30.0),
+            (level.pitch_deg, 10.0),
+            (level.roll_deg, 0.0),
+        ] {
+            assert!((value - expected).abs() < 1e-9, "{level:?}");
+        }
+        // Straight down a roll is a turn of the photo, and the camera still looks straight down.
+        let turned = Attitude::from_gimbal(0.0, 30.0, -90.0, 20.0);
+        assert!((turned.yaw_deg - 50.0).abs() < 1e-9, "{turned:?}");
+        assert!(turned.pitch_deg.abs() < 1e-9 && turned.roll_deg.abs() < 1e-9);
+        // Tilted, the optical axis stays where it is.
+        let axis = |a: Attitude| {
+            Rotation3::from_euler_angles(
+                a.roll_deg.to_radians(),
+                a.pitch_deg.to_radians(),
+                a.yaw_deg.to_radians(),
+            ) * Vector3::z()
+        };
+        let rolled = Attitude::from_gimbal(0.0, 30.0, -80.0, 20.0);
+        assert!((axis(rolled) - axis(level)).norm() < 1e-12);
     }
 
     #[test]

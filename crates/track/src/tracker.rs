@@ -67,6 +67,8 @@ pub struct Tracker {
     counts: InputCounts,
     /// Time of the last input that was refused for its time, and how many in a row were.
     refused: Option<(f64, usize)>,
+    /// Whether a fix was taken in.
+    has_fix: bool,
 }
 
 impl Tracker {
@@ -81,12 +83,23 @@ impl Tracker {
             lag: Lag::new(),
             counts: InputCounts::default(),
             refused: None,
+            has_fix: false,
         })
     }
 
     /// The options.
     pub fn options(&self) -> &TrackOptions {
         &self.options
+    }
+
+    /// Sets [`TrackOptions::focal_length_px`], which the first photo may tell only after telemetry was taken in. It has no effect
+    /// on what was taken in so far. `false`, and nothing changes, after the first fix or if the value is not finite and above 0.
+    pub fn set_focal_length_px(&mut self, focal_length_px: f64) -> bool {
+        let possible = focal_length_px.is_finite() && focal_length_px > 0.0;
+        if possible && !self.has_fix {
+            self.options.focal_length_px = Some(focal_length_px);
+        }
+        possible && !self.has_fix
     }
 
     /// How many inputs were taken, and how.
@@ -115,11 +128,13 @@ impl Tracker {
             }
             self.lag = Lag::new();
             self.refused = None;
+            self.has_fix |= matches!(input, Input::Fix(_));
             self.counts.restarts += 1;
             self.lag.push(input, &self.options);
             return Ok(Taken::Restarted);
         }
         self.refused = None;
+        self.has_fix |= matches!(input, Input::Fix(_));
         let taken = self.lag.push(input, &self.options);
         match taken {
             Taken::Duplicate => self.counts.duplicates += 1,
@@ -172,10 +187,16 @@ impl Tracker {
         Some(TrackPoint::of(&state, time_s, &self.options))
     }
 
-    /// Where to search a frame taken at `time_s` (not before the newest input), of which half the footprint's diagonal is
-    /// `half_footprint_m`. A tracked frame has one small window; misses open it step by step to the whole map.
+    /// Where to search a frame taken at `time_s`, of which half the footprint's diagonal is `half_footprint_m`: with what is known
+    /// up to that time if newer inputs came before the frame, up to the lag. A tracked frame has one small window; misses open it
+    /// step by step to the whole map.
     pub fn search(&self, time_s: f64, half_footprint_m: f64) -> Search {
         let newest_s = self.head().time_s;
+        if time_s < newest_s
+            && let Some(state) = self.lag.state_at(time_s, &self.options)
+        {
+            return Search::of(&state, time_s, half_footprint_m, &self.options);
+        }
         let time_s = if time_s.is_finite() {
             time_s.max(newest_s)
         } else {

@@ -56,6 +56,15 @@ impl Search {
         half_footprint_m: f64,
         options: &TrackOptions,
     ) -> Self {
+        let mut begun;
+        let filter = if filter.time_s == f64::NEG_INFINITY && time_s.is_finite() {
+            // Before the first input there is the start, if one is known.
+            begun = filter.clone();
+            begun.begin(time_s, options);
+            &begun
+        } else {
+            filter
+        };
         let believed = filter.believed.is_some();
         let doublings = if believed {
             filter.misses / MISSES_PER_DOUBLING

@@ -121,6 +121,9 @@ fn nothing_known_is_the_whole_map_and_a_start_is_a_window_too() {
         ..TrackOptions::default()
     };
     let mut tracker = Tracker::new(options).unwrap();
+    let before = tracker.search(0.0, 60.0);
+    assert_eq!(before.windows.len(), 1, "before any input too");
+    assert!(distance_m(before.windows[0].centre, START) < 0.01);
     tracker.push(Input::Miss(Miss { time_s: 0.0 })).unwrap();
     let search = tracker.search(0.0, 60.0);
     assert_eq!(search.windows.len(), 1);
@@ -146,4 +149,31 @@ fn a_wrong_start_is_given_up_for_fixes_that_agree() {
     assert!(point.state.is_usable(), "{point:?}");
     let estimate = point.estimate.unwrap();
     assert!(distance_m(LonLat::new(estimate.lon_deg, estimate.lat_deg), there) < 5.0);
+}
+
+#[test]
+fn a_frame_that_comes_after_newer_telemetry_is_searched_where_the_aircraft_was() {
+    let mut tracker = tracked();
+    tracker
+        .push(Input::Velocity(Velocity {
+            time_s: 11.5,
+            east_m_s: 10.0,
+            north_m_s: 0.0,
+            sigma_m_s: 0.3,
+        }))
+        .unwrap();
+    let window = tracker.search(10.0, 60.0).windows[0];
+    let expected = destination_en_m(START, 100.0 + 17.63, 0.0);
+    assert!(distance_m(window.centre, expected) < 2.0, "{window:?}");
+}
+
+#[test]
+fn the_focal_length_can_be_told_until_the_first_fix() {
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    tracker.push(Input::Miss(Miss { time_s: 0.0 })).unwrap();
+    assert!(!tracker.set_focal_length_px(f64::NAN));
+    assert!(tracker.set_focal_length_px(2000.0));
+    tracker.push(fix(0.5, START)).unwrap();
+    assert!(!tracker.set_focal_length_px(3000.0));
+    assert_eq!(tracker.options().focal_length_px, Some(2000.0));
 }

@@ -1,0 +1,292 @@
+//! The loop over the frames of a flight.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use grimnet_locate::{Localizer, LocateError, Outcome, Reason};
+use grimnet_photo::{Photo, Tilt, View, focal_px};
+use grimnet_track::{
+    Attitude, Height, Input, InputError, Miss, OptionsError, Taken, TrackOptions, TrackPoint,
+    Tracker,
+};
+
+use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
+use crate::position_fix::position_fix;
+use crate::recent::Recent;
+use crate::search_plan::{PlannedSearch, Steering, plan};
+
+/// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
+const TYPICAL_HALF_FOOTPRINT_M: f64 = 105.0;
+
+/// Options of a [`Flight`].
+#[derive(Debug, Clone, PartialEq)]
+pub struct FlightOptions {
+    /// Options of the filter. [`TrackOptions::search_area_m2`] is replaced by the map's area, and
+    /// [`TrackOptions::focal_length_px`], where it is `None`, by that of the first photo that tells it.
+    pub track: TrackOptions,
+    /// After so many frames in a row without a fix in their window, the whole map is searched too: the aircraft may be somewhere
+    /// else.
+    pub whole_map_after_misses: u32,
+}
+
+impl Default for FlightOptions {
+    fn default() -> Self {
+        Self {
+            track: TrackOptions::default(),
+            whole_map_after_misses: 2,
+        }
+    }
+}
+
+/// Follows one aircraft over the map of a localiser. See the crate's documentation.
+#[derive(Debug)]
+pub struct Flight {
+    localizer: Arc<Localizer>,
+    tracker: Tracker,
+    whole_map_after_misses: u32,
+    recent: Recent,
+    /// Frames with keypoints and without a fix since the last fix.
+    misses_in_row: u32,
+    /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
+    last_gsd_m: Option<f64>,
+}
+
+impl Flight {
+    /// A flight before its first frame. Several flights may share one localiser.
+    ///
+    /// # Errors
+    /// [`OptionsError`] if an option of the filter is not finite or out of range.
+    pub fn new(
+        localizer: impl Into<Arc<Localizer>>,
+        options: FlightOptions,
+    ) -> Result<Self, OptionsError> {
+        let localizer = localizer.into();
+        let search_area_m2 = map_area_m2(&localizer).unwrap_or(options.track.search_area_m2);
+        Ok(Self {
+            tracker: Tracker::new(TrackOptions {
+                search_area_m2,
+                ..options.track
+            })?,
+            localizer,
+            whole_map_after_misses: options.whole_map_after_misses,
+            recent: Recent::default(),
+            misses_in_row: 0,
+            last_gsd_m: None,
+        })
+    }
+
+    /// The localiser.
+    pub fn localizer(&self) -> &Localizer {
+        &self.localizer
+    }
+
+    /// The filter: its options as they are used, and its counts.
+    pub fn tracker(&self) -> &Tracker {
+        &self.tracker
+    }
+
+    /// Takes in telemetry: attitude, height, velocity.
+    ///
+    /// # Errors
+    /// As [`Tracker::push`].
+    pub fn push(&mut self, input: Input) -> Result<Taken, InputError> {
+        let taken = self.tracker.push(input)?;
+        self.recent.take(&input);
+        Ok(taken)
+    }
+
+    /// The track at a time; see [`Tracker::point_at`].
+    pub fn point_at(&self, time_s: f64) -> Option<TrackPoint> {
+        self.tracker.point_at(time_s)
+    }
+
+    /// Takes in a frame that was exposed at `time_s`: searches it where the track says, and gives its fix to the filter.
+    ///
+    /// A frame that cannot be used is said in the answer; the flight goes on. A frame without keypoints says nothing of where it was
+    /// searched, so it is no [`Miss`] for the filter.
+    pub fn frame(&mut self, photo: &Photo, time_s: f64, known: &Known) -> FrameAnswer {
+        let started = Instant::now();
+        let view = photo.view(&known.prior.view);
+        let px_per_reference_px = self.px_per_reference_px(photo, &view);
+        let mut given = Given::default();
+        self.give_attitude(time_s, known, &view, &mut given);
+        if let Some(agl_m) = known.prior.view.height_agl_m {
+            let height = Height {
+                time_s,
+                agl_m,
+                amsl_m: None,
+            };
+            given.push(&mut self.tracker, Input::Height(height));
+        }
+        let half_footprint_m = self.half_footprint_m(photo, &view, px_per_reference_px);
+        let search = self.tracker.search(time_s, half_footprint_m);
+        let steering = Steering {
+            known: known.prior,
+            view: &view,
+            yaw_deg: self.yaw_deg(time_s, known),
+            height_agl_m: self.recent.height_agl_m_at(time_s),
+            whole_map: self.misses_in_row >= self.whole_map_after_misses,
+            px_per_reference_px,
+        };
+        let searches = plan(&search, &steering);
+        let locating = Instant::now();
+        let (outcome, searched, count) = self.search(photo, &searches);
+        let locate_ms = elapsed_ms(locating);
+        self.give_outcome(time_s, &outcome, px_per_reference_px, &mut given);
+        FrameAnswer {
+            time_s,
+            outcome,
+            searched,
+            searches: count,
+            inputs: given.inputs,
+            refused: given.refused,
+            point: self.tracker.point_at(time_s),
+            time_ms: FrameTimeMs {
+                locate: locate_ms,
+                total: elapsed_ms(started),
+            },
+        }
+    }
+
+    /// Searches one plan after the other until one gives a fix or no other can.
+    fn search(
+        &self,
+        photo: &Photo,
+        searches: &[PlannedSearch],
+    ) -> (Result<Outcome, LocateError>, Searched, u32) {
+        let mut count = 0;
+        let mut last = None;
+        for planned in searches {
+            count += 1;
+            let outcome = self.localizer.locate(photo, &planned.prior);
+            let ends = match &outcome {
+                Ok(Outcome::Fix(_)) | Err(_) => true,
+                Ok(Outcome::NoFix(no_fix)) => is_without_texture(&no_fix.reason),
+            };
+            last = Some((outcome, planned.searched));
+            if ends {
+                break;
+            }
+        }
+        // A plan has one search at least.
+        let (outcome, searched) = last.unwrap_or_else(|| {
+            let outcome = self.localizer.locate(photo, &grimnet_locate::Prior::none());
+            (outcome, Searched::WholeMap)
+        });
+        (outcome, searched, count)
+    }
+
+    fn give_outcome(
+        &mut self,
+        time_s: f64,
+        outcome: &Result<Outcome, LocateError>,
+        px_per_reference_px: f64,
+        given: &mut Given,
+    ) {
+        match outcome {
+            Ok(Outcome::Fix(fix)) => {
+                let mut measured = position_fix(fix, time_s, self.localizer.options().map_error_m);
+                measured.gsd_m *= px_per_reference_px;
+                given.push(&mut self.tracker, Input::Fix(measured));
+                self.misses_in_row = 0;
+                self.last_gsd_m = Some(measured.gsd_m);
+            }
+            Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
+                given.push(&mut self.tracker, Input::Miss(Miss { time_s }));
+                self.misses_in_row = self.misses_in_row.saturating_add(1);
+            }
+            Ok(Outcome::NoFix(_)) | Err(_) => {}
+        }
+    }
+
+    /// Gives the filter the attitude that the caller knows, else that of the metadata where telemetry told none.
+    fn give_attitude(&mut self, time_s: f64, known: &Known, view: &View, given: &mut Given) {
+        let attitude = match known.attitude {
+            Some(attitude) => Some(Attitude { time_s, ..attitude }),
+            None if self.recent.attitude_at(time_s).is_some() => None,
+            None => recorded_attitude(view, time_s),
+        };
+        if let Some(attitude) = attitude {
+            given.push(&mut self.tracker, Input::Attitude(attitude));
+        }
+    }
+
+    /// Yaw that was measured at this time, and its 1-sigma, degrees.
+    fn yaw_deg(&self, time_s: f64, known: &Known) -> Option<(f64, f64)> {
+        let attitude = known.attitude.or_else(|| self.recent.attitude_at(time_s))?;
+        Some((attitude.yaw_deg, self.tracker.options().compass_sigma_deg))
+    }
+
+    /// Pixels of this photo for one pixel at the focal length that the track's ground resolutions refer to: that of the options
+    /// or of the first photo that tells one. It changes where the camera zooms.
+    fn px_per_reference_px(&mut self, photo: &Photo, view: &View) -> f64 {
+        let Some(hfov_deg) = view.hfov_deg else {
+            return 1.0;
+        };
+        let focal_px = focal_px(f64::from(photo.full_size_px.0), hfov_deg);
+        match self.tracker.options().focal_length_px {
+            Some(reference_px) => focal_px / reference_px,
+            None => {
+                // Refused after the first fix: the photos before had an unknown focal length, so all are taken for equal.
+                self.tracker.set_focal_length_px(focal_px);
+                1.0
+            }
+        }
+    }
+
+    fn half_footprint_m(&self, photo: &Photo, view: &View, px_per_reference_px: f64) -> f64 {
+        let (width_px, height_px) = photo.full_size_px;
+        let of_track_m = self.last_gsd_m.map(|gsd_m| gsd_m / px_per_reference_px);
+        let gsd_m = of_track_m.or_else(|| Some(view.footprint?.gsd_m(width_px)));
+        gsd_m.map_or(TYPICAL_HALF_FOOTPRINT_M, |gsd_m| {
+            0.5 * gsd_m * f64::from(width_px).hypot(f64::from(height_px))
+        })
+    }
+}
+
+/// What the filter was given for a frame.
+#[derive(Debug, Default)]
+struct Given {
+    inputs: Vec<Input>,
+    refused: Vec<InputError>,
+}
+
+impl Given {
+    fn push(&mut self, tracker: &mut Tracker, input: Input) {
+        self.inputs.push(input);
+        if let Err(error) = tracker.push(input) {
+            self.refused.push(error);
+        }
+    }
+}
+
+/// The attitude that the photo's metadata tell.
+fn recorded_attitude(view: &View, time_s: f64) -> Option<Attitude> {
+    let camera = view.attitude?;
+    let top_from_yaw_deg = Tilt::top_from_yaw_deg(camera.pitch_from_nadir_deg, camera.roll_deg);
+    let yaw_deg = view.heading?.heading_deg - top_from_yaw_deg;
+    let gimbal_pitch_deg = camera.pitch_from_nadir_deg - 90.0;
+    Some(Attitude::from_gimbal(
+        time_s,
+        yaw_deg,
+        gimbal_pitch_deg,
+        camera.roll_deg,
+    ))
+}
+
+/// Whether there is nothing in the photo that could be found anywhere.
+fn is_without_texture(reason: &Reason) -> bool {
+    matches!(reason, Reason::TooFewKeypoints { .. })
+}
+
+/// Area of the map, square metres; `None` for a pack without levels.
+fn map_area_m2(localizer: &Localizer) -> Option<f64> {
+    let level = localizer.pack().levels().first()?;
+    let [width_px, height_px] = level.size_px();
+    let area_m2 = width_px as f64 * height_px as f64 * level.gsd_m() * level.gsd_m();
+    (area_m2.is_finite() && area_m2 > 0.0).then_some(area_m2)
+}
+
+fn elapsed_ms(since: Instant) -> f64 {
+    since.elapsed().as_secs_f64() * 1e3
+}

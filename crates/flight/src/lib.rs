@@ -1,0 +1,39 @@
+//! Follows a flight over a map: each photo is searched where the track says, and its fix moves the track on.
+//!
+//! ```no_run
+//! use grimnet_flight::{Flight, FlightOptions, Known};
+//! use grimnet_locate::Localizer;
+//! use grimnet_photo::Photo;
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let mut flight = Flight::new(Localizer::open("area.grim")?, FlightOptions::default())?;
+//! for (number, name) in ["a.jpg", "b.jpg", "c.jpg"].into_iter().enumerate() {
+//!     let answer = flight.frame(&Photo::open(name)?, 0.5 * number as f64, &Known::default());
+//!     if let Some(point) = answer.point {
+//!         println!("{:?} {:?}", point.state, point.estimate);
+//!     }
+//! }
+//! # Ok(())
+//! # }
+//! ```
+//!
+//! Telemetry (attitude, height, velocity) goes in with [`Flight::push`], in any order and up to 30 s late. A frame's own metadata
+//! give its attitude where none is told.
+//!
+//! # What is searched
+//! A tracked frame is searched in one small window, with heading and ground resolution from the track, so that it costs one
+//! hypothesis. Frames without a fix open the window. Where the position is unknown, lost or doubtful, or after a few frames
+//! without a fix, the whole map is searched as well.
+//!
+//! # Times
+//! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure.
+
+mod flight;
+mod frame;
+mod position_fix;
+mod recent;
+mod search_plan;
+
+pub use flight::{Flight, FlightOptions};
+pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};
+pub use position_fix::position_fix;

@@ -1,0 +1,87 @@
+//! The latest telemetry, to steer the search of a frame before the track knows more.
+
+use std::collections::VecDeque;
+
+use grimnet_track::{Attitude, Height, Input};
+
+/// So many attitudes are kept: half a minute of 50 Hz.
+const MOST_ATTITUDES: usize = 1500;
+/// An attitude says nothing of a frame further away than this, seconds.
+const ATTITUDE_HOLD_S: f64 = 0.5;
+/// A height says nothing of a frame further away than this, seconds.
+const HEIGHT_HOLD_S: f64 = 10.0;
+
+/// See the module.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Recent {
+    attitudes: VecDeque<Attitude>,
+    height: Option<Height>,
+}
+
+impl Recent {
+    /// Keeps attitudes and heights.
+    pub fn take(&mut self, input: &Input) {
+        match input {
+            Input::Attitude(attitude) => {
+                if self.attitudes.len() == MOST_ATTITUDES {
+                    self.attitudes.pop_front();
+                }
+                self.attitudes.push_back(*attitude);
+            }
+            Input::Height(height) => self.height = Some(*height),
+            _ => {}
+        }
+    }
+
+    /// The attitude nearest to a time.
+    pub fn attitude_at(&self, time_s: f64) -> Option<Attitude> {
+        let away_s = |attitude: &&Attitude| (attitude.time_s - time_s).abs();
+        self.attitudes
+            .iter()
+            .filter(|attitude| away_s(attitude) <= ATTITUDE_HOLD_S)
+            .min_by(|a, b| away_s(a).total_cmp(&away_s(b)))
+            .copied()
+    }
+
+    /// The latest height above ground, metres, if it is of about this time.
+    pub fn height_agl_m_at(&self, time_s: f64) -> Option<f64> {
+        self.height
+            .filter(|height| (height.time_s - time_s).abs() <= HEIGHT_HOLD_S)
+            .map(|height| height.agl_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attitude(time_s: f64) -> Input {
+        Input::Attitude(Attitude {
+            time_s,
+            yaw_deg: time_s,
+            pitch_deg: 0.0,
+            roll_deg: 0.0,
+        })
+    }
+
+    #[test]
+    fn the_nearest_attitude_in_any_order_and_none_too_far_away() {
+        let mut recent = Recent::default();
+        for time_s in [1.0, 1.4, 1.2, 9.0] {
+            recent.take(&attitude(time_s));
+        }
+        assert_eq!(recent.attitude_at(1.25).unwrap().time_s, 1.2);
+        assert_eq!(recent.attitude_at(8.6).unwrap().time_s, 9.0);
+        assert!(recent.attitude_at(5.0).is_none());
+        assert!(recent.attitude_at(f64::NAN).is_none());
+    }
+
+    #[test]
+    fn what_is_kept_is_bounded() {
+        let mut recent = Recent::default();
+        for number in 0..2 * MOST_ATTITUDES {
+            recent.take(&attitude(number as f64));
+        }
+        assert_eq!(recent.attitudes.len(), MOST_ATTITUDES);
+    }
+}

@@ -1,0 +1,257 @@
+//! A short flight over a procedural town: truth is known exactly.
+
+#![allow(clippy::unwrap_used)]
+
+use std::sync::{Arc, OnceLock};
+
+use grimnet_flight::{Flight, FlightOptions, FrameAnswer, Known, Searched};
+use grimnet_geo::{LonLat, MapOptions, distance_m, open_map};
+use grimnet_locate::{Localizer, Options, Outcome};
+use grimnet_net::Model;
+use grimnet_pack::{BuildOptions, Levels, Pack, build};
+use grimnet_photo::{Metadata, Photo};
+use grimnet_track::{
+    Attitude, Input, InputError, PositionOf, Start, TrackOptions, TrackState, Velocity,
+};
+use grimnet_world::{
+    Camera, Look, Placement, Pose, RegionM, Season, World, WorldConfig, write_geotiff,
+};
+use image::RgbImage;
+
+const CAMERA: Camera = Camera {
+    hfov_deg: 70.0,
+    width_px: 800,
+    height_px: 600,
+};
+const MAP_GSD_M: f64 = 0.3;
+/// Metres per second to the east, and frames per second.
+const SPEED_M_S: f64 = 12.0;
+const FRAMES_PER_S: f64 = 2.0;
+/// After so many frames a flight is followed.
+const UNTIL_TRACKED: usize = 8;
+
+struct Scene {
+    world: World,
+    placement: Placement,
+    localizer: Arc<Localizer>,
+    _folder: tempfile::TempDir,
+}
+
+fn scene() -> &'static Scene {
+    static SCENE: OnceLock<Scene> = OnceLock::new();
+    SCENE.get_or_init(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let world = World::new(WorldConfig {
+            seed: 5,
+            size_m: 620.0,
+            urban: 0.8,
+            ..WorldConfig::default()
+        });
+        let placement = Placement::at(3.0, 1.0).unwrap();
+        let size_m = world.size_m();
+        let whole = RegionM {
+            x_min_m: 0.0,
+            y_min_m: 0.0,
+            width_m: size_m,
+            height_m: size_m,
+        };
+        let picture = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
+        let map = folder.path().join("map.tif");
+        let north_west_m = placement.utm_from_world([0.0, size_m]);
+        write_geotiff(&map, &picture, MAP_GSD_M, north_west_m, placement.epsg()).unwrap();
+        let pack = folder.path().join("area.grim");
+        let options = BuildOptions {
+            levels: Levels::Gsd(vec![MAP_GSD_M]),
+            ..BuildOptions::standard()
+        };
+        let raster = open_map(&map, &MapOptions::default()).unwrap();
+        let model = Model::bundled().unwrap();
+        build(raster.as_ref(), &model, &options, &pack, &mut |_| ()).unwrap();
+        let localizer = Localizer::new(model, Pack::open(&pack).unwrap())
+            .unwrap()
+            .with_options(Options {
+                // The map is drawn from the town itself.
+                map_error_m: 0.3,
+                ..Options::default()
+            });
+        Scene {
+            world,
+            placement,
+            localizer: Arc::new(localizer),
+            _folder: folder,
+        }
+    })
+}
+
+/// A camera that looks a few degrees ahead and to the left.
+fn pose(x_m: f64, y_m: f64) -> Pose {
+    Pose {
+        x_m,
+        y_m,
+        height_agl_m: 110.0,
+        heading_deg: 90.0,
+        pitch_off_nadir_deg: 6.0,
+        roll_deg: -3.0,
+    }
+}
+
+fn photo(pose: &Pose) -> Photo {
+    let picture = scene()
+        .world
+        .render_photo(pose, &CAMERA, &Look::drone(Season::Summer));
+    Photo::from_image(picture, Metadata::default())
+}
+
+fn lonlat(pose: &Pose) -> LonLat {
+    let [lon_deg, lat_deg] = scene()
+        .placement
+        .lonlat_from_world([pose.x_m, pose.y_m])
+        .unwrap();
+    LonLat::new(lon_deg, lat_deg)
+}
+
+/// What the telemetry tells of the camera.
+fn known(pose: &Pose) -> Known {
+    Known {
+        prior: grimnet_locate::Prior::none().with_hfov_deg(CAMERA.hfov_deg),
+        attitude: Some(Attitude {
+            time_s: 0.0,
+            yaw_deg: pose.heading_deg + 2.0,
+            pitch_deg: pose.pitch_off_nadir_deg,
+            // Right side down looks to the left.
+            roll_deg: -pose.roll_deg,
+        }),
+    }
+}
+
+fn flight(start: Option<Start>) -> Flight {
+    let track = TrackOptions {
+        start,
+        ..TrackOptions::default()
+    };
+    let options = FlightOptions {
+        track,
+        ..FlightOptions::default()
+    };
+    Flight::new(Arc::clone(&scene().localizer), options).unwrap()
+}
+
+/// Flies to the east from `x_m` on; gives each frame's answer with the aircraft's true position.
+fn fly(
+    flight: &mut Flight,
+    from_frame: usize,
+    x_m: f64,
+    y_m: f64,
+    frames: usize,
+) -> Vec<(FrameAnswer, LonLat)> {
+    (0..frames)
+        .map(|number| {
+            let time_s = (from_frame + number) as f64 / FRAMES_PER_S;
+            let pose = pose(x_m + SPEED_M_S * number as f64 / FRAMES_PER_S, y_m);
+            let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+            (answer, lonlat(&pose))
+        })
+        .collect()
+}
+
+fn error_m((answer, truth): &(FrameAnswer, LonLat)) -> Option<f64> {
+    let point = answer.point?;
+    let estimate = point.estimate.filter(|_| point.state.is_usable())?;
+    let place = LonLat::new(estimate.lon_deg, estimate.lat_deg);
+    Some(distance_m(place, *truth))
+}
+
+#[test]
+fn a_flight_is_found_followed_and_searched_in_small_windows() {
+    let mut flight = flight(None);
+    let answers = fly(&mut flight, 0, 180.0, 320.0, 14);
+    assert_eq!(answers[0].0.searched, Searched::WholeMap);
+    let tracked: Vec<_> = answers.iter().skip(UNTIL_TRACKED).collect();
+    for frame in &tracked {
+        let (answer, _) = frame;
+        let point = answer.point.unwrap();
+        assert_eq!(point.state, TrackState::Tracking, "{point:?}");
+        assert_eq!(point.estimate.unwrap().position_of, PositionOf::Aircraft);
+        let error_m = error_m(frame).unwrap();
+        assert!(error_m < 5.0, "{error_m} m: {point:?}");
+        let Searched::Window { radius_m, .. } = answer.searched else {
+            panic!("{answer:?}");
+        };
+        assert!(radius_m < 200.0, "{radius_m}");
+        assert_eq!(answer.searches, 1);
+    }
+    // The image centre is 12 m away from the aircraft; its tilt is known.
+    let velocity_m_s = tracked.last().unwrap().0.point.unwrap().estimate.unwrap();
+    assert!((velocity_m_s.velocity_east_m_s - SPEED_M_S).abs() < 2.0);
+    let focal_px = flight.tracker().options().focal_length_px.unwrap();
+    assert!((focal_px - CAMERA.focal_px()).abs() < 1.0);
+}
+
+#[test]
+fn a_start_is_searched_first() {
+    let first = pose(300.0, 300.0);
+    let start = Start {
+        lonlat: lonlat(&first),
+        radius95_m: 60.0,
+    };
+    let answer = flight(Some(start)).frame(&photo(&first), 0.0, &known(&first));
+    assert!(
+        matches!(answer.searched, Searched::Window { .. }),
+        "{answer:?}"
+    );
+    assert!(matches!(answer.outcome, Ok(Outcome::Fix(_))), "{answer:?}");
+}
+
+#[test]
+fn one_bad_frame_stops_nothing_and_a_gap_is_bridged_by_the_velocity() {
+    let mut flight = flight(None);
+    let path = |time_s: f64| pose(150.0 + SPEED_M_S * time_s, 320.0);
+    fly(&mut flight, 0, 150.0, 320.0, 10);
+    let black = Photo::from_image(RgbImage::new(800, 600), Metadata::default());
+    for number in 10..15 {
+        let time_s = f64::from(number) / FRAMES_PER_S;
+        flight
+            .push(Input::Velocity(Velocity {
+                time_s,
+                east_m_s: SPEED_M_S,
+                north_m_s: 0.0,
+                sigma_m_s: 0.3,
+            }))
+            .unwrap();
+        let answer = flight.frame(&black, time_s, &known(&pose(0.0, 0.0)));
+        assert!(matches!(answer.outcome, Ok(Outcome::NoFix(_))));
+        assert!(answer.refused.is_empty());
+        let truth = lonlat(&path(time_s));
+        let error_m = error_m(&(answer, truth)).unwrap();
+        assert!(error_m < 8.0, "{error_m}");
+    }
+    let unplaced = flight.frame(&photo(&path(7.5)), f64::NAN, &Known::default());
+    assert!(matches!(unplaced.refused[0], InputError::Invalid { .. }));
+    assert!(unplaced.point.is_none());
+    let after = fly(&mut flight, 15, path(7.5).x_m, 320.0, 2);
+    assert!(error_m(&after[1]).unwrap() < 5.0);
+}
+
+#[test]
+fn put_elsewhere_it_is_found_again() {
+    let mut flight = flight(None);
+    fly(&mut flight, 0, 330.0, 180.0, 10);
+    let elsewhere = fly(&mut flight, 10, 160.0, 470.0, 14);
+    // The old place is carried on for a moment. From the first fixes that disagree on, it is no longer told as certain.
+    let first_fix = elsewhere
+        .iter()
+        .position(|(answer, _)| matches!(answer.outcome, Ok(Outcome::Fix(_))))
+        .unwrap();
+    for frame in &elsewhere[first_fix + 2..] {
+        assert!(
+            error_m(frame).is_none_or(|error_m| error_m < 5.0),
+            "{:?}",
+            frame.0
+        );
+    }
+    assert!(
+        error_m(&elsewhere[13]).unwrap() < 5.0,
+        "{:?}",
+        elsewhere[13].0
+    );
+}

@@ -61,6 +61,6 @@ pub enum ModeChoice {
     /// The most accurate and fastest method of this program
     #[default]
     Default,
-    /// The method of the publication without changes: independent tiles, 320 x 320, IVF-PQ, top 5, always an answer
+    /// The paper's procedure (see EVALUATION.md): independent tiles, 320 x 320, IVF-PQ, top 5, always an answer
     Paper,
 }

@@ -7,15 +7,17 @@ use grimnet_eval::evaluation::{Found, Method, MethodError, TrialError, evaluate}
 use grimnet_eval::metrics::rank_distance::FrameDistances;
 use grimnet_eval::metrics::recall::{FrameRecall, MOST_RANKS, RightTile};
 use grimnet_eval::metrics::{Frame, ScoredFix};
+use grimnet_eval::report::plot::PlotError;
 use grimnet_eval::scene::{HeadingMode, Scene};
 use grimnet_geo::{GeoError, LonLat};
 use grimnet_locate::{Localizer, LocateError, Options, Outcome, Prior};
 use grimnet_net::{Domain, Model};
 use grimnet_pack::{BuildOptions, Levels, Pack, PackError, build};
-use grimnet_photo::{Photo, PhotoError};
+use grimnet_photo::{HeadingPrior, Metadata, Photo, PhotoError, ViewPrior};
 
 use crate::photometry::Photometry;
 use crate::sift_map::{SiftMap, SiftMapError};
+use crate::told::Told;
 
 /// What localises the photos.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -42,8 +44,8 @@ pub struct Setup {
     pub photometry: Photometry,
     /// Domain whose normalisation statistics are used for photos instead of their own.
     pub photos_as: Option<Domain>,
-    /// Whether the localiser is given the headings.
-    pub heading_known: bool,
+    /// What the method is told of the photos.
+    pub told: Told,
 }
 
 /// What was measured with one setup on one scene.
@@ -84,6 +86,9 @@ pub enum BenchError {
     /// The folder for packs.
     #[error(transparent)]
     Io(#[from] std::io::Error),
+    /// A figure cannot be drawn.
+    #[error(transparent)]
+    Plot(#[from] PlotError),
 }
 
 /// Runs setups over scenes.
@@ -107,6 +112,12 @@ impl<'a> Bench<'a> {
             measured: HashMap::new(),
             sift_maps: HashMap::new(),
         })
+    }
+
+    /// The model.
+    #[must_use]
+    pub fn model(&self) -> &'a Model {
+        self.model
     }
 
     /// Localises all photos of a scene; a setup that was measured before is not measured again. Scenes are distinguished by name.
@@ -151,9 +162,7 @@ impl<'a> Bench<'a> {
             return Ok(());
         }
         let pack = localizer.pack();
-        let level = scene.ground_width_m()?.map_or(0, |width_m| {
-            pack.nearest_level(width_m / setup.options.query_width_px)
-        });
+        let level = level_of(pack, scene, setup)?;
         let map = SiftMap::new(scene.map.as_ref(), &pack.levels()[level])?;
         self.sift_maps.insert(pack_path.to_owned(), map);
         Ok(())
@@ -185,12 +194,7 @@ impl<'a> Bench<'a> {
             Pack::open(self.pack(scene, &setup.build)?)?,
         )?
         .with_options(setup.options.clone());
-        let level = match scene.ground_width_m()? {
-            Some(width_m) => finder
-                .pack()
-                .nearest_level(width_m / setup.options.query_width_px),
-            None => 0,
-        };
+        let level = level_of(finder.pack(), scene, setup)?;
         let apart = Apart {
             finder: &finder,
             matcher: &matcher,
@@ -217,6 +221,18 @@ impl<'a> Bench<'a> {
     }
 }
 
+/// The level that photos are compared with: the nearest to their resolution if that is told, else the finest. Packs of paper mode
+/// have one.
+fn level_of(pack: &Pack, scene: &Scene, setup: &Setup) -> Result<usize, BenchError> {
+    let width_m = match setup.told {
+        Told::Nothing => None,
+        Told::Scale | Told::HeadingAndScale => scene.ground_width_m()?,
+    };
+    Ok(width_m.map_or(0, |width_m| {
+        pack.nearest_level(width_m / setup.options.query_width_px)
+    }))
+}
+
 /// Runs a method over the photos of a scene.
 fn run(
     method: &dyn Method,
@@ -227,11 +243,11 @@ fn run(
     let changed = Changed {
         method,
         photometry: setup.photometry,
+        told: setup.told,
     };
-    let heading = if setup.heading_known {
-        HeadingMode::Known
-    } else {
-        HeadingMode::Unknown
+    let heading = match setup.told {
+        Told::HeadingAndScale => HeadingMode::Known,
+        Told::Nothing | Told::Scale => HeadingMode::Unknown,
     };
     let trials = evaluate(&changed, &scene.shots, heading, &mut |_| ());
     let mut measured = Measured::default();
@@ -263,18 +279,30 @@ fn run(
 struct Changed<'a> {
     method: &'a dyn Method,
     photometry: Photometry,
+    told: Told,
 }
 
 impl Method for Changed<'_> {
     fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        if self.photometry == Photometry::Original {
+        if self.photometry == Photometry::Original && self.told != Told::Nothing {
             return self.method.locate(photo, prior);
         }
-        let changed = Photo {
+        let mut changed = Photo {
             image: self.photometry.apply(&photo.image),
             ..photo.clone()
         };
-        self.method.locate(&changed, prior)
+        let mut prior = *prior;
+        if self.told == Told::Nothing {
+            changed.metadata = Metadata {
+                orientation: photo.metadata.orientation,
+                ..Metadata::default()
+            };
+            prior.view = ViewPrior {
+                heading: HeadingPrior::Unknown,
+                ..ViewPrior::default()
+            };
+        }
+        self.method.locate(&changed, &prior)
     }
 }
 

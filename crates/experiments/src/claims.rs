@@ -1,7 +1,7 @@
 //! EVALUATION.md: the published figures of accuracy, made from stored `summary.json` files.
 //!
 //! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
-//! `experiments/`, with the tables of `grim eval --experiment`. The page is made by
+//! `experiments/`, with the tables of `grim eval --experiment`, and `paper.md`, the table of what follows the publication and what differs. The page is made by
 //! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
 
 use std::fmt::Write as _;
@@ -75,6 +75,12 @@ Made from the stored figures under `evaluation/` by `cargo run -p grimnet-experi
 all photos; a photo without a fix is a miss. \"Behind\" marks figures of this program that are worse than another system's on the same photos.
 ";
 
+/// From the page to the curves of the experiments.
+const FIGURES: &str = "evaluation/experiments/";
+
+/// The table "the paper and this program", kept by hand.
+const PAPER_TABLE: &str = "paper.md";
+
 /// The page for the claims stored in `folder`.
 ///
 /// # Errors
@@ -89,12 +95,20 @@ pub fn page(folder: &Path) -> Result<String, ClaimError> {
         let summary: Value = read(&folder.join("summary.json"))?;
         section(&mut page, &claim, &summary);
     }
+    let paper = folder.join(PAPER_TABLE);
+    if paper.is_file() {
+        let _ = write!(page, "\n{}", fs_err::read_to_string(&paper)?);
+    }
     let experiments = folder.join("experiments");
     if experiments.is_dir() {
         page.push_str("\n## The paper's experiments and sweeps\n");
         for path in sorted(&experiments)? {
             if path.extension().is_some_and(|e| e == "json") {
-                let _ = write!(page, "\n{}", ExperimentTable::read(&path)?.to_markdown());
+                let _ = write!(
+                    page,
+                    "\n{}",
+                    ExperimentTable::read(&path)?.to_markdown(FIGURES)
+                );
             }
         }
     }

@@ -90,6 +90,18 @@ impl Row {
     }
 }
 
+/// A curve beside a table.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Figure {
+    /// Name of its file, beside the table's.
+    pub file: String,
+    /// What it shows.
+    pub title: String,
+    /// The picture; empty if the table was read from a file.
+    #[serde(skip)]
+    pub svg: String,
+}
+
 /// What an experiment measured.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct ExperimentTable {
@@ -115,6 +127,9 @@ pub struct ExperimentTable {
     /// What a reader must know to read it.
     #[serde(default)]
     pub notes: Vec<String>,
+    /// Curves, each in a file of its own.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub figures: Vec<Figure>,
     /// A maintainer's comparison with the paper's figures. It is kept when a new measurement replaces an old one, and must then be
     /// checked.
     #[serde(default)]
@@ -141,7 +156,7 @@ pub enum TableError {
 }
 
 impl ExperimentTable {
-    /// Writes `<id>.json`, `<id>.csv` and `<id>.md` into a folder, which is made. A table without a discussion keeps that of the one it
+    /// Writes `<id>.json`, `<id>.csv`, `<id>.md` and the figures into a folder, which is made. A table without a discussion keeps that of the one it
     /// replaces.
     ///
     /// # Errors
@@ -162,8 +177,11 @@ impl ExperimentTable {
             source,
         })?;
         fs_err::write(path, json + "\n")?;
+        for figure in self.figures.iter().filter(|figure| !figure.svg.is_empty()) {
+            fs_err::write(folder.join(&figure.file), &figure.svg)?;
+        }
         fs_err::write(folder.join(format!("{}.csv", self.id)), self.to_csv()?)?;
-        fs_err::write(folder.join(format!("{}.md", self.id)), self.to_markdown())?;
+        fs_err::write(folder.join(format!("{}.md", self.id)), self.to_markdown(""))?;
         Ok(())
     }
 
@@ -200,9 +218,10 @@ impl ExperimentTable {
         Ok(String::from_utf8_lossy(&bytes).into_owned())
     }
 
-    /// As Markdown: title, table, the paper's figures beside it, notes, conditions.
+    /// As Markdown: title, table, the paper's figures beside it, curves, notes, conditions. `prefix` leads to the folder of the
+    /// curves.
     #[must_use]
-    pub fn to_markdown(&self) -> String {
+    pub fn to_markdown(&self, prefix: &str) -> String {
         let mut text = format!("### {}", self.title);
         if let Some(number) = self.paper_table {
             // Writing to a string cannot fail, here and below.
@@ -213,6 +232,9 @@ impl ExperimentTable {
         if !self.paper.is_empty() {
             text.push_str("\nThe paper, on its own scenes:\n\n");
             text.push_str(&markdown(&self.paper_columns, &self.paper));
+        }
+        for Figure { file, title, .. } in &self.figures {
+            let _ = write!(text, "\n![{title}]({prefix}{file})\n");
         }
         for note in &self.notes {
             let _ = write!(text, "\n{note}\n");
@@ -268,6 +290,11 @@ mod tests {
             paper: vec![Row::new("K = 1", vec![Some(19.86)])],
             conditions: [("data".to_owned(), "1 world".to_owned())].into(),
             notes: vec!["A dash: no fix.".into()],
+            figures: vec![Figure {
+                file: "top-k-errors.svg".into(),
+                title: "Errors".into(),
+                svg: String::new(),
+            }],
             discussion: String::new(),
         }
     }
@@ -283,7 +310,7 @@ mod tests {
         table().write(folder.path()).unwrap();
         let kept = ExperimentTable::read(&folder.path().join("top-k.json")).unwrap();
         assert_eq!(kept.discussion, "As in the paper.");
-        assert!(kept.to_markdown().contains("\nAs in the paper.\n"));
+        assert!(kept.to_markdown("").contains("\nAs in the paper.\n"));
     }
 
     #[test]
@@ -301,6 +328,11 @@ mod tests {
             ",\"world 1, m\",\"average time, s\"\nK = 1,9.2149,0.18\nK = 5,,0.4\n"
         );
         let markdown = fs_err::read_to_string(folder.path().join("top-k.md")).unwrap();
+        let in_page = table.to_markdown("figures/");
+        assert!(
+            in_page.contains("![Errors](figures/top-k-errors.svg)"),
+            "{in_page}"
+        );
         for part in [
             "(the paper's table 6)",
             "| | world 1, m | average time, s |",

@@ -12,11 +12,13 @@ pub mod gallery;
 pub mod networks;
 pub mod page;
 pub mod photometry;
+pub mod recipe;
 mod scene_rows;
 pub mod sift;
 pub mod sift_map;
 pub mod sweep;
 pub mod tables;
+pub mod told;
 #[cfg(feature = "train")]
 pub mod training;
 pub mod training_flight;

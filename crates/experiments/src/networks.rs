@@ -1,6 +1,7 @@
 //! The networks of an experiment that trains: variants of one configuration, each trained once, kept, and resumed after an
 //! interruption.
 
+use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -49,6 +50,42 @@ impl From<TrainError> for NetworksError {
     }
 }
 
+/// A trained network.
+#[derive(Debug, Clone)]
+pub struct Trained {
+    /// The network.
+    pub model: Model,
+    /// By how much the sum of the losses fell from the last but one to the last tenth of the training, as a share of it; `None` if
+    /// it was not watched, or too short.
+    pub last_fall: Option<f64>,
+}
+
+impl Trained {
+    /// Whether the training had reached its plateau.
+    #[must_use]
+    pub fn is_at_plateau(&self) -> Option<bool> {
+        self.last_fall.map(|fall| fall < PLATEAU_FALL)
+    }
+}
+
+/// A training whose losses fall by less than this share over its last tenth has reached its plateau.
+const PLATEAU_FALL: f64 = 0.01;
+
+/// Steps in a tenth of the training at least, for the mean over it to mean something.
+const MIN_TENTH_STEPS: usize = 20;
+
+/// See [`Trained::last_fall`].
+fn last_fall_of(curve: &[f64]) -> Option<f64> {
+    let tenth = curve.len() / 10;
+    if tenth < MIN_TENTH_STEPS {
+        return None;
+    }
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
+    let last = &curve[curve.len() - tenth..];
+    let before = mean(&curve[curve.len() - 2 * tenth..curve.len() - tenth]);
+    Some((before - mean(last)) / before)
+}
+
 /// Called after every step with the network's name.
 type Listener = Box<dyn Fn(&str, &Progress)>;
 
@@ -56,24 +93,27 @@ type Listener = Box<dyn Fn(&str, &Progress)>;
 pub struct Networks {
     config: TrainConfig,
     data: Data,
+    seeds: u64,
     folder: PathBuf,
     stop: Arc<AtomicBool>,
     on_progress: Listener,
 }
 
 impl Networks {
-    /// Keeps networks in `folder`. Setting `stop` ends training after the step in hand.
+    /// Keeps networks in `folder`, `seeds` of each variant. Setting `stop` ends training after the step in hand.
     ///
     /// # Errors
     /// A wrong configuration, data that cannot be read.
     pub fn new(
         config: TrainConfig,
+        seeds: u64,
         folder: &Path,
         stop: Arc<AtomicBool>,
     ) -> Result<Self, NetworksError> {
         config.validate()?;
         Ok(Self {
             data: Data::open(&config)?,
+            seeds: seeds.max(1),
             // Every step is reported, so that a stop is heard at once.
             config: TrainConfig {
                 report_steps: 1,
@@ -97,27 +137,47 @@ impl Networks {
         self.on_progress = Box::new(tell);
     }
 
-    /// The network of the configuration changed by `change`: trained, resumed, or opened if it is finished.
+    /// The networks of the configuration changed by `change`, one for each seed: trained, resumed, or opened if they are finished.
     ///
     /// # Errors
     /// Training fails or was stopped; a file cannot be written or read.
     pub fn get(
         &self,
         name: &str,
-        change: impl FnOnce(&mut TrainConfig),
-    ) -> Result<Model, NetworksError> {
-        let mut config = self.config.clone();
-        change(&mut config);
+        change: impl Fn(&mut TrainConfig),
+    ) -> Result<Vec<Trained>, NetworksError> {
+        (0..self.seeds)
+            .map(|i| {
+                let mut config = self.config.clone();
+                config.seed += i;
+                change(&mut config);
+                self.one(&format!("{name}, seed {}", config.seed), config)
+            })
+            .collect()
+    }
+
+    fn one(&self, name: &str, mut config: TrainConfig) -> Result<Trained, NetworksError> {
         config.out = self.folder.join(self.key(name, &config)?);
         let path = config.out.join("model.safetensors");
+        let last_fall = config.out.join("last-fall.json");
         if path.is_file() {
-            return Ok(Model::open(&path)?);
+            let last_fall = fs_err::read(&last_fall).ok();
+            return Ok(Trained {
+                model: Model::open(&path)?,
+                last_fall: last_fall.and_then(|text| serde_json::from_slice(&text).ok()),
+            });
         }
         let device = config.device.device()?;
-        let trainer = self.trained(name, &config, &device)?;
+        let curve = RefCell::new(Vec::new());
+        let trainer = self.trained(name, &config, &device, &curve)?;
         let exported = export(trainer.state(), &config, &self.data, &device, &mut |_| ())?;
+        let fall = last_fall_of(&curve.into_inner());
+        fs_err::write(&last_fall, format!("{}\n", serde_json::json!(fall)))?;
         save_model(&exported.model, &path)?;
-        Ok(exported.model)
+        Ok(Trained {
+            model: exported.model,
+            last_fall: fall,
+        })
     }
 
     fn trained(
@@ -125,6 +185,7 @@ impl Networks {
         name: &str,
         config: &TrainConfig,
         device: &Device,
+        curve: &RefCell<Vec<f64>>,
     ) -> Result<Trainer, NetworksError> {
         let resume = checkpoint_path(config).is_file();
         let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?;
@@ -137,6 +198,8 @@ impl Networks {
         let stopped = || self.stop.load(Ordering::Relaxed);
         if !stopped() {
             trainer.run(&mut |progress, _| {
+                let sum: f32 = progress.losses.terms().iter().map(|(_, value)| value).sum();
+                curve.borrow_mut().push(f64::from(sum));
                 (self.on_progress)(name, progress);
                 !stopped()
             })?;
@@ -161,7 +224,7 @@ impl Networks {
         let hash = hasher.finalize().to_hex();
         Ok(format!(
             "{}-{}",
-            name.replace(' ', "_"),
+            name.replace(", ", "-").replace(' ', "_"),
             &hash[..KEY_DIGITS]
         ))
     }
@@ -183,8 +246,8 @@ impl Networks {
             },
         );
         format!(
-            "Each network ({}) was trained for {length}, starting from {start}: a small budget, from which only large differences can be read.",
-            self.config.network
+            "Each network ({}) was trained for {length} with each of {} seeds, starting from {start}.",
+            self.config.network, self.seeds
         )
     }
 }

@@ -31,15 +31,15 @@ pub(super) const PAPER_DA_BN: [PaperRow; 2] = [
     ("without DA-BN", [6.59, 16.75, 19.21, 38.48, 19.23]),
 ];
 
-/// Measurements of a setup on each scene.
+/// Measurements on each scene with the setup for it.
 pub(super) fn over(
     bench: &mut Bench<'_>,
     scenes: &[Scene],
-    setup: &Setup,
+    setup: impl Fn(&Scene) -> Result<Setup, BenchError>,
 ) -> Result<Vec<Measured>, BenchError> {
     scenes
         .iter()
-        .map(|scene| bench.measure(scene, setup))
+        .map(|scene| bench.measure(scene, &setup(scene)?))
         .collect()
 }
 
@@ -106,6 +106,9 @@ pub(super) fn paper_scenes(rows: &[PaperRow]) -> (Vec<Column>, Vec<Row>) {
 
 /// The note of every table of errors.
 pub(super) const ALE_NOTE: &str = "Metres are average errors over the frames with a fix (ALE); a frame without one has no error, and is counted in the columns of shares.";
+
+/// The note of tables with rows of different inputs.
+pub(super) const INPUTS_NOTE: &str = "The rows of the paper's procedure without further words are told nothing beside the pixels, as published; all other rows are told heading and ground width.";
 
 /// A table of errors by scene without rows.
 pub(super) fn table(id: &str, title: &str, number: u32, scenes: &[Scene]) -> ExperimentTable {

@@ -9,7 +9,7 @@ use grimnet_locate::internals::estimation::estimate;
 use grimnet_locate::internals::matching::{Descriptors, Matcher, MatchingError};
 use grimnet_locate::internals::transform::Transform;
 use grimnet_locate::{GeometryModel, Options, Prior};
-use grimnet_pack::Level;
+use grimnet_pack::{Level, TILE_PX};
 use grimnet_photo::{Photo, PhotoError, QueryOptions, QueryPx};
 use image::imageops::grayscale;
 use image::{GrayImage, Luma};
@@ -42,11 +42,6 @@ pub enum SiftMapError {
     /// Matching.
     #[error(transparent)]
     Matching(#[from] MatchingError),
-    /// How large the photo is on the ground is not known.
-    #[error(
-        "{0}: the ground resolution of the photo is not known; SIFT needs it, since its tiles have one scale"
-    )]
-    NoScale(String),
 }
 
 /// SIFT features of every tile of one level.
@@ -106,7 +101,7 @@ impl SiftMap {
     /// `None` if no tile has inliers.
     ///
     /// # Errors
-    /// The photo cannot be resampled, or its ground resolution is not known.
+    /// The photo cannot be resampled.
     pub fn locate(
         &self,
         photo: &Photo,
@@ -114,12 +109,14 @@ impl SiftMap {
         among: Option<&[usize]>,
     ) -> Result<Option<SiftFix>, SiftMapError> {
         let view = photo.view(&prior.view);
-        let Some(footprint) = view.footprint else {
-            return Err(SiftMapError::NoScale(photo.path.display().to_string()));
-        };
+        // Without a known scale the photo is made as wide as a tile: SIFT finds its own scale.
+        let width_m = view.footprint.map_or_else(
+            || f64::from(TILE_PX) * self.frame.gsd_m,
+            |footprint| footprint.width_m,
+        );
         let maker = photo.query_maker(&QueryOptions {
             tilt: view.tilt,
-            ..QueryOptions::new(self.frame.gsd_m, footprint.width_m)
+            ..QueryOptions::new(self.frame.gsd_m, width_m)
         })?;
         let up_deg = self
             .georeference

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use grimnet_photo::PhotoError;
 use grimnet_world::Season;
 
 use crate::bench::{Bench, BenchError, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::photometry::Photometry;
-use crate::tables::Recipe;
+use crate::recipe::{Recipe, Variant};
+use crate::told::Told;
 use crate::world_flight::{FlightError, PoseChange, WorldFlight};
 use grimnet_eval::metrics::Summary;
 
@@ -34,11 +36,13 @@ pub enum Sweep {
     MapAge,
     /// Photos of another place than the map's.
     WrongArea,
+    /// Heading of the photos, by the paper's procedure.
+    PaperYaw,
 }
 
 impl Sweep {
     /// All of them.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Yaw,
         Self::Scale,
         Self::Pitch,
@@ -49,6 +53,7 @@ impl Sweep {
         Self::Season,
         Self::MapAge,
         Self::WrongArea,
+        Self::PaperYaw,
     ];
 
     /// Name of its files and of the option's value.
@@ -65,6 +70,7 @@ impl Sweep {
             Self::Season => "season",
             Self::MapAge => "map-age",
             Self::WrongArea => "wrong-area",
+            Self::PaperYaw => "paper-yaw",
         }
     }
 
@@ -82,7 +88,38 @@ impl Sweep {
                 "Share of buildings and trees that may have come or gone since the map; half of these have"
             }
             Self::WrongArea => "Photos of another place than the map's: none may get a fix",
+            Self::PaperYaw => {
+                "Heading of the photos by the paper's procedure, degrees from the map's up"
+            }
         }
+    }
+
+    /// Headings by the paper's procedure: its text claims no prior on orientation, and its recipe has none built in.
+    fn paper_headings(flight: &WorldFlight) -> Vec<Step> {
+        let variants = [
+            (Variant::PAPER, "as published"),
+            (
+                Variant {
+                    told: Told::Scale,
+                    ..Variant::PAPER_TOLD
+                },
+                "map at footprint / 512",
+            ),
+            (Variant::PAPER_TOLD, "map at footprint / 512, heading told"),
+        ];
+        let step = |(variant, name): (Variant, &str), deg: f64| Step {
+            name: format!("{deg}, {name}"),
+            flight: WorldFlight {
+                change: PoseChange::Heading(deg),
+                ..flight.clone()
+            },
+            photometry: Photometry::Original,
+            variant,
+        };
+        variants
+            .into_iter()
+            .flat_map(|variant| [0.0, 30.0, -30.0, 90.0, 180.0].map(|deg| step(variant, deg)))
+            .collect()
     }
 
     /// The steps: name, flight, change of the photos, and whether headings are known.
@@ -94,21 +131,22 @@ impl Sweep {
                 ..flight.clone()
             },
             photometry: Photometry::Original,
-            heading_known,
+            variant: default_mode(heading_known),
         };
         let lit = |value: f64, photometry: Photometry| Step {
             name: value.to_string(),
             flight: flight.clone(),
             photometry,
-            heading_known: true,
+            variant: Variant::DEFAULT_TOLD,
         };
         let seen = |name: String, flight: WorldFlight, heading_known: bool| Step {
             name,
             flight,
             photometry: Photometry::Original,
-            heading_known,
+            variant: default_mode(heading_known),
         };
         match self {
+            Self::PaperYaw => Self::paper_headings(flight),
             Self::Yaw => [true, false]
                 .into_iter()
                 .flat_map(|known| {
@@ -178,11 +216,23 @@ impl Sweep {
     }
 }
 
+/// The default method, with the heading or without.
+fn default_mode(heading_known: bool) -> Variant {
+    Variant {
+        recipe: Recipe::Default,
+        told: if heading_known {
+            Told::HeadingAndScale
+        } else {
+            Told::Scale
+        },
+    }
+}
+
 struct Step {
     name: String,
     flight: WorldFlight,
     photometry: Photometry,
-    heading_known: bool,
+    variant: Variant,
 }
 
 /// Why a sweep cannot be run.
@@ -194,6 +244,9 @@ pub enum SweepError {
     /// A setup cannot be run.
     #[error(transparent)]
     Bench(Box<BenchError>),
+    /// A photo cannot be read.
+    #[error(transparent)]
+    Photo(#[from] PhotoError),
 }
 
 impl From<BenchError> for SweepError {
@@ -220,8 +273,7 @@ pub fn run(
             scene.name = format!("{} {} {}", flight.name, sweep.id(), step.name);
             let setup = Setup {
                 photometry: step.photometry,
-                heading_known: step.heading_known,
-                ..Recipe::Default.setup()
+                ..step.variant.setup(&scene)?
             };
             let frames = bench.measure(&scene, &setup)?.frames;
             if rows.len() <= i {

@@ -1,4 +1,4 @@
-//! Experiments that train networks, on small budgets: loss weights (the paper's table 3), retrieval and matching trained apart (its
+//! Experiments that train networks, several seeds each: loss weights (the paper's table 3), retrieval and matching trained apart (its
 //! table 4), and one normalisation for both domains in place of DA-BN (its table 10).
 
 use std::path::Path;
@@ -7,13 +7,17 @@ use grimnet_train::{Norms, Weights};
 
 use crate::bench::{Bench, BenchError, Measured};
 use crate::experiment_table::{Column, ExperimentTable, Row};
-use crate::networks::{Networks, NetworksError};
+use crate::networks::{Networks, NetworksError, Trained};
+use crate::recipe::Variant;
 use crate::scene_rows::{
     PAPER_DA_BN, PAPER_MODULES, ale, all_frames, mean, over, paper_scenes, scene_row, table,
 };
-use crate::tables::{PAPER_K, Recipe};
+use crate::tables::PAPER_K;
 use grimnet_eval::metrics::Summary;
 use grimnet_eval::scene::Scene;
+
+/// The methods that the trained networks are measured with.
+const VARIANTS: [Variant; 2] = [Variant::PAPER, Variant::DEFAULT_TOLD];
 
 /// Name of the network with nothing changed, which all experiments share.
 const UNCHANGED: &str = "default";
@@ -67,12 +71,11 @@ pub fn run(
     networks: &Networks,
     packs: &Path,
     scenes: &[Scene],
-    recipe: Recipe,
 ) -> Result<ExperimentTable, TrainingError> {
     let mut made = match experiment {
-        TrainedExperiment::LossWeights => loss_weights(networks, packs, scenes, recipe),
-        TrainedExperiment::Modules => modules(networks, packs, scenes, recipe),
-        TrainedExperiment::DaBn => da_bn(networks, packs, scenes, recipe),
+        TrainedExperiment::LossWeights => loss_weights(networks, packs, scenes),
+        TrainedExperiment::Modules => modules(networks, packs, scenes),
+        TrainedExperiment::DaBn => da_bn(networks, packs, scenes),
     }?;
     made.notes.push(networks.describe());
     Ok(made)
@@ -101,46 +104,121 @@ fn weight(weights: &mut Weights, index: usize) -> &mut f32 {
     }
 }
 
+/// Frames of several networks on the same scenes, together.
+fn pooled(by_network: &[Vec<Measured>]) -> Vec<Measured> {
+    let scenes = by_network.first().map_or(0, Vec::len);
+    (0..scenes)
+        .map(|scene| Measured {
+            frames: by_network
+                .iter()
+                .flat_map(|measured| measured[scene].frames.clone())
+                .collect(),
+            ..Measured::default()
+        })
+        .collect()
+}
+
+/// Mean error over the scenes, metres.
+fn average_m(measured: &[Measured]) -> Option<f64> {
+    mean(&measured.iter().map(ale).collect::<Vec<_>>())
+}
+
+/// Standard deviation of the mean error over networks that differ in their seed, metres; `None` for fewer than two.
+fn spread_m(by_network: &[Vec<Measured>]) -> Option<f64> {
+    let averages: Vec<f64> = by_network.iter().filter_map(|m| average_m(m)).collect();
+    let count = averages.len() as f64;
+    let middle = averages.iter().sum::<f64>() / count;
+    let squares = averages.iter().map(|m| (m - middle).powi(2)).sum::<f64>();
+    (averages.len() > 1).then(|| (squares / (count - 1.0)).sqrt())
+}
+
+/// Measurements of each network.
+fn over_networks(
+    trained: &[Trained],
+    packs: &Path,
+    scenes: &[Scene],
+    variant: Variant,
+) -> Result<Vec<Vec<Measured>>, TrainingError> {
+    trained
+        .iter()
+        .map(|trained| {
+            let mut bench = Bench::new(&trained.model, packs)?;
+            Ok(over(&mut bench, scenes, |scene| Ok(variant.setup(scene)?))?)
+        })
+        .collect()
+}
+
+/// How many of the networks had reached their plateau, and how far apart the seeds are.
+fn reliability(name: &str, trained: &[Trained], by_network: &[Vec<Measured>]) -> String {
+    let at_plateau = trained.iter().filter(|t| t.is_at_plateau() == Some(true));
+    let spread = spread_m(by_network).map_or_else(
+        || "not known from one seed".to_owned(),
+        |metres| format!("{metres:.2} m"),
+    );
+    format!(
+        "{name}: {} of {} trainings had reached their plateau (losses falling by less than 1 % over the last tenth); standard deviation of the average \
+         error over the seeds: {spread}.",
+        at_plateau.count(),
+        trained.len()
+    )
+}
+
 fn loss_weights(
     networks: &Networks,
     packs: &Path,
     scenes: &[Scene],
-    recipe: Recipe,
 ) -> Result<ExperimentTable, TrainingError> {
-    let mut rows = [
-        ("Average ALE, m", Vec::new()),
-        ("Within 20 m, %", Vec::new()),
-        ("Within 5 m, %", Vec::new()),
-    ];
+    let mut rows: Vec<Row> = Vec::new();
+    let mut notes = Vec::new();
     for (name, index, factor) in weightings() {
-        let model = networks.get(&name, |config| {
-            *weight(&mut config.weights, index) *= factor
+        let trained = networks.get(&name, |config| {
+            *weight(&mut config.weights, index) *= factor;
         })?;
-        let measured = over(&mut Bench::new(&model, packs)?, scenes, &recipe.setup())?;
-        let summary = Summary::of(&all_frames(&measured));
-        let average_m = mean(&measured.iter().map(ale).collect::<Vec<_>>());
-        rows[0].1.push(average_m);
-        rows[1].1.push(Some(100.0 * summary.within_20m));
-        rows[2].1.push(Some(100.0 * summary.within_5m));
+        let mut values = Vec::new();
+        for variant in VARIANTS {
+            let by_network = over_networks(&trained, packs, scenes, variant)?;
+            let all = pooled(&by_network);
+            let within = Summary::of(&all_frames(&all)).within_20m;
+            let called = variant.name(&trained[0].model);
+            values.extend([
+                (format!("Average ALE, m, {called}"), average_m(&all)),
+                (
+                    format!("Standard deviation over seeds, m, {called}"),
+                    spread_m(&by_network),
+                ),
+                (format!("Within 20 m, %, {called}"), Some(100.0 * within)),
+            ]);
+            if variant == Variant::PAPER {
+                notes.push(reliability(&name, &trained, &by_network));
+            }
+        }
+        for (i, (row, value)) in values.into_iter().enumerate() {
+            if rows.len() <= i {
+                rows.push(Row::new(row, Vec::new()));
+            }
+            rows[i].values.push(value);
+        }
     }
     let columns: Vec<Column> = weightings()
         .iter()
         .map(|(name, ..)| Column::new(name.as_str(), "", 2))
         .collect();
+    let mut made = table(
+        "loss-weights",
+        "Error under several weights of the losses",
+        3,
+        scenes,
+    );
+    made.notes.extend(notes);
     Ok(ExperimentTable {
         columns: columns.clone(),
-        rows: rows.map(|(name, values)| Row::new(name, values)).to_vec(),
+        rows,
         paper_columns: columns,
         paper: vec![Row::new(
             "Average ALE, m",
             PAPER_LOSS_WEIGHTS_M.map(Some).to_vec(),
         )],
-        ..table(
-            "loss-weights",
-            "Error under several weights of the losses",
-            3,
-            scenes,
-        )
+        ..made
     })
 }
 
@@ -148,7 +226,6 @@ fn modules(
     networks: &Networks,
     packs: &Path,
     scenes: &[Scene],
-    recipe: Recipe,
 ) -> Result<ExperimentTable, TrainingError> {
     let retrieval = networks.get("retrieval alone", |config| {
         let weights = &mut config.weights;
@@ -156,15 +233,6 @@ fn modules(
     })?;
     let matching = networks.get("matching alone", |config| config.weights.global = 0.0)?;
     let joint = networks.get(UNCHANGED, |_| {})?;
-    let finder = Bench::new(&retrieval, packs)?;
-    let matcher = Bench::new(&matching, packs)?;
-    let setup = recipe.setup();
-    let apart: Vec<Measured> = scenes
-        .iter()
-        .map(|scene| matcher.measure_apart(&finder, scene, &setup, PAPER_K))
-        .collect::<Result<_, _>>()?;
-    let together = over(&mut Bench::new(&joint, packs)?, scenes, &setup)?;
-    let (paper_columns, paper) = paper_scenes(&PAPER_MODULES);
     let mut made = table(
         "modules-trained",
         "Retrieval and matching trained apart and together",
@@ -176,44 +244,61 @@ fn modules(
          runs once for each retrieved tile; its time counts that."
             .into(),
     );
-    Ok(ExperimentTable {
-        rows: vec![
-            scene_row("G + M", &apart),
-            scene_row("G + M + L", &together),
-        ],
-        paper_columns,
-        paper,
-        ..made
-    })
+    for variant in VARIANTS {
+        let apart = retrieval
+            .iter()
+            .zip(&matching)
+            .map(|(retrieval, matching)| {
+                let finder = Bench::new(&retrieval.model, packs)?;
+                let matcher = Bench::new(&matching.model, packs)?;
+                scenes
+                    .iter()
+                    .map(|scene| {
+                        let setup = variant.setup(scene).map_err(BenchError::from)?;
+                        matcher.measure_apart(&finder, scene, &setup, PAPER_K)
+                    })
+                    .collect::<Result<Vec<_>, BenchError>>()
+            })
+            .collect::<Result<Vec<_>, BenchError>>()?;
+        let together = over_networks(&joint, packs, scenes, variant)?;
+        let called = variant.name(&joint[0].model);
+        for (name, trained, by_network) in
+            [("G + M", &matching, apart), ("G + M + L", &joint, together)]
+        {
+            let name = format!("{name}, {called}");
+            made.rows.push(scene_row(&name, &pooled(&by_network)));
+            made.notes.push(reliability(&name, trained, &by_network));
+        }
+    }
+    (made.paper_columns, made.paper) = paper_scenes(&PAPER_MODULES);
+    Ok(made)
 }
 
 fn da_bn(
     networks: &Networks,
     packs: &Path,
     scenes: &[Scene],
-    recipe: Recipe,
 ) -> Result<ExperimentTable, TrainingError> {
-    let mut rows = Vec::new();
+    let mut made = table(
+        "da-bn-trained",
+        "Normalisation by domain, trained",
+        10,
+        scenes,
+    );
     for (name, network, norms) in [
         ("GRiM-Net", UNCHANGED, Norms::ByDomain),
         ("without DA-BN", "plain BN", Norms::Joint),
     ] {
-        let model = networks.get(network, |config| config.norms = norms)?;
-        let measured = over(&mut Bench::new(&model, packs)?, scenes, &recipe.setup())?;
-        rows.push(scene_row(name, &measured));
+        let trained = networks.get(network, |config| config.norms = norms)?;
+        for variant in VARIANTS {
+            let by_network = over_networks(&trained, packs, scenes, variant)?;
+            let name = format!("{name}, {}", variant.name(&trained[0].model));
+            made.rows.push(scene_row(&name, &pooled(&by_network)));
+            made.notes.push(reliability(&name, &trained, &by_network));
+        }
     }
-    let (paper_columns, paper) = paper_scenes(&PAPER_DA_BN);
-    Ok(ExperimentTable {
-        rows,
-        paper_columns,
-        paper,
-        ..table(
-            "da-bn-trained",
-            "Normalisation by domain, trained",
-            10,
-            scenes,
-        )
-    })
+    (made.paper_columns, made.paper) = paper_scenes(&PAPER_DA_BN);
+    Ok(made)
 }
 
 #[cfg(test)]

@@ -8,7 +8,9 @@ use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::scene::{HeadingMode, PhotoSource, Scene, Shot, Truth};
 use grimnet_experiments::bench::{Bench, Localisation, Setup};
 use grimnet_experiments::photometry::Photometry;
-use grimnet_experiments::tables::{self, Experiment, Recipe};
+use grimnet_experiments::recipe::Variant;
+use grimnet_experiments::tables::{self, Experiment};
+use grimnet_experiments::told::Told;
 use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_geo::{LonLat, MapOptions, WindowPx, distance_m};
 use grimnet_locate::Prior;
@@ -56,7 +58,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     ] {
         let setup = Setup {
             method,
-            ..Recipe::Default.setup()
+            ..Variant::DEFAULT_TOLD.setup(&scene).unwrap()
         };
         let measured = bench.measure(&scene, &setup).unwrap();
         let error_m = measured.frames[0].error_m.unwrap();
@@ -68,7 +70,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     }
     let dark = Setup {
         photometry: Photometry::Brightness(0.0),
-        ..Recipe::Default.setup()
+        ..Variant::DEFAULT_TOLD.setup(&scene).unwrap()
     };
     assert!(!bench.measure(&scene, &dark).unwrap().frames[0].fixed);
 }
@@ -82,14 +84,14 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     assert!(distance_m(scene.shots[0].truth.position, scene.shots[1].truth.position) > 1.0);
     let model = Model::bundled().unwrap();
     let mut bench = Bench::new(&model, folder.path()).unwrap();
-    let table = tables::run(
-        Experiment::Photometry,
-        &mut bench,
-        &[scene],
-        Recipe::Default,
-    )
-    .unwrap();
-    assert_eq!((table.paper_table, table.rows.len()), (Some(7), 4));
+    let scenes = [scene];
+    let table = tables::run(Experiment::Photometry, &mut bench, &scenes).unwrap();
+    // Four conditions by the paper's procedure, as published and with heading and scale, and by the default method.
+    assert_eq!((table.paper_table, table.rows.len()), (Some(7), 12));
+    assert_eq!(
+        table.rows[0].name,
+        "Original condition, paper's procedure, compact network"
+    );
     let names: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
     assert_eq!(
         names,
@@ -103,6 +105,49 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     );
     assert!(table.rows.iter().all(|row| row.values.len() == names.len()));
     assert_eq!(table.paper[0].values.len(), table.paper_columns.len());
+
+    // Figure 7b has the frames of every method, figure 7a of each row.
+    let table = tables::run(Experiment::Success, &mut bench, &scenes).unwrap();
+    assert_eq!((table.rows.len(), table.figures.len()), (4, 4));
+    table.write(folder.path()).unwrap();
+    let svg = std::fs::read_to_string(folder.path().join(&table.figures[0].file)).unwrap();
+    assert!(svg.contains("<svg"));
+}
+
+/// The paper's procedure finds a piece of the map as large as a tile whichever way it is turned only if the heading is told, and a
+/// smaller one only if the map is resampled to its footprint.
+#[test]
+fn what_is_told_reaches_the_method() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
+        .make(folder.path())
+        .unwrap();
+    let mut shot = cut(&scene);
+    let upright = shot.photo.open().unwrap();
+    let turned = image::imageops::rotate90(&upright.image);
+    let up = scene.map.georeference();
+    let up_deg = up.up_bearing_deg(up.centre_px()).unwrap();
+    // Turned clockwise, the photo's top is the map's left.
+    shot.photo = PhotoSource::Memory(Arc::new(Photo::from_image(
+        turned,
+        upright.metadata.clone(),
+    )));
+    shot.known = shot.known.with_heading(up_deg + 270.0, 5.0);
+    scene.shots = vec![shot];
+    let model = Model::bundled().unwrap();
+    let mut bench = Bench::new(&model, folder.path()).unwrap();
+    let mut error_m = |variant: Variant| {
+        let setup = variant.setup(&scene).unwrap();
+        bench.measure(&scene, &setup).unwrap().frames[0].error_m
+    };
+    assert!(error_m(Variant::PAPER_TOLD).unwrap() < 2.0);
+    assert!(error_m(Variant::PAPER).is_none_or(|m| m > 5.0));
+    let heading_withheld = Variant {
+        told: Told::Scale,
+        ..Variant::PAPER_TOLD
+    };
+    assert!(error_m(heading_withheld).is_none_or(|m| m > 5.0));
+    assert!(error_m(Variant::DEFAULT_TOLD).unwrap() < 1.0);
 }
 
 #[test]

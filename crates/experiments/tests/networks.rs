@@ -31,11 +31,16 @@ fn budget() -> TrainConfig {
     }
 }
 
-/// Networks that count their steps and stop after `last`.
-fn stopping_after(last: u64, config: TrainConfig, folder: &Path) -> (Networks, Arc<AtomicU64>) {
+/// Networks of some seeds that count their steps and stop after `last`.
+fn stopping_after(
+    last: u64,
+    seeds: u64,
+    config: TrainConfig,
+    folder: &Path,
+) -> (Networks, Arc<AtomicU64>) {
     let stop = Arc::new(AtomicBool::new(false));
     let steps = Arc::new(AtomicU64::new(0));
-    let mut networks = Networks::new(config, folder, stop.clone()).unwrap();
+    let mut networks = Networks::new(config, seeds, folder, stop.clone()).unwrap();
     let counted = steps.clone();
     networks.on_progress(move |_, progress| {
         counted.fetch_add(1, Ordering::Relaxed);
@@ -47,30 +52,36 @@ fn stopping_after(last: u64, config: TrainConfig, folder: &Path) -> (Networks, A
 #[test]
 fn a_stopped_network_is_gone_on_with_and_a_finished_one_is_not_made_again() {
     let folder = tempfile::tempdir().unwrap();
-    let (networks, steps) = stopping_after(1, budget(), folder.path());
+    let (networks, steps) = stopping_after(1, 1, budget(), folder.path());
     let error = networks.get("joint", |_| {}).err().unwrap();
     assert!(
-        matches!(&error, NetworksError::Stopped { step: 1, name, .. } if name == "joint"),
+        matches!(&error, NetworksError::Stopped { step: 1, name, .. } if name.starts_with("joint, seed ")),
         "{error}"
     );
     assert_eq!(steps.load(Ordering::Relaxed), 1);
 
-    let (networks, steps) = stopping_after(u64::MAX, budget(), folder.path());
-    let made = networks.get("joint", |_| {}).unwrap();
+    let (networks, steps) = stopping_after(u64::MAX, 1, budget(), folder.path());
+    let hash =
+        |networks: &Networks, i: usize| networks.get("joint", |_| {}).unwrap()[i].model.hash();
+    let trained = networks.get("joint", |_| {}).unwrap();
+    let made = &trained[0].model;
+    assert_eq!(trained.len(), 1);
+    assert_eq!(trained[0].last_fall, None, "too short to tell");
     assert_eq!(steps.load(Ordering::Relaxed), 3, "one step was kept");
     assert_eq!(made.card().steps, 4);
-    assert_eq!(networks.get("joint", |_| {}).unwrap().hash(), made.hash());
+    assert_eq!(hash(&networks, 0), made.hash());
     assert_eq!(steps.load(Ordering::Relaxed), 3, "nothing was trained");
 
     let longer = TrainConfig {
         steps: Some(5),
         ..budget()
     };
-    let (networks, steps) = stopping_after(u64::MAX, longer, folder.path());
-    assert_ne!(networks.get("joint", |_| {}).unwrap().hash(), made.hash());
+    let (networks, steps) = stopping_after(u64::MAX, 2, longer, folder.path());
+    assert_ne!(hash(&networks, 0), made.hash());
+    assert_ne!(hash(&networks, 1), hash(&networks, 0), "another seed");
     assert_eq!(
         steps.load(Ordering::Relaxed),
-        5,
+        10,
         "another budget, another network"
     );
 }

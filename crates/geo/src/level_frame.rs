@@ -5,7 +5,8 @@ use serde::{Deserialize, Serialize};
 use crate::{GeoError, Georeference, LevelPx, MapPx, WindowPx};
 
 /// The frame of a level: the map at a given ground resolution. Its axes are those of the map. x and y have different
-/// scales, so that pixels are square on the ground at the map's centre also if the map's are not (a geographic CRS).
+/// scales, so that pixels are square on the ground at the map's centre also if the map's are not (a geographic CRS), but for
+/// [`LevelFrame::of_map_pixels`].
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct LevelFrame {
     /// Metres per level pixel at the map's centre.
@@ -45,6 +46,26 @@ impl LevelFrame {
             map_px_per_level_px_y: scale_y,
             width_px: count(size_px.0, scale_x),
             height_px: count(size_px.1, scale_y),
+        })
+    }
+
+    /// The level whose pixels are the map's own, whatever their shape; `gsd_m` is the side of a square of the same area at the map's
+    /// centre.
+    ///
+    /// # Errors
+    /// Returns [`GeoError::OutsideDomain`] if the map's centre has no position on Earth.
+    pub fn of_map_pixels(
+        georeference: &Georeference,
+        size_px: (u64, u64),
+    ) -> Result<Self, GeoError> {
+        let centre = MapPx::new(size_px.0 as f64 / 2.0, size_px.1 as f64 / 2.0);
+        let (x_m, y_m) = georeference.ground_resolution_m(centre)?;
+        Ok(Self {
+            gsd_m: (x_m * y_m).sqrt(),
+            map_px_per_level_px_x: 1.0,
+            map_px_per_level_px_y: 1.0,
+            width_px: size_px.0,
+            height_px: size_px.1,
         })
     }
 

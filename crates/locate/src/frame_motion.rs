@@ -15,6 +15,7 @@ use crate::{
         covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
         estimation::{EstimatedTransform, EstimationOptions, GeometryModel, estimate},
         ransac::{Ransac, Score},
+        sampler::Sampling,
         similarity::Similarity,
         transform::Transform as _,
     },
@@ -95,6 +96,7 @@ const RANSAC: Ransac = Ransac {
     confidence: 0.999,
     score: Score::Truncated,
     local_optimisation: true,
+    needs_support: true,
 };
 
 /// The motion of the camera from `first` to `second`; `None` if too few keypoints agree on one.
@@ -158,6 +160,7 @@ fn matched(
     let options = EstimationOptions {
         model: GeometryModel::Similarity,
         ransac: RANSAC,
+        sampling: Sampling::Progressive,
         seed,
         refine: true,
         max_scale: MOST_HEIGHT_CHANGE,

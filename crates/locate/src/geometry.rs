@@ -6,6 +6,7 @@ pub mod correspondence;
 pub mod covariance;
 pub mod estimation;
 pub mod homography;
+pub mod plain_homography;
 pub mod ransac;
 pub mod refine;
 pub mod sampler;

@@ -69,8 +69,8 @@ pub use trace::{RoundTrace, Trace};
 pub mod internals {
     pub use crate::{
         geometry::{
-            correspondence, covariance, estimation, homography, ransac, refine, sampler,
-            similarity, transform,
+            correspondence, covariance, estimation, homography, plain_homography, ransac, refine,
+            sampler, similarity, transform,
         },
         search::matching,
     };

@@ -247,8 +247,8 @@ impl Localizer {
         Ok(Self { extractor, ..self })
     }
 
-    /// The tiles most similar to the photo under its first round of hypotheses, best first, at most [`Options::top_k`]. They are
-    /// indices in the level of that round.
+    /// The tiles most similar to the photo under its first round of hypotheses (in paper mode to the whole photo), best first, at
+    /// most [`Options::top_k`]. They are indices in the level of that round.
     ///
     /// # Errors
     /// As [`Localizer::locate`].
@@ -258,6 +258,9 @@ impl Localizer {
         prior.check()?;
         let context = self.context();
         let view = photo.view(&prior.view);
+        if self.options.mode == Mode::Paper {
+            return procedure::retrieve(context, photo, &view, prior);
+        }
         let Some(round) = rounds(&view, &self.pack, &self.options).into_iter().next() else {
             return Ok(Vec::new());
         };

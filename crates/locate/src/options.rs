@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::{
     estimation::{EstimationOptions, GeometryModel},
     ransac::{Ransac, Score},
+    sampler::Sampling,
 };
 
 /// Which candidate wins.
@@ -140,6 +141,8 @@ pub struct Options {
     pub max_ratio: Option<f32>,
     /// Settings of RANSAC.
     pub ransac: Ransac,
+    /// The order in which RANSAC draws samples.
+    pub sampling: Sampling,
     /// Seed of the samples that RANSAC draws.
     pub seed: u64,
     /// The kind of transform from photo to map.
@@ -148,6 +151,9 @@ pub struct Options {
     pub guided: bool,
     /// Whether to refine the transform with each pair weighted by the probability of its keypoint.
     pub refine: bool,
+    /// Paper mode: whether a photo is first turned by its heading, if that is known, so that the map's up is up. The paper uses no
+    /// heading.
+    pub turn_by_heading: bool,
     /// Which candidate wins.
     pub choice: Choice,
     /// Limits that a transform must keep to become a fix; `None` answers always.
@@ -201,11 +207,14 @@ impl Default for Options {
                 confidence: 0.999,
                 score: Score::Truncated,
                 local_optimisation: true,
+                needs_support: true,
             },
+            sampling: Sampling::Progressive,
             seed: 1,
             geometry: GeometryModel::SimilarityThenHomography,
             guided: true,
             refine: true,
+            turn_by_heading: false,
             choice: Choice::Inliers,
             gates: Some(Gates::default()),
             coordinates: Coordinates::Georeference,
@@ -231,6 +240,7 @@ impl Options {
         EstimationOptions {
             model: self.geometry,
             ransac: self.ransac,
+            sampling: self.sampling,
             seed: self.seed,
             refine: self.refine,
             max_scale: self

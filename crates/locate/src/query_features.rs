@@ -2,6 +2,7 @@
 
 use grimnet_net::{ExtractOptions, Extractor, Features};
 use grimnet_pack::quantise::{descriptor_scale, quantise_descriptors};
+use grimnet_pack::{DescriptorType, LocalDescriptors};
 use grimnet_photo::QueryPx;
 use image::{GrayImage, RgbImage};
 use nalgebra::{Matrix3, Point2};
@@ -19,9 +20,8 @@ pub(crate) struct QueryFeatures {
     pub points: Vec<Point2<f32>>,
     /// Probabilities of the keypoints.
     pub scores: Vec<f32>,
-    /// Their descriptors, n x dim, quantised like those of the pack.
-    descriptors: Vec<i8>,
-    descriptor_scale: f32,
+    /// Their descriptors, n x dim, of the same type as those of the pack.
+    descriptors: LocalDescriptors,
     /// Dimension of a descriptor.
     pub dim: usize,
     /// The global descriptor.
@@ -41,12 +41,13 @@ pub(crate) const PIXEL_CENTRE: f32 = 0.5;
 pub(crate) const MIN_KEYPOINTS: usize = 8;
 
 impl QueryFeatures {
-    /// Runs the network over a query.
+    /// Runs the network over a query. Its descriptors become `descriptor_type`, that of the level they are compared with.
     pub fn extract(
         extractor: &Extractor,
         image: &RgbImage,
         mask: Option<&GrayImage>,
         photo_px_from_query_px: Matrix3<f64>,
+        descriptor_type: DescriptorType,
         options: &Options,
     ) -> Result<Self> {
         let extract = ExtractOptions {
@@ -66,6 +67,7 @@ impl QueryFeatures {
             image.dimensions(),
             seen_px,
             photo_px_from_query_px,
+            descriptor_type,
         ))
     }
 
@@ -74,6 +76,7 @@ impl QueryFeatures {
         size_px: (u32, u32),
         seen_px: usize,
         photo_px_from_query_px: Matrix3<f64>,
+        descriptor_type: DescriptorType,
     ) -> Self {
         let dim = features.descriptor_dim;
         let points = features
@@ -83,8 +86,13 @@ impl QueryFeatures {
         Self {
             points: points.collect(),
             scores: features.keypoints.iter().map(|point| point.score).collect(),
-            descriptors: quantise_descriptors(&features.descriptors, dim),
-            descriptor_scale: descriptor_scale(dim),
+            descriptors: match descriptor_type {
+                DescriptorType::Int8 => LocalDescriptors::Int8 {
+                    values: quantise_descriptors(&features.descriptors, dim),
+                    scale: descriptor_scale(dim),
+                },
+                DescriptorType::Float32 => LocalDescriptors::Float32(features.descriptors.clone()),
+            },
             dim,
             global: features.global.clone(),
             centre_px: QueryPx::new(f64::from(size_px.0) / 2.0, f64::from(size_px.1) / 2.0),
@@ -96,9 +104,12 @@ impl QueryFeatures {
     /// Descriptors of the `most` strongest keypoints.
     pub fn strongest(&self, most: usize) -> Descriptors<'_> {
         let count = self.points.len().min(most) * self.dim;
-        Descriptors::I8 {
-            values: &self.descriptors[..count],
-            scale: self.descriptor_scale,
+        match &self.descriptors {
+            LocalDescriptors::Int8 { values, scale } => Descriptors::I8 {
+                values: &values[..count],
+                scale: *scale,
+            },
+            LocalDescriptors::Float32(values) => Descriptors::F32(&values[..count]),
         }
     }
 }

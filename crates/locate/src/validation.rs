@@ -116,12 +116,12 @@ fn check_ransac(ransac: &Ransac) -> Result<()> {
         COUNT,
     )?;
     let confidence = ransac.confidence;
-    let holds = confidence > 0.0 && confidence < 1.0;
+    let holds = confidence > 0.0 && confidence <= 1.0;
     require(
         "ransac.confidence",
         confidence,
         holds,
-        "a number above 0 and below 1",
+        "a number above 0, at most 1",
     )
 }
 
@@ -306,7 +306,7 @@ mod tests {
                 changed(|o| o.ransac.max_iterations = 0),
             ),
             ("ransac.confidence", changed(|o| o.ransac.confidence = 0.0)),
-            ("ransac.confidence", changed(|o| o.ransac.confidence = 1.0)),
+            ("ransac.confidence", changed(|o| o.ransac.confidence = 1.5)),
             (
                 "gates.min_inlier_share",
                 changed_gates(|g| g.min_inlier_share = 1.5),

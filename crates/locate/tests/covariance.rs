@@ -128,7 +128,11 @@ fn too_few_pairs_have_no_covariance() {
         ty: 0.0,
     };
     let centre = Point2::new(1.0, 1.0);
-    assert!(mapped_point_covariance(&model, &[at(0.0, 0.0), at(9.0, 9.0)], centre, 0.4).is_none());
+    assert!(mapped_point_covariance(&model, &[at(0.0, 0.0)], centre, 0.4).is_none());
+    // Two pairs fit exactly; the covariance is then that of keypoints' least error alone.
+    let two = [at(0.0, 0.0), at(2.0, 2.0)];
+    let midway = mapped_point_covariance(&model, &two, centre, 0.4).unwrap();
+    assert!((midway[(0, 0)] - 0.16 / 2.0).abs() < 1e-9, "{midway}");
     assert!(mapped_point_covariance(&model, &[at(5.0, 5.0); 9], centre, 0.4).is_none());
     // Perfect agreement is still not believed.
     let perfect: Vec<_> = (0..25)

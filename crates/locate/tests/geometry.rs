@@ -79,6 +79,7 @@ const SEARCH: Ransac = Ransac {
     confidence: 0.9999,
     score: Score::Truncated,
     local_optimisation: true,
+    needs_support: true,
 };
 
 fn robust<const N: usize, E: Estimator>(
@@ -481,7 +482,7 @@ proptest! {
             let mut parameters = truth.parameters();
             let step = if i > 5 { 1e-9 } else { 1e-5 };
             parameters[i] += step;
-            let moved = Homography::from_parameters(&parameters).map(p).unwrap();
+            let moved = truth.with_parameters(&parameters).map(p).unwrap();
             let column = by_parameters.column(i);
             prop_assert!(((moved - at) / step - column).norm() < 1e-3 * (1.0 + column.norm()));
         }

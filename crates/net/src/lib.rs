@@ -37,6 +37,7 @@ mod keypoints;
 mod layer;
 mod model;
 mod model_hash;
+mod paper_network;
 mod parameter;
 mod parameter_names;
 mod random;

@@ -208,6 +208,12 @@ fn tiny_vgg16_equals_pytorch() {
     compare(&opened("tiny_vgg16"), "tiny_vgg16", Domain::Sat);
 }
 
+/// As published: no normalisation after the transposed convolutions (eq. 4), NetVLAD's input not scaled (eq. 5-6).
+#[test]
+fn tiny_vgg16_paper_equals_pytorch() {
+    compare(&opened("tiny_vgg16_paper"), "tiny_vgg16_paper", Domain::Sat);
+}
+
 #[test]
 fn compact_equals_pytorch() {
     compare(&filled(&NetSpec::compact()), "compact", Domain::Sat);

@@ -90,6 +90,9 @@ pub fn build_with_limits(
 ) -> Result<BuildReport> {
     check_output(out)?;
     check_scale(raster, limits)?;
+    if options.mode == Mode::Paper {
+        warn_of_another_network(model);
+    }
     let recipe = recipe(options);
     let recipe = recipe.as_ref();
     let plans = plan_levels(
@@ -160,6 +163,18 @@ fn check_output(out: &Path) -> Result<()> {
             path: out.to_path_buf(),
         }),
         _ => Ok(()),
+    }
+}
+
+/// Warns if the model's network is not the paper's as published: what is measured is then the paper's procedure with it.
+fn warn_of_another_network(model: &Model) {
+    let differences = model.spec().differences_from_paper();
+    if !differences.is_empty() {
+        tracing::warn!(
+            "paper mode with the network `{}`, which is not the paper's (`vgg16-paper`): {}; this is the paper's procedure with another network",
+            model.spec().preset,
+            differences.join("; ")
+        );
     }
 }
 

@@ -3,13 +3,17 @@
 use half::f16;
 
 use crate::format::{ALIGNMENT, BlobLayout, POSITION_STEPS_PER_PX};
+use crate::local_descriptors::{DescriptorType, LocalDescriptors};
 
 /// Features of one cell or paper tile, borrowed from the pack, strongest keypoint first.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureBlock<'a> {
     positions: &'a [[u16; 2]],
     scores: &'a [f16],
-    descriptors: &'a [i8],
+    /// Descriptors in their stored bytes.
+    descriptors: &'a [u8],
+    /// Bytes of one descriptor.
+    descriptor_len: usize,
     /// Tile pixel of stored position (0, 0): x, y.
     offset_px: [f32; 2],
     /// Tile pixels per stored pixel (1 except in paper mode).
@@ -17,21 +21,22 @@ pub struct FeatureBlock<'a> {
 }
 
 impl<'a> FeatureBlock<'a> {
-    /// Views a blob. `None` if its parts do not fit.
+    /// Views a blob whose descriptors have `descriptor_len` bytes. `None` if its parts do not fit.
     pub(crate) fn new(
         blob: &'a [u8],
         keypoints: usize,
-        dim: usize,
+        descriptor_len: usize,
         offset_px: [f32; 2],
         px_per_stored_px: f32,
     ) -> Option<Self> {
-        let layout = BlobLayout::new(keypoints, dim)?;
+        let layout = BlobLayout::new(keypoints, descriptor_len)?;
         let positions = blob.get(layout.positions..layout.scores)?;
         let scores = blob.get(layout.scores..layout.end)?;
         Some(Self {
             positions: bytemuck::try_cast_slice(positions).ok()?,
             scores: bytemuck::try_cast_slice(scores).ok()?,
-            descriptors: bytemuck::cast_slice(blob.get(..keypoints * dim)?),
+            descriptors: blob.get(..keypoints * descriptor_len)?,
+            descriptor_len,
             offset_px,
             px_per_stored_px,
         })
@@ -62,9 +67,9 @@ impl<'a> FeatureBlock<'a> {
         self.scores[i].to_f32()
     }
 
-    /// All descriptors, `len x dim`.
-    pub fn descriptors(&self) -> &'a [i8] {
-        self.descriptors
+    /// The stored bytes of the descriptor of keypoint `i`.
+    pub(crate) fn descriptor(&self, i: usize) -> &'a [u8] {
+        &self.descriptors[i * self.descriptor_len..(i + 1) * self.descriptor_len]
     }
 }
 
@@ -76,11 +81,9 @@ pub struct TileFeatures {
     /// Keypoint probabilities, descending.
     pub scores: Vec<f32>,
     /// Descriptors, `n x descriptor_dim`.
-    pub descriptors: Vec<i8>,
+    pub descriptors: LocalDescriptors,
     /// Numbers in a descriptor.
     pub descriptor_dim: usize,
-    /// int8 quantisation scale of the descriptors; cosine = integer product x scale x scale of the query.
-    pub scale: f32,
 }
 
 impl TileFeatures {
@@ -95,7 +98,12 @@ impl TileFeatures {
     }
 
     /// The `most` strongest keypoints of some blocks; ties go to the earlier block, then the earlier keypoint.
-    pub(crate) fn gather(blocks: &[FeatureBlock<'_>], dim: usize, scale: f32, most: usize) -> Self {
+    pub(crate) fn gather(
+        blocks: &[FeatureBlock<'_>],
+        dim: usize,
+        (kind, scale): (DescriptorType, f32),
+        most: usize,
+    ) -> Self {
         let mut order: Vec<(f32, u32, u32)> = Vec::new();
         for (b, block) in blocks.iter().enumerate() {
             // Blocks are sorted, so no more than `most` of each can be among the strongest.
@@ -106,16 +114,14 @@ impl TileFeatures {
         let mut all = Self {
             xy_px: Vec::with_capacity(order.len()),
             scores: Vec::with_capacity(order.len()),
-            descriptors: Vec::with_capacity(order.len() * dim),
+            descriptors: LocalDescriptors::with_capacity(kind, scale, order.len() * dim),
             descriptor_dim: dim,
-            scale,
         };
         for (score, b, i) in order {
             let (block, i) = (&blocks[b as usize], i as usize);
             all.xy_px.push(block.xy_px(i));
             all.scores.push(score);
-            all.descriptors
-                .extend_from_slice(&block.descriptors()[i * dim..(i + 1) * dim]);
+            all.descriptors.extend_from_bytes(block.descriptor(i));
         }
         all
     }
@@ -123,13 +129,13 @@ impl TileFeatures {
 
 /// Writes keypoints (strongest first) as a blob.
 ///
-/// `positions_px` count from the unit's top-left pixel, pixel centres at integers.
+/// `positions_px` count from the unit's top-left pixel, pixel centres at integers; `descriptors` are the stored bytes.
 pub(crate) fn encode_blob(
     positions_px: &[[f32; 2]],
     scores: &[f32],
-    descriptors: &[i8],
+    descriptors: &[u8],
 ) -> Vec<u8> {
-    let mut blob: Vec<u8> = bytemuck::cast_slice(descriptors).to_vec();
+    let mut blob: Vec<u8> = descriptors.to_vec();
     blob.resize(blob.len().next_multiple_of(4), 0);
     for v in positions_px.iter().flatten() {
         let stored = (v * POSITION_STEPS_PER_PX).round().clamp(0.0, 65535.0) as u16;
@@ -157,7 +163,7 @@ mod tests {
     fn blob_round_trip() {
         let positions = [[3.0, 250.5], [255.0, 0.0], [17.25, 9.0]];
         let scores = [0.9, 0.5, 0.25];
-        let descriptors: Vec<i8> = (0..3 * 6).map(|v| v as i8 - 9).collect();
+        let descriptors: Vec<u8> = (0..3 * 6).collect();
         let words = aligned(&encode_blob(&positions, &scores, &descriptors));
         let block =
             FeatureBlock::new(bytemuck::cast_slice(&words), 3, 6, [256.0, 0.0], 1.0).unwrap();
@@ -165,7 +171,7 @@ mod tests {
         assert_eq!(block.xy_px(0), [259.0, 250.5]);
         assert_eq!(block.xy_px(2), [273.25, 9.0]);
         assert_eq!(block.score(1), 0.5);
-        assert_eq!(block.descriptors(), &descriptors[..]);
+        assert_eq!(block.descriptor(1), &descriptors[6..12]);
         assert!(FeatureBlock::new(bytemuck::cast_slice(&words), 300, 6, [0.0; 2], 1.0).is_none());
     }
 
@@ -194,9 +200,9 @@ mod tests {
             FeatureBlock::new(bytemuck::cast_slice(&a), 2, 1, [0.0; 2], 1.0).unwrap(),
             FeatureBlock::new(bytemuck::cast_slice(&b), 2, 1, [256.0, 0.0], 1.0).unwrap(),
         ];
-        let all = TileFeatures::gather(&blocks, 1, 1.0, 3);
+        let all = TileFeatures::gather(&blocks, 1, (DescriptorType::Int8, 1.0), 3);
         assert_eq!(all.scores, [0.75, 0.5, 0.5]);
-        assert_eq!(all.descriptors, [3, 1, 4]);
+        assert_eq!(all.descriptors.to_f32(), [3.0, 1.0, 4.0]);
         assert_eq!(all.xy_px[2], [258.0, 0.0]);
     }
 }

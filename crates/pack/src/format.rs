@@ -9,12 +9,12 @@
 //!
 //! | section | content |
 //! |---|---|
-//! | `L/features` | blobs, each at a multiple of 64: descriptors `i8 [n][dim]`, padding to 4, positions `u16 [n][2]`, scores `f16 [n]` |
+//! | `L/features` | blobs, each at a multiple of 64: descriptors `i8 [n][dim]` (paper mode: `f32 [n][dim]`), padding to 4, positions `u16 [n][2]`, scores `f16 [n]` |
 //! | `L/features.blocks` | blake3 of each block of [`BLOCK_LEN`] bytes of the features, 32 bytes each |
 //! | `L/units` | one [`UnitEntry`] per feature unit (cell or paper tile), row by row |
 //! | `L/tiles` | one [`TileEntry`] per tile that has a descriptor, row by row |
-//! | `L/globals` | `i8 [tiles][global_dim]`, unit rows; default mode: the mean of the level subtracted |
-//! | `L/global_scales` | `f32 [tiles]`, the int8 quantisation scale of each row |
+//! | `L/globals` | `i8 [tiles][global_dim]`, unit rows, the mean of the level subtracted; paper mode: `f32 [tiles][global_dim]`, nothing subtracted |
+//! | `L/global_scales` | `f32 [tiles]`, the int8 quantisation scale of each row; paper mode: empty |
 //! | `L/statistics` | adapted normalisation statistics, if any |
 //! | `L/ivf.*` | the IVF-PQ index, if any |
 //!
@@ -27,7 +27,7 @@ use bytemuck::{Pod, Zeroable};
 pub const MAGIC: [u8; 8] = *b"GRIMPACK";
 
 /// Version of the layout described above; another version is refused.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// Length of the blocks in which features are hashed, bytes; the last one may be shorter.
 pub const BLOCK_LEN: u64 = 1 << 20;
@@ -111,9 +111,11 @@ pub struct BlobLayout {
 }
 
 impl BlobLayout {
-    /// Layout for `keypoints` keypoints with descriptors of `dim` numbers. `None` if it does not fit into memory.
-    pub fn new(keypoints: usize, dim: usize) -> Option<Self> {
-        let positions = keypoints.checked_mul(dim)?.checked_next_multiple_of(4)?;
+    /// Layout for `keypoints` keypoints with descriptors of `descriptor_len` bytes. `None` if it does not fit into memory.
+    pub fn new(keypoints: usize, descriptor_len: usize) -> Option<Self> {
+        let positions = keypoints
+            .checked_mul(descriptor_len)?
+            .checked_next_multiple_of(4)?;
         let scores = positions.checked_add(keypoints.checked_mul(4)?)?;
         let end = scores.checked_add(keypoints.checked_mul(2)?)?;
         // The padding must fit as well.

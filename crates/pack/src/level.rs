@@ -11,9 +11,11 @@ use crate::feature_store::FeatureStore;
 use crate::features::{FeatureBlock, TileFeatures};
 use crate::file::PackFile;
 use crate::format::{BlobLayout, TileEntry, UnitState};
+use crate::global_rows::GlobalRows;
 use crate::index::Index;
 use crate::level_tables::{Tables, features_of};
 use crate::limits::PackLimits;
+use crate::local_descriptors::DescriptorType;
 use crate::manifest::{LevelManifest, Manifest};
 use crate::search::ivf_pq::IvfPqView;
 
@@ -135,9 +137,14 @@ impl Level {
         self.global_dim
     }
 
-    /// The int8 quantisation scale of local descriptors.
-    pub fn descriptor_scale(&self) -> f32 {
-        self.manifest.descriptor_scale
+    /// How descriptors are stored.
+    pub fn descriptor_type(&self) -> DescriptorType {
+        self.manifest.descriptor_type
+    }
+
+    /// Bytes of a local descriptor in the file.
+    fn descriptor_len(&self) -> usize {
+        self.descriptor_dim * self.descriptor_type().number_len()
     }
 
     /// The map's affine transform and coordinate system.
@@ -234,7 +241,8 @@ impl Level {
                 continue;
             };
             let keypoints = unit.keypoints as usize;
-            let Some(layout) = BlobLayout::new(keypoints, self.descriptor_dim) else {
+            let descriptor_len = self.descriptor_len();
+            let Some(layout) = BlobLayout::new(keypoints, descriptor_len) else {
                 continue;
             };
             let start = unit.offset as usize;
@@ -242,7 +250,7 @@ impl Level {
             blocks.extend(FeatureBlock::new(
                 blob,
                 keypoints,
-                self.descriptor_dim,
+                descriptor_len,
                 [dx, dy].map(|d| (d * m.stride_px) as f32),
                 px_per_stored_px,
             ));
@@ -272,19 +280,14 @@ impl Level {
         Ok(TileFeatures::gather(
             &self.blocks(i)?,
             self.descriptor_dim,
-            self.manifest.descriptor_scale,
+            (self.descriptor_type(), self.manifest.descriptor_scale),
             most,
         ))
     }
 
-    /// Tile descriptors, `tile_count x global_dim`, int8; row `i` has the scale [`Level::global_scales`]`[i]`.
-    pub fn globals(&self) -> &[i8] {
-        self.tables.globals()
-    }
-
-    /// The int8 quantisation scale of each tile descriptor.
-    pub fn global_scales(&self) -> &[f32] {
-        self.tables.global_scales()
+    /// Tile descriptors, `tile_count x global_dim`.
+    pub(crate) fn globals(&self) -> GlobalRows<'_> {
+        self.tables.globals(self.descriptor_type())
     }
 
     /// Descriptor of tile `i`, a unit vector except for rounding.
@@ -292,9 +295,14 @@ impl Level {
     /// # Panics
     /// If `i` is not below [`Level::tile_count`].
     pub fn global(&self, i: usize) -> Vec<f32> {
-        let scale = self.global_scales()[i];
-        let row = &self.globals()[i * self.global_dim..(i + 1) * self.global_dim];
-        row.iter().map(|&v| f32::from(v) * scale).collect()
+        let row = i * self.global_dim..(i + 1) * self.global_dim;
+        match self.globals() {
+            GlobalRows::Int8 { rows, scales } => rows[row]
+                .iter()
+                .map(|&v| f32::from(v) * scales[i])
+                .collect(),
+            GlobalRows::Float32(rows) => rows[row].to_vec(),
+        }
     }
 
     /// Normalisation statistics that were adapted to the map at this level, if the pack has them.

@@ -3,8 +3,10 @@
 use crate::error::{PackError, Result};
 use crate::file::{AlignedBytes, PackFile};
 use crate::format::{BlobLayout, TileEntry, UnitEntry, blocks_name};
+use crate::global_rows::GlobalRows;
 use crate::index::Index;
 use crate::layout::copy_section;
+use crate::local_descriptors::DescriptorType;
 use crate::manifest::{LevelManifest, Manifest, Section};
 use crate::search::ivf_pq::IvfPqView;
 
@@ -99,15 +101,22 @@ impl Tables {
         let wrong = |what: &str| Err(what.to_owned());
         let tiles = usize::try_from(m.tiles).unwrap_or(usize::MAX);
         let units = m.unit_grid[0] as usize * m.unit_grid[1] as usize;
-        let is_expected = self.tiles().len() == tiles
-            && self.units().len() == units
-            && self.global_scales().len() == tiles
-            && Some(self.globals().len()) == tiles.checked_mul(global_dim);
-        if !is_expected {
+        let numbers = tiles.checked_mul(global_dim);
+        let (globals_fit, are_finite) = match self.globals(m.descriptor_type) {
+            GlobalRows::Int8 { rows, scales } => (
+                scales.len() == tiles && Some(rows.len()) == numbers,
+                scales.iter().all(|s| s.is_finite()),
+            ),
+            GlobalRows::Float32(rows) => (
+                self.global_scales.as_slice().is_empty() && Some(rows.len()) == numbers,
+                rows.iter().all(|v| v.is_finite()),
+            ),
+        };
+        if self.tiles().len() != tiles || self.units().len() != units || !globals_fit {
             return wrong("sections of the wrong length");
         }
-        if !self.global_scales().iter().all(|s| s.is_finite()) {
-            return wrong("a quantisation scale that is not finite");
+        if !are_finite {
+            return wrong("a tile descriptor or its quantisation scale that is not finite");
         }
         let in_grid = |t: &TileEntry| t.column < m.tile_grid[0] && t.row < m.tile_grid[1];
         if !self.tiles().iter().all(in_grid) {
@@ -127,7 +136,9 @@ impl Tables {
                 ));
             }
             keypoints += u64::from(unit.keypoints);
-            let end = BlobLayout::new(unit.keypoints as usize, descriptor_dim)
+            let end = descriptor_dim
+                .checked_mul(m.descriptor_type.number_len())
+                .and_then(|len| BlobLayout::new(unit.keypoints as usize, len))
                 .and_then(|layout| unit.offset.checked_add(layout.stored_len() as u64));
             if end.is_none_or(|end| end > features_len) || unit.offset % 64 != 0 {
                 return wrong("features outside their section");
@@ -155,14 +166,15 @@ impl Tables {
         self.units.numbers()
     }
 
-    /// Tile descriptors, int8.
-    pub fn globals(&self) -> &[i8] {
-        self.globals.numbers()
-    }
-
-    /// Quantisation scales of the tile descriptors.
-    pub fn global_scales(&self) -> &[f32] {
-        self.global_scales.numbers()
+    /// Tile descriptors, which are stored as `kind`.
+    pub fn globals(&self, kind: DescriptorType) -> GlobalRows<'_> {
+        match kind {
+            DescriptorType::Int8 => GlobalRows::Int8 {
+                rows: self.globals.numbers(),
+                scales: self.global_scales.numbers(),
+            },
+            DescriptorType::Float32 => GlobalRows::Float32(self.globals.numbers()),
+        }
     }
 
     /// Adapted statistics, if any.

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
+use crate::local_descriptors::DescriptorType;
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 
@@ -94,6 +95,9 @@ pub struct LevelManifest {
     pub keypoints: u64,
     /// Maximum number of keypoints of a unit.
     pub keypoints_per_unit: u32,
+    /// How descriptors are stored.
+    #[serde(default, skip_serializing_if = "DescriptorType::is_int8")]
+    pub descriptor_type: DescriptorType,
     /// int8 quantisation scale of local descriptors.
     pub descriptor_scale: f32,
     /// Tiles that adapted statistics were computed from; 0 if the model's own were used.

@@ -10,7 +10,7 @@ use crate::mode::Mode;
 #[serde(rename_all = "snake_case")]
 pub enum Levels {
     /// Default mode: from the map's own resolution (not finer than [`crate::FINEST_AUTO_GSD_M`]) by factors of two
-    /// until a tile is about a kilometre wide or covers the map. Paper mode: the map's own resolution alone.
+    /// until a tile is about a kilometre wide or covers the map. Paper mode: the map's own pixels.
     #[default]
     Auto,
     /// These resolutions, metres per pixel.

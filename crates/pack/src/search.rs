@@ -49,7 +49,7 @@ impl Level {
                 found: queries.len(),
             });
         }
-        let (rows, scales) = (self.globals(), self.global_scales());
+        let rows = self.globals();
         let Index::IvfPq {
             nlist,
             subquantisers,
@@ -57,7 +57,7 @@ impl Level {
             rerank_factor,
         } = index
         else {
-            return Ok(exact::search(rows, scales, dim, queries, k, filter));
+            return Ok(exact::search(rows, dim, queries, k, filter));
         };
         let lists = self
             .ivf_pq()
@@ -72,7 +72,7 @@ impl Level {
         let mut found = lists.search(queries, wanted, nprobe as usize, filter);
         if rerank_factor > 0 {
             for (hits, query) in found.iter_mut().zip(queries.chunks_exact(dim)) {
-                *hits = exact::rerank(rows, scales, query, hits, k);
+                *hits = exact::rerank(rows, query, hits, k);
             }
         }
         Ok(found)

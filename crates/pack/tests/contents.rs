@@ -4,7 +4,11 @@ mod support;
 
 use grimnet_geo::{LevelPx, Raster, WindowPx};
 use grimnet_net::{Domain, ExtractOptions, Extractor};
-use grimnet_pack::{BuildOptions, CELL_PX, Index, Levels, Mode, PAPER_INDEX, TILE_PX, draw};
+use grimnet_pack::quantise::descriptor_scale;
+use grimnet_pack::{
+    BuildOptions, CELL_PX, DescriptorType, Index, Levels, Mode, PAPER_INDEX, TILE_PX, draw,
+    resize_for_network,
+};
 use support::*;
 
 fn cosine(a: &[f32], b: &[f32]) -> f32 {
@@ -64,6 +68,8 @@ fn tiles_and_features_lie_where_the_map_says() {
         nms_radius_px: 2,
     };
     let features = level.features(7).unwrap();
+    let stored_descriptors = features.descriptors.to_f32();
+    let step = descriptor_scale(16);
     assert!(features.scores.is_sorted_by(|a, b| a >= b));
     let mut matched = 0;
     for (cx, cy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
@@ -75,14 +81,11 @@ fn tiles_and_features_lie_where_the_map_says() {
             let Some(i) = features.xy_px.iter().position(|xy| *xy == place) else {
                 continue;
             };
-            let stored: Vec<f32> = features.descriptors[16 * i..16 * i + 16]
-                .iter()
-                .map(|&v| f32::from(v) * features.scale)
-                .collect();
+            let stored = &stored_descriptors[16 * i..16 * i + 16];
             // Half a step of rounding, and what the network sees beyond the halo.
             let apart = |(a, b): (&f32, &f32)| (a - b).abs();
             let apart = stored.iter().zip(descriptor).map(apart).fold(0.0, f32::max);
-            assert!(apart < features.scale * 0.6 + 0.002, "{apart}");
+            assert!(apart < step * 0.6 + 0.002, "{apart}");
             assert!((features.scores[i] - keypoint.score).abs() < 0.002);
             matched += 1;
         }
@@ -225,6 +228,21 @@ fn paper_mode_keeps_tiles_independent() {
         level.search(&level.global(5), 1, None).unwrap()[0][0].tile,
         5
     );
+    // Descriptors are those of the network, not rounded.
+    assert_eq!(level.descriptor_type(), DescriptorType::Float32);
+    let model = tiny_model(1);
+    let extractor = Extractor::new(&model, Domain::Sat).unwrap();
+    let window = WindowPx::new(256.0, 256.0, 512.0, 512.0);
+    let cut = map.read(window, 512, 512).unwrap();
+    let seen = resize_for_network(&cut.rgb, 96);
+    let options = ExtractOptions {
+        threshold: 0.001,
+        max_keypoints: 64,
+        nms_radius_px: 2,
+    };
+    let expected = extractor.extract(&seen, None, &options).unwrap();
+    assert_eq!(features.descriptors.to_f32(), expected.descriptors);
+    assert_eq!(level.global(5), expected.global);
     let note = format!("{}", pack.info());
     assert!(
         note.contains("at least 256 tiles") && note.contains("paper mode"),
@@ -273,7 +291,7 @@ fn adapted_statistics_are_stored_and_used() {
     let statistics = level.statistics().unwrap().unwrap();
     assert_eq!(statistics.model(), tiny_model(1).hash());
     assert!(level.manifest().adapted_from_tiles > 5);
-    assert_ne!(level.globals(), plain.levels()[0].globals());
+    assert_ne!(level.global(3), plain.levels()[0].global(3));
     assert!(adapted.info().to_string().contains("statistics adapted on"));
 }
 

@@ -161,7 +161,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
             folder: arguments.folder.as_deref(),
             place: &arguments.place,
             footprint_width_m: arguments.footprint_width,
-            mode: arguments.mode,
+            map: arguments.map.as_deref(),
             model: &arguments.model.open()?,
         };
         return experiment::run(&arguments.experiment, &subject, &arguments.out);

@@ -3,9 +3,9 @@
 mod training;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::pictures::file_name;
 use grimnet_eval::scene::Scene;
@@ -13,11 +13,10 @@ use grimnet_experiments::bench::Bench;
 use grimnet_experiments::experiment_table::ExperimentTable;
 use grimnet_experiments::page;
 use grimnet_experiments::sweep::{self, Sweep};
-use grimnet_experiments::tables::{self, Experiment, Recipe};
+use grimnet_experiments::tables::{self, Experiment};
 use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_net::Model;
 
-use super::ModeChoice;
 use super::experiment_options::{ExperimentChoice, ExperimentOptions, SweepChoice, WORLDS};
 use super::map_place::MapPlace;
 use crate::exit::Exit;
@@ -63,6 +62,7 @@ fn sweeps_of(choice: SweepChoice) -> Vec<Sweep> {
         SweepChoice::Season => Sweep::Season,
         SweepChoice::MapAge => Sweep::MapAge,
         SweepChoice::WrongArea => Sweep::WrongArea,
+        SweepChoice::PaperYaw => Sweep::PaperYaw,
         SweepChoice::All => return Sweep::ALL.to_vec(),
     };
     vec![one]
@@ -94,19 +94,10 @@ pub struct Subject<'a> {
     pub place: &'a MapPlace,
     /// Width of ground that the photos show, metres, where it is known better than their metadata say.
     pub footprint_width_m: Option<f64>,
-    /// The recipe.
-    pub mode: ModeChoice,
+    /// The map of every scene that has none of its own.
+    pub map: Option<&'a Path>,
     /// The network.
     pub model: &'a Model,
-}
-
-impl Subject<'_> {
-    fn recipe(&self) -> Recipe {
-        match self.mode {
-            ModeChoice::Default => Recipe::Default,
-            ModeChoice::Paper => Recipe::Paper,
-        }
-    }
 }
 
 /// Runs what was asked for and writes a table each, as JSON, CSV and Markdown, into `out`; sweeps also as `sweeps.html`.
@@ -126,7 +117,7 @@ pub fn run(options: &ExperimentOptions, subject: &Subject<'_>, out: &Path) -> Re
     tables.extend(swept);
     let mut stdout = std::io::stdout().lock();
     for table in &tables {
-        writeln!(stdout, "{}", table.to_markdown())?;
+        writeln!(stdout, "{}", table.to_markdown(""))?;
     }
     Ok(Exit::Done)
 }
@@ -141,7 +132,6 @@ fn experiments(
     if options.experiments.is_empty() {
         return Ok(Vec::new());
     }
-    let recipe = subject.recipe();
     let scenes = scenes(options, subject, work)?;
     let measured_on = Conditions {
         data: match subject.folder {
@@ -149,19 +139,18 @@ fn experiments(
             None => worlds_in_words(options, scenes.len()),
         },
         frames: scenes.iter().map(|s| s.shots.len()).sum(),
-        recipe,
     };
     let mut bench = Bench::new(subject.model, work)?;
     let mut made = Vec::new();
     for choice in &options.experiments {
         for experiment in tables_of(*choice) {
             let bar = progress::spinner(&format!("{experiment:?}"));
-            let table = tables::run(experiment, &mut bench, &scenes, recipe)
+            let table = tables::run(experiment, &mut bench, &scenes)
                 .with_context(|| format!("{experiment:?}"))?;
             bar.finish_and_clear();
             made.push(measured_on.told_by(table, Some(subject.model)));
         }
-        if let Some(table) = training.table(*choice, &scenes, recipe, work)? {
+        if let Some(table) = training.table(*choice, &scenes, work)? {
             made.push(measured_on.told_by(table, None));
         }
         // Each table as soon as it is there: the next may take long.
@@ -180,7 +169,6 @@ fn sweeps(
     let measured_on = Conditions {
         data: worlds_in_words(options, flown.len()),
         frames: flown.len() * options.world_photos,
-        recipe: Recipe::Default,
     };
     let mut bench = Bench::new(subject.model, work)?;
     let mut made = Vec::new();
@@ -204,25 +192,39 @@ fn scenes(options: &ExperimentOptions, subject: &Subject<'_>, work: &Path) -> Re
             .map(|flight| Ok(flight.make(work)?))
             .collect();
     };
-    let mut folders: Vec<PathBuf> = fs_err::read_dir(folder)?
-        .filter_map(|entry| entry.ok().map(|e| e.path()))
-        .filter(|path| DataSet::is_recognised(path))
-        .collect();
-    folders.sort();
-    if DataSet::is_recognised(folder) || folders.is_empty() {
-        folders = vec![folder.to_owned()];
+    let folders = DataSet::scenes(folder)?;
+    let unknown = options
+        .scene_maps
+        .iter()
+        .find(|(scene, _)| !folders.iter().any(|f| file_name(f) == *scene));
+    if let Some((scene, _)) = unknown {
+        let names: Vec<String> = folders.iter().map(|f| file_name(f)).collect();
+        bail!(
+            "--scene-map {scene}=...: {} has no such scene; it has {}",
+            folder.display(),
+            names.join(", ")
+        );
     }
     folders
         .iter()
-        .map(|f| read_scene(f, subject, work))
+        .map(|f| {
+            let own = options.scene_maps.iter().find(|(s, _)| file_name(f) == *s);
+            let map = own.map(|(_, map)| map.as_path()).or(subject.map);
+            read_scene(f, map, subject, work)
+        })
         .collect()
 }
 
 /// The scene of one data set, named by its folder, with its photos decoded.
-fn read_scene(folder: &Path, subject: &Subject<'_>, work: &Path) -> Result<Scene> {
+fn read_scene(
+    folder: &Path,
+    map: Option<&Path>,
+    subject: &Subject<'_>,
+    work: &Path,
+) -> Result<Scene> {
     let mut data = DataSet::find(&DataSetRequest {
         folder,
-        map: None,
+        map,
         map_options: subject.place.options(),
         photos_out: &work.join("photos").join(file_name(folder)),
     })?;
@@ -247,21 +249,15 @@ fn worlds_in_words(options: &ExperimentOptions, count: usize) -> String {
 struct Conditions {
     data: String,
     frames: usize,
-    recipe: Recipe,
 }
 
 impl Conditions {
     /// The table with its conditions; a table that trains has no one model.
     fn told_by(&self, mut table: ExperimentTable, model: Option<&Model>) -> ExperimentTable {
-        let mode = match self.recipe {
-            Recipe::Default => "default",
-            Recipe::Paper => "paper",
-        };
         let hash = model.map(|m| m.hash().to_string().chars().take(12).collect());
         let all = [
             ("data", Some(self.data.clone())),
             ("frames", Some(self.frames.to_string())),
-            ("mode", Some(mode.to_owned())),
             ("model", hash),
             (
                 "program",

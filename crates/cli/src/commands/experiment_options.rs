@@ -34,11 +34,11 @@ pub enum ExperimentChoice {
     Success,
     /// Normalisation by domain (table 10)
     DaBn,
-    /// Weights of the losses (table 3); trains nine networks
+    /// Weights of the losses (table 3); trains nine networks for each seed
     LossWeights,
-    /// Retrieval and matching trained apart (table 4); trains three networks
+    /// Retrieval and matching trained apart (table 4); trains three networks for each seed
     ModulesTrained,
-    /// A network trained with plain normalisation (table 10); trains two networks
+    /// A network trained with plain normalisation (table 10); trains two networks for each seed
     DaBnTrained,
     /// All that need no training
     All,
@@ -83,6 +83,8 @@ pub enum SweepChoice {
     MapAge,
     /// Photos of another place, which must get no fix
     WrongArea,
+    /// Heading of the photos, by the paper's procedure
+    PaperYaw,
     /// All of these
     All,
 }
@@ -105,9 +107,17 @@ pub struct ExperimentOptions {
     #[arg(long, hide = ABSENT, value_name = "FILE")]
     pub train_config: Option<PathBuf>,
 
-    /// Length of each training, steps [default: what the configuration says; without one 300]
+    /// Length of each training, steps [default: what the configuration says; without one 20 minutes]
     #[arg(long, hide = ABSENT, value_name = "N")]
     pub train_steps: Option<u64>,
+
+    /// Trainings of each network, with different seeds
+    #[arg(long, hide = ABSENT, value_name = "N", default_value_t = 3)]
+    pub train_seeds: u64,
+
+    /// Maps of the scenes of a data set without maps, such as MSDI's, one for each scene [default: --map for all]
+    #[arg(long = "scene-map", hide = ABSENT, value_name = "SCENE=MAP", value_parser = scene_map)]
+    pub scene_maps: Vec<(String, PathBuf)>,
 
     /// Model that each training starts from [default: random numbers]
     #[arg(long, hide = ABSENT, value_name = "FILE")]
@@ -132,6 +142,17 @@ pub struct ExperimentOptions {
     /// Other procedural worlds for another number
     #[arg(long, hide = ABSENT, value_name = "N", default_value_t = 100)]
     pub world_seed: u64,
+}
+
+fn scene_map(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((scene, map)) if !scene.is_empty() && !map.is_empty() => {
+            Ok((scene.to_owned(), map.into()))
+        }
+        _ => Err(
+            "expected the name of a scene's folder and its map, such as museum=museum.tif".into(),
+        ),
+    }
 }
 
 fn worlds_count(text: &str) -> Result<usize, String> {

@@ -53,6 +53,7 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
             "values": values,
             "card": model.card(),
             "spec": model.spec(),
+            "differences_from_paper": model.spec().differences_from_paper(),
         });
         serde_json::to_writer_pretty(&mut out, &info)?;
         writeln!(out)?;
@@ -73,6 +74,15 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
         writeln!(out, "  {:<14} compiled into this program", "where")?;
     }
     writeln!(out, "  {:<14} {}", "preset", model.spec().preset)?;
+    writeln!(
+        out,
+        "  {:<14} {}",
+        "paper",
+        match model.spec().differences_from_paper() {
+            none if none.is_empty() => "the paper's network as published".to_owned(),
+            differences => format!("not as published: {}", differences.join("; ")),
+        }
+    )?;
     writeln!(out, "  {:<14} {}", "hash", model.hash())?;
     writeln!(out, "  {:<14} {values}", "values")?;
     writeln!(

@@ -123,6 +123,28 @@ impl DataSet {
         folder.join(TRUTH_FILE).is_file() || visloc::is_scene(folder) || anyvisloc::is_scene(folder)
     }
 
+    /// Folders of the scenes in a folder, in order: those of MSDI, or each subfolder that is recognised as a data set; the folder itself
+    /// if it is one data set.
+    ///
+    /// # Errors
+    /// The folder cannot be read.
+    pub fn scenes(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+        if !Self::is_recognised(folder) {
+            if let Some(scenes) = msdi::scenes(folder) {
+                return Ok(scenes);
+            }
+            let mut scenes: Vec<PathBuf> = fs_err::read_dir(folder)?
+                .filter_map(|entry| entry.ok().map(|e| e.path()))
+                .filter(|path| Self::is_recognised(path))
+                .collect();
+            scenes.sort();
+            if !scenes.is_empty() {
+                return Ok(scenes);
+            }
+        }
+        Ok(vec![folder.to_owned()])
+    }
+
     /// Opens the map of the data set.
     ///
     /// # Errors

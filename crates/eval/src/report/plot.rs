@@ -23,7 +23,7 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
 /// Size of every curve.
 const SIZE_PX: (u32, u32) = (900, 320);
 
-/// Largest error that the curves show, metres: beyond it a fix counts as a miss in every figure.
+/// Largest error that distributions show, metres: beyond it a fix counts as a miss in every figure.
 const AXIS_M: f64 = 30.0;
 
 /// A chart with linear axes.
@@ -120,14 +120,22 @@ pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError
     })
 }
 
-/// Error of each photo in the order of flight, with its stated 95 % radius (figure 7a of the paper).
+/// Top of an axis of errors that shows every error of the frames, at least [`AXIS_M`], metres.
+fn axis_for<'a>(frames: impl Iterator<Item = &'a Frame>) -> f64 {
+    let largest = frames.filter_map(|frame| frame.error_m);
+    1.05 * largest.fold(AXIS_M / 1.05, f64::max)
+}
+
+/// Error of each photo in the order of flight, with its stated 95 % radius (figure 7a of the paper). The axis reaches to the largest
+/// error; a radius beyond it is cut off.
 ///
 /// # Errors
 /// Drawing fails.
 pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
+    let axis_m = axis_for(frames.iter());
     let axes = Axes {
         x: 0.0..frames.len().max(1) as f64,
-        y: 0.0..AXIS_M,
+        y: 0.0..axis_m,
         x_desc: "photo",
         y_desc: "error, m",
     };
@@ -137,14 +145,14 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
                 continue;
             };
             if let Some(radius) = frame.radius95_m {
-                let top = radius.min(AXIS_M);
+                let top = radius.min(axis_m);
                 chart.draw_series([Rectangle::new(
                     [(x - 0.4, 0.0), (x + 0.4, top)],
                     BLUE.mix(0.15).filled(),
                 )])?;
             }
             let colour = if error > AXIS_M { RED } else { BLUE };
-            chart.draw_series([Circle::new((x, error.min(AXIS_M)), 3, colour.filled())])?;
+            chart.draw_series([Circle::new((x, error), 3, colour.filled())])?;
         }
         Ok(())
     })
@@ -209,7 +217,7 @@ pub fn reliability(runs: &[(&str, Reliability)]) -> Result<String, PlotError> {
     })
 }
 
-/// Error of each photo, one line per run (figure 7b of the paper). A miss interrupts the line.
+/// Error of each photo, one line per run (figure 7b of the paper). A miss interrupts the line; the axis reaches to the largest error.
 ///
 /// # Errors
 /// Drawing fails.
@@ -221,7 +229,7 @@ pub fn runs_compared(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
         .unwrap_or(0);
     let axes = Axes {
         x: 0.0..longest.max(1) as f64,
-        y: 0.0..AXIS_M,
+        y: 0.0..axis_for(runs.iter().flat_map(|(_, frames)| frames.iter())),
         x_desc: "photo",
         y_desc: "error, m",
     };
@@ -235,7 +243,7 @@ pub fn runs_compared(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
                     .iter()
                     .flatten()
                     .enumerate()
-                    .map(|(k, error)| ((start + k) as f64 + 0.5, error.min(AXIS_M)));
+                    .map(|(k, error)| ((start + k) as f64 + 0.5, *error));
                 chart.draw_series(LineSeries::new(points, colour.stroke_width(1)).point_size(2))?;
                 start += part.len() + 1;
             }

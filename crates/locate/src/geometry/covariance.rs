@@ -16,7 +16,7 @@ pub const MIN_RESIDUAL_SIGMA_PX: f64 = 0.41;
 /// The weights are not inverse variances, so the estimate's covariance is that of weighted least
 /// squares under equal noise, `N^-1 (J^T W^2 J) N^-1 sigma^2` with `N = J^T W J` the weighted normal equations; for equal
 /// weights it is the textbook `N^-1 sigma^2`. `sigma` is the residuals' standard deviation per axis (2 n - N degrees of
-/// freedom), not below `min_sigma_px`.
+/// freedom), not below `min_sigma_px`; with no degree of freedom there are no residuals, and it is `min_sigma_px`.
 ///
 /// Returns `None` if the pairs do not determine the model.
 pub fn mapped_point_covariance<const N: usize, T: Transform<N>>(
@@ -25,9 +25,7 @@ pub fn mapped_point_covariance<const N: usize, T: Transform<N>>(
     point: Point2<f64>,
     min_sigma_px: f64,
 ) -> Option<Matrix2<f64>> {
-    let freedom = (2 * pairs.len())
-        .checked_sub(N)
-        .filter(|&freedom| freedom > 0)?;
+    let freedom = (2 * pairs.len()).checked_sub(N)?;
     let from = Normalisation::of(pairs.iter().map(|pair| pair.from))?;
     let to = Normalisation::of(pairs.iter().map(|pair| pair.to))?;
     let scaled = model.normalised(&from, &to)?;
@@ -40,7 +38,7 @@ pub fn mapped_point_covariance<const N: usize, T: Transform<N>>(
         spread += outer * pair.weight.powi(2);
         squares_px2 += model.squared_error(pair.from, pair.to);
     }
-    let variance_px2 = (squares_px2 / freedom as f64).max(min_sigma_px.powi(2));
+    let variance_px2 = (squares_px2 / freedom.max(1) as f64).max(min_sigma_px.powi(2));
     let factor = normal.cholesky()?;
     let at_point = scaled.parameter_jacobian(from.apply(point))? / to.scale;
     // J N^-1, 2 x N.

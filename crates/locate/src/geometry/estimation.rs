@@ -5,9 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::geometry::{
     correspondence::Correspondence,
     homography::{Homography, HomographyEstimator},
+    plain_homography::PlainHomographyEstimator,
     ransac::{Estimate, Estimator, Ransac},
     refine::refine,
-    sampler::Progressive,
+    sampler::Sampling,
     similarity::{Similarity, SimilarityEstimator},
     transform::Transform,
 };
@@ -20,8 +21,11 @@ pub enum GeometryModel {
     Similarity,
     /// A similarity first; replaced by a homography if that explains clearly more matches.
     SimilarityThenHomography,
-    /// A homography from the start, as in the paper.
+    /// A homography from the start.
     Homography,
+    /// A homography from the start, without checks, as in the paper: no sample is refused, and the refined homography is kept with the
+    /// inliers that it was refined on.
+    PlainHomography,
 }
 
 /// How a transform is estimated.
@@ -31,6 +35,8 @@ pub struct EstimationOptions {
     pub model: GeometryModel,
     /// Settings of RANSAC.
     pub ransac: Ransac,
+    /// The order in which RANSAC draws samples.
+    pub sampling: Sampling,
     /// Seed of the samples that RANSAC draws.
     pub seed: u64,
     /// Whether the transform is refined with each pair weighted by [`Correspondence::weight`].
@@ -76,17 +82,44 @@ pub fn estimate(
     options: &EstimationOptions,
 ) -> Option<EstimatedTransform> {
     let ransac = &options.ransac;
-    let mut sampler = Progressive::new(options.seed);
-    if options.model == GeometryModel::Homography {
-        let estimator = HomographyEstimator::default();
-        let found = ransac.run(&estimator, pairs, &mut sampler)?;
-        let (homography, inliers) = refined::<8, _>(&estimator, found, pairs, options);
-        return Some(EstimatedTransform::of_homography(homography, inliers));
+    let mut sampler = options.sampling.sampler(options.seed);
+    let sampler = sampler.as_mut();
+    match options.model {
+        GeometryModel::PlainHomography => {
+            let found = ransac.run(&PlainHomographyEstimator, pairs, sampler)?;
+            Some(refined_as_it_is(found, pairs, options))
+        }
+        GeometryModel::Homography => {
+            let estimator = HomographyEstimator::default();
+            let found = ransac.run(&estimator, pairs, sampler)?;
+            let (homography, inliers) = refined::<8, _>(&estimator, found, pairs, options);
+            Some(EstimatedTransform::of_homography(homography, inliers))
+        }
+        GeometryModel::Similarity | GeometryModel::SimilarityThenHomography => {
+            let estimator = similarity_estimator(options);
+            let found = ransac.run(&estimator, pairs, sampler)?;
+            let (similarity, inliers) = refined::<4, _>(&estimator, found, pairs, options);
+            choose_model(similarity, inliers, pairs, options)
+        }
     }
-    let estimator = similarity_estimator(options);
-    let found = ransac.run(&estimator, pairs, &mut sampler)?;
-    let (similarity, inliers) = refined::<4, _>(&estimator, found, pairs, options);
-    choose_model(similarity, inliers, pairs, options)
+}
+
+/// The paper's refinement: the homography of least weighted error over the inliers of RANSAC, which stay the inliers. RANSAC's own
+/// homography if refinement is off or the inliers do not determine one.
+fn refined_as_it_is(
+    found: Estimate<Homography>,
+    pairs: &[Correspondence],
+    options: &EstimationOptions,
+) -> EstimatedTransform {
+    let refined = options.refine.then(|| {
+        let agreeing: Vec<Correspondence> =
+            found.inliers.iter().map(|&index| pairs[index]).collect();
+        refine(&found.model, &agreeing)
+    });
+    let homography = refined
+        .flatten()
+        .map_or(found.model, |refined| refined.model);
+    EstimatedTransform::of_homography(homography, found.inliers)
 }
 
 /// Fits the transform of `start` to other `pairs`. A similarity may become a homography. Returns `None` if there is no fit.

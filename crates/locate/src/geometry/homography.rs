@@ -12,7 +12,11 @@ use crate::geometry::{
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Homography {
     matrix: Matrix3<f64>,
+    maps_behind: bool,
 }
+
+/// Points nearer to the line at infinity than this, in the scale of the matrix, are not mapped.
+const MIN_DENOMINATOR: f64 = 1e-9;
 
 impl Homography {
     /// The homography of a matrix of any scale; `None` if the matrix is not finite or maps the origin to infinity.
@@ -25,12 +29,38 @@ impl Homography {
         matrix
             .iter()
             .all(|entry| entry.is_finite())
-            .then_some(Self { matrix })
+            .then_some(Self {
+                matrix,
+                maps_behind: false,
+            })
+    }
+
+    /// The same homography, mapping also points behind the line at infinity, which a camera above the ground does not see: the plain
+    /// formula of the paper (section 3.5.3).
+    #[must_use]
+    pub fn mapping_behind(self) -> Self {
+        Self {
+            maps_behind: true,
+            ..self
+        }
+    }
+
+    /// The homography of another matrix that maps points behind the line at infinity if this one does.
+    pub fn with_matrix(&self, matrix: Matrix3<f64>) -> Option<Self> {
+        Some(Self {
+            maps_behind: self.maps_behind,
+            ..Self::from_matrix(matrix)?
+        })
     }
 
     /// The homography of least weighted algebraic error over `pairs` in normalised coordinates. Returns `None` for fewer than four
     /// pairs, for collinear points, or if the homography mirrors the points or maps some of them across the line at infinity.
     pub fn fit(pairs: &[Correspondence]) -> Option<Self> {
+        Self::fit_unchecked(pairs).filter(|model| model.keeps_sides(pairs))
+    }
+
+    /// As [`Homography::fit`], whichever way the homography maps the points.
+    pub(crate) fn fit_unchecked(pairs: &[Correspondence]) -> Option<Self> {
         if pairs.len() < 4 {
             return None;
         }
@@ -77,7 +107,6 @@ impl Homography {
         let h = eigen.eigenvectors.column(order[0]);
         let in_normalised = Matrix3::new(h[0], h[1], h[2], h[3], h[4], h[5], h[6], h[7], h[8]);
         Self::from_matrix(to.inverse_matrix() * in_normalised * from.matrix())
-            .filter(|model| model.keeps_sides(pairs))
     }
 
     /// The homography through exactly four pairs, by the projective bases of the two quadrangles; `None` for collinear
@@ -104,7 +133,7 @@ impl Homography {
 
     /// The inverse; `None` if the matrix is singular.
     pub fn inverse(&self) -> Option<Self> {
-        Self::from_matrix(self.matrix.try_inverse()?)
+        self.with_matrix(self.matrix.try_inverse()?)
     }
 
     /// Derivative of the mapped point by the point, 2 x 2; `None` if [`Transform::map`] returns `None`.
@@ -126,7 +155,9 @@ impl Homography {
 
     /// Chirality: all points are on the same side of the line at infinity and not mirrored.
     fn keeps_sides(&self, pairs: &[Correspondence]) -> bool {
-        let positive = pairs.iter().all(|pair| self.denominator(pair.from) > 1e-9);
+        let positive = pairs
+            .iter()
+            .all(|pair| self.denominator(pair.from) > MIN_DENOMINATOR);
         positive && self.matrix.determinant() > 0.0
     }
 }
@@ -146,9 +177,10 @@ impl Transform<8> for Homography {
         ])
     }
 
-    fn from_parameters(p: &SVector<f64, 8>) -> Self {
+    fn with_parameters(&self, p: &SVector<f64, 8>) -> Self {
         Self {
             matrix: Matrix3::new(p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7], 1.0),
+            ..*self
         }
     }
 
@@ -156,7 +188,8 @@ impl Transform<8> for Homography {
         let m = &self.matrix;
         let w = self.denominator(point);
         // Points behind the line at infinity would be seen from below the ground.
-        (w > 1e-9).then(|| {
+        let is_mapped = w > MIN_DENOMINATOR || self.maps_behind && w < -MIN_DENOMINATOR;
+        is_mapped.then(|| {
             Point2::new(
                 (m[(0, 0)] * point.x + m[(0, 1)] * point.y + m[(0, 2)]) / w,
                 (m[(1, 0)] * point.x + m[(1, 1)] * point.y + m[(1, 2)]) / w,
@@ -178,11 +211,11 @@ impl Transform<8> for Homography {
     }
 
     fn normalised(&self, from: &Normalisation, to: &Normalisation) -> Option<Self> {
-        Self::from_matrix(to.matrix() * self.matrix * from.inverse_matrix())
+        self.with_matrix(to.matrix() * self.matrix * from.inverse_matrix())
     }
 
     fn denormalised(&self, from: &Normalisation, to: &Normalisation) -> Option<Self> {
-        Self::from_matrix(to.inverse_matrix() * self.matrix * from.matrix())
+        self.with_matrix(to.inverse_matrix() * self.matrix * from.matrix())
     }
 
     fn matrix(&self) -> Matrix3<f64> {

@@ -52,22 +52,26 @@ pub struct Ransac {
     pub threshold_px: f64,
     /// Maximum number of scored samples.
     pub max_iterations: usize,
-    /// Probability of having drawn at least one sample without outliers at which the search ends, above 0 and below 1.
+    /// Probability of having drawn at least one sample without outliers at which the search ends, above 0, at most 1. With 1 it ends
+    /// early only if all pairs are inliers.
     pub confidence: f64,
     /// How two models are compared.
     pub score: Score,
     /// Refits each new best model to its inliers before the search goes on.
     pub local_optimisation: bool,
+    /// Whether a model must have more inliers than its own sample, which it always fits.
+    pub needs_support: bool,
 }
 
 impl Ransac {
-    /// The paper's settings: 4 px, at most 1000 iterations, inlier count.
+    /// The paper's settings: 4 px, 1000 iterations, inlier count, and four inliers are enough.
     pub const PAPER: Self = Self {
         threshold_px: 4.0,
         max_iterations: 1000,
-        confidence: 0.999,
+        confidence: 1.0,
         score: Score::Inliers,
         local_optimisation: false,
+        needs_support: false,
     };
 }
 
@@ -103,7 +107,8 @@ const LOCAL_REACH: f64 = 2.0;
 const MAX_DRAWS_PER_ITERATION: usize = 10;
 
 impl Ransac {
-    /// Returns the model with the best score over `pairs`, or `None` if every model fits its own sample only.
+    /// Returns the model with the best score over `pairs`, or `None` if no sample has a model, or, with
+    /// [`Ransac::needs_support`], every model fits its own sample only.
     ///
     /// The same pairs and the same sampler give the same answer.
     pub fn run<E: Estimator>(
@@ -143,7 +148,8 @@ impl Ransac {
         }
         let best = best?;
         // A model always fits its own sample, so further inliers are needed as support.
-        if best.inlier_count <= E::SAMPLE_SIZE && pairs.len() > E::SAMPLE_SIZE {
+        let is_supported = best.inlier_count > E::SAMPLE_SIZE || pairs.len() == E::SAMPLE_SIZE;
+        if self.needs_support && !is_supported {
             return None;
         }
         Some(Estimate {

@@ -55,7 +55,7 @@ pub fn refine<const N: usize, T: Transform<N>>(
                 damped[(i, i)] *= 1.0 + damping;
             }
             let step = damped.cholesky().map(|factor| factor.solve(&gradient));
-            let next = step.map(|step| T::from_parameters(&(model.parameters() - step)));
+            let next = step.map(|step| model.with_parameters(&(model.parameters() - step)));
             let next_cost = next.and_then(|next| cost_of(&next, &scaled).map(|cost| (next, cost)));
             match next_cost {
                 Some((next, next_cost)) if next_cost <= cost => {

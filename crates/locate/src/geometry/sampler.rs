@@ -3,6 +3,26 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+/// The order in which samples are drawn.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Sampling {
+    /// The best matches first, see [`Progressive`].
+    Progressive,
+    /// All matches alike, see [`Uniform`].
+    Uniform,
+}
+
+impl Sampling {
+    /// A sampler with this seed.
+    pub fn sampler(self, seed: u64) -> Box<dyn Sampler> {
+        match self {
+            Self::Progressive => Box::new(Progressive::new(seed)),
+            Self::Uniform => Box::new(Uniform::new(seed)),
+        }
+    }
+}
+
 /// Draws samples of distinct indices.
 pub trait Sampler {
     /// Fills `sample` with distinct indices below `count`, which is at least `sample.len()` and the same at every call.

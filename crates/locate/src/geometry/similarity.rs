@@ -72,7 +72,7 @@ impl Transform<4> for Similarity {
         Vector4::new(self.a, self.b, self.tx, self.ty)
     }
 
-    fn from_parameters(p: &Vector4<f64>) -> Self {
+    fn with_parameters(&self, p: &Vector4<f64>) -> Self {
         Self {
             a: p[0],
             b: p[1],

@@ -9,10 +9,10 @@ pub trait Transform<const N: usize>: Copy + Send + Sync + std::fmt::Debug {
     /// The parameters, in the order of [`Transform::parameter_jacobian`]'s columns.
     fn parameters(&self) -> SVector<f64, N>;
 
-    /// The transform with these parameters.
-    fn from_parameters(parameters: &SVector<f64, N>) -> Self;
+    /// The transform of the same kind with other parameters.
+    fn with_parameters(&self, parameters: &SVector<f64, N>) -> Self;
 
-    /// Maps a point; `None` if it is on or behind the line at infinity.
+    /// Maps a point; `None` if it is on the line at infinity, or behind it and the transform does not map such points.
     fn map(&self, point: Point2<f64>) -> Option<Point2<f64>>;
 
     /// Derivative of the mapped point by the parameters, 2 x N; `None` if [`Transform::map`] returns `None`.

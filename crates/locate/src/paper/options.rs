@@ -3,7 +3,7 @@
 use grimnet_pack::Mode;
 
 use crate::{
-    geometry::{estimation::GeometryModel, ransac::Ransac},
+    geometry::{estimation::GeometryModel, ransac::Ransac, sampler::Sampling},
     options::{Choice, Coordinates, Options},
 };
 
@@ -23,7 +23,8 @@ impl Options {
             clear_inliers: usize::MAX,
             max_ratio: Some(0.8),
             ransac: Ransac::PAPER,
-            geometry: GeometryModel::Homography,
+            sampling: Sampling::Uniform,
+            geometry: GeometryModel::PlainHomography,
             choice: Choice::InlierRatio,
             gates: None,
             coordinates: Coordinates::PaperCorners,

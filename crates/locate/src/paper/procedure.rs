@@ -1,11 +1,13 @@
 //! The paper's procedure: the whole photo at the network's resolution, K tiles by descriptor, the largest inliers / (matches + 1),
-//! and linear coordinates (equations 22 and 23). It always answers.
+//! and linear coordinates (equations 22 and 23). It always answers: where no tile has a homography, or it leads off the Earth, with
+//! the centre of the tile (the paper says nothing of such frames).
 
 use std::time::Instant;
 
 use grimnet_geo::{LevelPx, LonLat};
+use grimnet_pack::resize_for_network;
 use grimnet_pack::{Level, Mode};
-use grimnet_photo::{Photo, View};
+use grimnet_photo::{Photo, QueryOptions, View};
 use image::imageops::{FilterType, resize};
 use nalgebra::Matrix3;
 
@@ -18,9 +20,7 @@ use crate::{
     paper::equations::{MapCorners, TileIndex},
     pipeline::{
         answer::{confidence, no_fix, support, tile_ref},
-        ground_position::{
-            GroundPosition, en_m_from_level_px_jacobian, ground_position, matched_points,
-        },
+        ground_position::{en_m_from_level_px_jacobian, ground_position, matched_points},
         ranking::{best_candidate, runner_up_inliers},
         run::Located,
         verification::{VerifiedCandidate, verify_with},
@@ -30,6 +30,9 @@ use crate::{
     search::candidates::{Candidate, by_descriptor, distinct_tiles},
     trace::{RoundTrace, Trace},
 };
+
+/// The level that is searched: packs of paper mode have one.
+const LEVEL: usize = 0;
 
 /// Localises one photo.
 ///
@@ -41,17 +44,10 @@ pub(crate) fn locate(
     view: &View,
     prior: &Prior,
 ) -> Result<Located> {
-    if context.pack.mode() != Mode::Paper {
-        return Err(LocateError::NotAPaperPack {
-            path: context.pack.path().to_path_buf(),
-        });
-    }
-    let level_index = view.footprint.map_or(0, |footprint| {
-        let gsd_m = footprint.width_m / context.options.query_width_px;
-        context.pack.nearest_level(gsd_m)
-    });
+    check_pack(context)?;
+    let level_index = LEVEL;
     let level = context.level(level_index);
-    let (query, mut time_ms) = extract_query(context, photo, level.manifest().network_px)?;
+    let (query, mut time_ms) = extract_query(context, photo, view, level)?;
     let queries = [query];
     let since = Instant::now();
     let candidates = by_descriptor(level, &queries, prior.near.as_ref(), context.options)?;
@@ -69,7 +65,11 @@ pub(crate) fn locate(
         .collect::<Result<_>>()?;
     time_ms.matching = elapsed_ms(since);
     let evidence = EvidenceUsed {
-        assumed: Some("paper mode: neither heading nor scale is used".into()),
+        assumed: Some(if heading_deg(context, view).is_some() {
+            "paper mode: the photo is turned by its heading; its scale is not used".into()
+        } else {
+            "paper mode: neither heading nor scale is used".into()
+        }),
         ..EvidenceUsed::of(view)
     };
     let by_descriptor = distinct_tiles(&candidates);
@@ -90,15 +90,52 @@ pub(crate) fn locate(
     })
 }
 
-/// The features of the whole photo, resized to a square of `side_px`.
+/// The tiles most similar to a photo, best first.
+///
+/// # Errors
+/// As [`locate`].
+pub(crate) fn retrieve(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    prior: &Prior,
+) -> Result<Vec<usize>> {
+    check_pack(context)?;
+    let level = context.level(LEVEL);
+    let (query, _) = extract_query(context, photo, view, level)?;
+    let found = by_descriptor(level, &[query], prior.near.as_ref(), context.options)?;
+    Ok(distinct_tiles(&found))
+}
+
+fn check_pack(context: Context<'_>) -> Result<()> {
+    if context.pack.mode() == Mode::Paper {
+        return Ok(());
+    }
+    Err(LocateError::NotAPaperPack {
+        path: context.pack.path().to_path_buf(),
+    })
+}
+
+/// The heading that the photo is turned by, degrees clockwise from true north; `None` in the paper's own procedure.
+fn heading_deg(context: Context<'_>, view: &View) -> Option<f64> {
+    let heading = view.heading.filter(|_| context.options.turn_by_heading)?;
+    Some(heading.heading_deg)
+}
+
+/// The features of the whole photo, resized to the square that the network saw of the level's tiles.
 fn extract_query(
     context: Context<'_>,
     photo: &Photo,
-    side_px: u32,
+    view: &View,
+    level: &Level,
 ) -> Result<(QueryFeatures, TimeMs)> {
+    if let Some(heading_deg) = heading_deg(context, view) {
+        return extract_turned_query(context, photo, heading_deg, level);
+    }
+    let side_px = level.manifest().network_px;
     let mut time_ms = TimeMs::default();
     let since = Instant::now();
-    let image = resize(&photo.image, side_px, side_px, FilterType::Triangle);
+    let image = resize_for_network(&photo.image, side_px);
     let (width, height) = photo.image.dimensions();
     let [x, y] = [width, height].map(|along| f64::from(along) / f64::from(side_px));
     let photo_px_from_query_px = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
@@ -109,6 +146,44 @@ fn extract_query(
         &image,
         None,
         photo_px_from_query_px,
+        level.descriptor_type(),
+        context.options,
+    )?;
+    time_ms.features = elapsed_ms(since);
+    Ok((query, time_ms))
+}
+
+/// As [`extract_query`] of the photo turned so that the map's up is up, with black corners that are masked.
+fn extract_turned_query(
+    context: Context<'_>,
+    photo: &Photo,
+    heading_deg: f64,
+    level: &Level,
+) -> Result<(QueryFeatures, TimeMs)> {
+    let mut time_ms = TimeMs::default();
+    let since = Instant::now();
+    let side_px = level.manifest().network_px;
+    let georeference = level.georeference();
+    let up_bearing_deg = georeference.up_bearing_deg(georeference.centre_px())?;
+    // No ground resolution is known: a photo of this many units across, a pixel each, is sharp enough to be reduced afterwards.
+    let maker = photo.query_maker(&QueryOptions {
+        max_side_px: u32::MAX,
+        ..QueryOptions::new(1.0, f64::from(2 * side_px))
+    })?;
+    let turned = maker.make(heading_deg - up_bearing_deg);
+    let image = resize_for_network(&turned.image, side_px);
+    let mask = resize(&turned.mask, side_px, side_px, FilterType::Nearest);
+    let (width, height) = turned.image.dimensions();
+    let [x, y] = [width, height].map(|along| f64::from(along) / f64::from(side_px));
+    let turned_from_query = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
+    time_ms.query = elapsed_ms(since);
+    let since = Instant::now();
+    let query = QueryFeatures::extract(
+        context.extractor,
+        &image,
+        Some(&mask),
+        turned.photo_px_from_query_px * turned_from_query,
+        level.descriptor_type(),
         context.options,
     )?;
     time_ms.features = elapsed_ms(since);
@@ -133,13 +208,17 @@ fn outcome(
     }
     let calibration = context.model.calibration();
     let candidate = best.candidate;
-    let (centre, position) = match position(context, photo, level, query, best)? {
-        Some((centre, position)) => (centre, Some(position)),
-        None => (
-            level.lonlat_from_level_px(level.tile(candidate.tile).centre_px)?,
-            None,
-        ),
+    let mapped = mapped_centre(context, level, query, best)?;
+    let centre = match mapped {
+        Some(centre) => centre,
+        None => level.lonlat_from_level_px(level.tile(candidate.tile).centre_px)?,
     };
+    let error = &calibration.position;
+    let position = mapped.and_then(|_| {
+        ground_position(best, level, query, photo, error, options)
+            .ok()
+            .flatten()
+    });
     let (covariance_en_m2, radius95_m) = match &position {
         Some(position) => (position.covariance_en_m2, position.radius95_m),
         None => uniform_over_tile(level, candidate)?,
@@ -178,25 +257,20 @@ fn outcome(
     })))
 }
 
-/// The photo's centre and what follows from the transform; `None` if the transform maps the centre to no position on Earth.
-fn position(
+/// The photo's centre by the transform; `None` without one, or if it maps the centre to no position on Earth.
+fn mapped_centre(
     context: Context<'_>,
-    photo: &Photo,
     level: &Level,
     query: &QueryFeatures,
     best: &VerifiedCandidate,
-) -> Result<Option<(LonLat, GroundPosition)>> {
-    let error = &context.model.calibration().position;
-    let found = ground_position(best, level, query, photo, error, context.options)
-        .ok()
-        .flatten();
+) -> Result<Option<LonLat>> {
     let centre = match context.options.coordinates {
         Coordinates::Georeference => best
             .centre_level_px
             .and_then(|centre_px| level.lonlat_from_level_px(centre_px).ok()),
         Coordinates::PaperCorners => centre_by_equations(level, query, best)?,
     };
-    Ok(centre.filter(LonLat::is_valid).zip(found))
+    Ok(centre.filter(LonLat::is_valid))
 }
 
 /// The photo's centre by equations 22 and 23; `None` without a transform.

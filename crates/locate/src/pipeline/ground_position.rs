@@ -50,7 +50,7 @@ pub(crate) fn level_from_photo(
         1.0,
     );
     let query_from_photo = query.photo_px_from_query_px.try_inverse()?;
-    Homography::from_matrix(level_from_tile * transform.as_matrix() * query_from_photo)
+    transform.with_matrix(level_from_tile * transform.as_matrix() * query_from_photo)
 }
 
 /// Derivative of metres east and north by level pixels, at a point of the level.

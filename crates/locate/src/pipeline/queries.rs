@@ -37,7 +37,8 @@ pub(crate) fn extract_queries(
     };
     let since = Instant::now();
     let maker = query_maker(context, photo, view, first, max_side_px)?;
-    let georeference = context.level(first.level).georeference();
+    let level = context.level(first.level);
+    let georeference = level.georeference();
     let up_bearing_deg = georeference.up_bearing_deg(georeference.centre_px())?;
     let made: Vec<_> = hypotheses
         .par_iter()
@@ -53,6 +54,7 @@ pub(crate) fn extract_queries(
                 &query.image,
                 Some(&query.mask),
                 query.photo_px_from_query_px,
+                level.descriptor_type(),
                 context.options,
             )
         })

@@ -120,10 +120,7 @@ fn match_tile(
 ) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>)> {
     let estimation = options.estimation(max_rotation_rad);
     let tile = level.features(tile)?;
-    let tile_descriptors = Descriptors::I8 {
-        values: &tile.descriptors,
-        scale: tile.scale,
-    };
+    let tile_descriptors = Descriptors::from(&tile.descriptors);
     let tile_points: Vec<Point2<f64>> = tile
         .xy_px
         .iter()

@@ -91,13 +91,9 @@ pub(crate) fn vote(
         let query = &queries[candidate.query];
         let tile = level.strongest_features(candidate.tile, vote.keypoints)?;
         scratch.with(|scratch| -> Result<()> {
-            let tile_descriptors = Descriptors::I8 {
-                values: &tile.descriptors,
-                scale: tile.scale,
-            };
             scratch.matcher.mutual(
                 query.strongest(vote.keypoints),
-                tile_descriptors,
+                Descriptors::from(&tile.descriptors),
                 query.dim,
                 None,
                 &mut scratch.matches,

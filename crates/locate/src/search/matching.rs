@@ -1,6 +1,7 @@
 //! Mutual nearest neighbours with Lowe's ratio test (Lowe 2004; the paper's section 3.5.2) through one matrix product.
 
 use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt, matmul_nt_i8};
+use grimnet_pack::LocalDescriptors;
 
 /// A keypoint of the query and the keypoint of the tile that it was matched with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,6 +35,18 @@ pub enum Descriptors<'a> {
         /// Quantisation scale.
         scale: f32,
     },
+}
+
+impl<'a> From<&'a LocalDescriptors> for Descriptors<'a> {
+    fn from(stored: &'a LocalDescriptors) -> Self {
+        match stored {
+            LocalDescriptors::Int8 { values, scale } => Self::I8 {
+                values,
+                scale: *scale,
+            },
+            LocalDescriptors::Float32(values) => Self::F32(values),
+        }
+    }
 }
 
 /// Why descriptors cannot be compared.

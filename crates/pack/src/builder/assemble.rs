@@ -11,6 +11,7 @@ use crate::builder::tile_descriptors::TileDescriptors;
 use crate::error::{PackError, Result};
 use crate::format::{TileEntry, UnitEntry};
 use crate::level::{CELL_PX, TILE_PX};
+use crate::local_descriptors::DescriptorType;
 use crate::manifest::{LevelManifest, Manifest};
 use crate::quantise::{descriptor_scale, quantise_row};
 use crate::writer::Writer;
@@ -73,6 +74,9 @@ fn write_level(
     let mut scales = Vec::with_capacity(places.len());
     writer.begin(format!("{number}/globals"))?;
     descriptors.for_each_batch(|_, batch| {
+        if recipe.descriptor_type() == DescriptorType::Float32 {
+            return writer.write(bytemuck::cast_slice(batch));
+        }
         for row in batch.chunks_exact(dim) {
             let (bytes, scale) = quantise_row(row);
             writer.write(bytemuck::cast_slice(&bytes))?;
@@ -119,6 +123,7 @@ fn write_level(
         units_skipped: unit_places - units.computed,
         keypoints: units.keypoints,
         keypoints_per_unit: level.keypoints_per_unit,
+        descriptor_type: recipe.descriptor_type(),
         descriptor_scale: descriptor_scale(manifest.model.descriptor_dim),
         adapted_from_tiles,
         index,

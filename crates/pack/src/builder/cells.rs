@@ -1,6 +1,6 @@
 //! The default mode: features once per cell of 256 px, tiles of 2 x 2 cells that overlap by half.
 
-use grimnet_geo::RasterPatch;
+use grimnet_geo::{Georeference, LevelFrame, RasterPatch};
 use grimnet_net::{Dense, ExtractOptions, Extractor, Model, NetSpec, VladSum};
 use image::{GrayImage, RgbImage};
 use rayon::prelude::*;
@@ -49,8 +49,18 @@ fn block_cells(spec: &NetSpec) -> u32 {
 pub struct Cells;
 
 impl Recipe for Cells {
-    fn auto_gsds_m(&self, own_gsd_m: f64, map_m: [f64; 2], options: &BuildOptions) -> Vec<f64> {
-        auto_gsds_m(own_gsd_m, map_m, options.max_tile_m)
+    fn auto_frames(
+        &self,
+        georeference: &Georeference,
+        map_px: (u64, u64),
+        options: &BuildOptions,
+    ) -> Result<Vec<LevelFrame>> {
+        let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
+        let map_m = [map_px.0 as f64 * x_m, map_px.1 as f64 * y_m];
+        auto_gsds_m((x_m * y_m).sqrt(), map_m, options.max_tile_m)
+            .into_iter()
+            .map(|gsd_m| Ok(LevelFrame::new(georeference, map_px, gsd_m)?))
+            .collect()
     }
 
     fn layout(&self, size_px: [u64; 2]) -> std::result::Result<Layout, String> {
@@ -132,7 +142,8 @@ impl Recipe for Cells {
                 let keypoints = dense.keypoints(window, extract, mask);
                 let descriptors = dense.describe(&keypoints);
                 let dim = extractor.model().spec().descriptor_dim;
-                let mut unit = Unit::computed(*counts, &keypoints, [x, y], &descriptors, dim);
+                let kind = self.descriptor_type();
+                let mut unit = Unit::computed(*counts, &keypoints, [x, y], &descriptors, dim, kind);
                 unit.vlad = Some(dense.vlad(window, mask).as_slice().to_vec());
                 Ok(unit)
             })

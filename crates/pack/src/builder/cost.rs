@@ -59,9 +59,10 @@ pub fn check_cost(
             what: format!("{tiles} tiles, more than the limit of {}", limits.max_tiles),
         });
     }
-    let bytes_per_keypoint = spec.descriptor_dim as u64 + 6;
+    let number_len = recipe.descriptor_type().number_len() as u64;
+    let bytes_per_keypoint = spec.descriptor_dim as u64 * number_len + 6;
     let bytes_per_tile = u64::from(recipe.max_keypoints(spec, options)) * bytes_per_keypoint
-        + spec.global_len() as u64;
+        + spec.global_len() as u64 * number_len;
     let bytes = tiles.saturating_mul(bytes_per_tile);
     if bytes > limits.max_pack_bytes {
         return Err(PackError::TooCostly {

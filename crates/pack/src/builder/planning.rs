@@ -36,21 +36,26 @@ pub fn plan_levels(
             map_px.0, map_px.1
         )));
     }
-    let gsds_m = match &options.levels {
+    let frames = match &options.levels {
         Levels::Gsd(list) => {
             let mut list = list.clone();
             list.sort_by(f64::total_cmp);
             list.dedup();
-            list
+            list.into_iter()
+                .map(|gsd_m| Ok(LevelFrame::new(georeference, map_px, gsd_m)?))
+                .collect::<Result<Vec<_>>>()?
         }
-        Levels::Auto => {
-            let map_m = [map_px.0 as f64 * x_m, map_px.1 as f64 * y_m];
-            recipe.auto_gsds_m(own_gsd_m, map_m, options)
-        }
+        Levels::Auto => recipe.auto_frames(georeference, map_px, options)?,
     };
-    gsds_m
+    if frames.len() > recipe.most_levels() {
+        return Err(PackError::Options(format!(
+            "{} ground resolutions; a pack of paper mode has one, because the paper does not choose among several",
+            frames.len()
+        )));
+    }
+    frames
         .into_iter()
-        .map(|gsd_m| plan_level(LevelFrame::new(georeference, map_px, gsd_m)?, recipe, spec))
+        .map(|frame| plan_level(frame, recipe, spec))
         .collect()
 }
 

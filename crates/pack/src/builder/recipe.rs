@@ -1,6 +1,6 @@
 //! What the two modes of building do differently.
 
-use grimnet_geo::RasterPatch;
+use grimnet_geo::{Georeference, LevelFrame, RasterPatch};
 use grimnet_net::{ExtractOptions, Extractor, Model, NetSpec};
 use image::{GrayImage, RgbImage};
 
@@ -10,14 +10,27 @@ use crate::builder::record::Record;
 use crate::builder::unit::Unit;
 use crate::error::Result;
 use crate::index::Index;
+use crate::local_descriptors::DescriptorType;
 use crate::options::BuildOptions;
 
 /// How maps are divided into tiles and feature units, how units are computed, and how tiles get their descriptors.
 /// [`crate::builder::cells::Cells`] is the default mode, [`crate::paper::PaperTiles`] the paper's.
 pub trait Recipe: Sync {
-    /// Ground resolutions of [`crate::Levels::Auto`], metres per pixel, finest first, for a map of pixels of
-    /// `own_gsd_m` metres that is `map_m` metres wide and high.
-    fn auto_gsds_m(&self, own_gsd_m: f64, map_m: [f64; 2], options: &BuildOptions) -> Vec<f64>;
+    /// The levels of [`crate::Levels::Auto`] over a map of `map_px` pixels, finest first.
+    ///
+    /// # Errors
+    /// Returns an error if the map's centre has no position on Earth.
+    fn auto_frames(
+        &self,
+        georeference: &Georeference,
+        map_px: (u64, u64),
+        options: &BuildOptions,
+    ) -> Result<Vec<LevelFrame>>;
+
+    /// Maximum number of levels.
+    fn most_levels(&self) -> usize {
+        usize::MAX
+    }
 
     /// Divides a level of `size_px` pixels.
     ///
@@ -79,6 +92,11 @@ pub trait Recipe: Sync {
 
     /// Whether the mean of a level's tile descriptors is subtracted from each.
     fn centres_descriptors(&self) -> bool;
+
+    /// How descriptors are stored.
+    fn descriptor_type(&self) -> DescriptorType {
+        DescriptorType::Int8
+    }
 
     /// The index of a level of `tiles` tiles with descriptors of `dim` numbers, if the options do not choose one.
     fn default_index(&self, tiles: usize, dim: usize) -> Index;

@@ -6,6 +6,7 @@ use crate::builder::record::UnitHead;
 use crate::builder::usable::is_enough;
 use crate::features::encode_blob;
 use crate::format::UnitState;
+use crate::local_descriptors::DescriptorType;
 use crate::quantise::quantise_descriptors;
 
 /// Pixels of a unit.
@@ -59,11 +60,20 @@ impl Unit {
         origin_px: [u32; 2],
         descriptors: &[f32],
         dim: usize,
+        kind: DescriptorType,
     ) -> Self {
         let at = |k: &Keypoint| [k.x_px - origin_px[0] as f32, k.y_px - origin_px[1] as f32];
         let positions: Vec<[f32; 2]> = keypoints.iter().map(at).collect();
         let scores: Vec<f32> = keypoints.iter().map(|k| k.score).collect();
-        let blob = encode_blob(&positions, &scores, &quantise_descriptors(descriptors, dim));
+        let blob = match kind {
+            DescriptorType::Int8 => {
+                let quantised = quantise_descriptors(descriptors, dim);
+                encode_blob(&positions, &scores, bytemuck::cast_slice(&quantised))
+            }
+            DescriptorType::Float32 => {
+                encode_blob(&positions, &scores, bytemuck::cast_slice(descriptors))
+            }
+        };
         let head = UnitHead {
             state: UnitState::Computed as u32,
             keypoints: keypoints.len() as u32,

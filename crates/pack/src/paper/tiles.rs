@@ -1,12 +1,12 @@
 //! How the builder makes the paper's tiles: cut at stride 256, resized, each described on its own.
 
-use grimnet_geo::RasterPatch;
+use grimnet_geo::{Georeference, LevelFrame, RasterPatch};
 use grimnet_net::{ExtractOptions, Extractor, Model, NetSpec};
 use image::{GrayImage, RgbImage, imageops};
 use rayon::prelude::*;
 
 use super::PAPER_INDEX;
-use super::bilinear::resize_bilinear;
+use super::network_image::resize_for_network;
 use super::tile_grid::tile_grid;
 use crate::builder::frontier::Frontier;
 use crate::builder::level_plan::{Item, Layout, LevelPlan, LevelWindow};
@@ -18,6 +18,7 @@ use crate::error::Result;
 use crate::format::TileEntry;
 use crate::index::Index;
 use crate::level::{CELL_PX, TILE_PX};
+use crate::local_descriptors::DescriptorType;
 use crate::options::BuildOptions;
 
 /// Distance between neighbouring tiles, level pixels (section 3.1).
@@ -50,6 +51,7 @@ impl PaperTiles {
             [0, 0],
             &features.descriptors,
             features.descriptor_dim,
+            self.descriptor_type(),
         );
         unit.global = Some(features.global);
         Ok(unit)
@@ -57,8 +59,18 @@ impl PaperTiles {
 }
 
 impl Recipe for PaperTiles {
-    fn auto_gsds_m(&self, own_gsd_m: f64, _map_m: [f64; 2], _options: &BuildOptions) -> Vec<f64> {
-        vec![own_gsd_m]
+    /// The map's own pixels, whatever their shape.
+    fn auto_frames(
+        &self,
+        georeference: &Georeference,
+        map_px: (u64, u64),
+        _options: &BuildOptions,
+    ) -> Result<Vec<LevelFrame>> {
+        Ok(vec![LevelFrame::of_map_pixels(georeference, map_px)?])
+    }
+
+    fn most_levels(&self) -> usize {
+        1
     }
 
     fn layout(&self, size_px: [u64; 2]) -> std::result::Result<Layout, String> {
@@ -166,13 +178,17 @@ impl Recipe for PaperTiles {
             return (rgb, mask);
         }
         (
-            resize_bilinear(&rgb, side),
+            resize_for_network(&rgb, side),
             imageops::resize(&mask, side, side, imageops::FilterType::Nearest),
         )
     }
 
     fn centres_descriptors(&self) -> bool {
         false
+    }
+
+    fn descriptor_type(&self) -> DescriptorType {
+        DescriptorType::Float32
     }
 
     fn default_index(&self, _tiles: usize, _dim: usize) -> Index {

@@ -156,7 +156,6 @@ pub fn one_level() -> BuildOptions {
 
 pub fn paper() -> BuildOptions {
     BuildOptions {
-        levels: Levels::Gsd(vec![GSD_M]),
         keypoint_threshold: 0.001,
         resolution: 96,
         max_keypoints: 64,

@@ -3,10 +3,23 @@
 use grimnet_net::Precision;
 use serde::{Deserialize, Serialize};
 
+/// Which whitening an exported model gets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum WhiteningChoice {
+    /// The one with the highest recall on the held-out pairs, which may be none.
+    #[default]
+    Measured,
+    /// PCA whitening (the paper's equation 8), whatever it measures.
+    Pca,
+}
+
 /// How many pairs the exported model is fitted to and measured on. Each view costs a forward pass.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExportOptions {
+    /// Which whitening is kept: `measured` (the best on held-out pairs, or none) or `pca` (always, as in the paper).
+    pub whitening: WhiteningChoice,
     /// Pairs that the whitening is fitted to; more than the global descriptor has values, or 0 for no whitening.
     pub whitening_pairs: usize,
     /// Held-out pairs that the model is measured on.
@@ -20,6 +33,7 @@ pub struct ExportOptions {
 impl Default for ExportOptions {
     fn default() -> Self {
         Self {
+            whitening: WhiteningChoice::Measured,
             whitening_pairs: 5000,
             validation_pairs: 240,
             distractors: 300,

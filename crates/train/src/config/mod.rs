@@ -5,7 +5,7 @@ mod losses;
 mod paper;
 mod stage;
 
-pub use export_options::ExportOptions;
+pub use export_options::{ExportOptions, WhiteningChoice};
 pub use losses::{DescriptorLoss, GlobalLoss, Weights};
 pub use stage::Stage;
 
@@ -203,6 +203,12 @@ impl TrainConfig {
         if (1..=values).contains(&self.export.whitening_pairs) {
             return wrong(&format!(
                 "`export.whitening_pairs` must be above {values}, the length of the descriptor, or 0 for no whitening"
+            ));
+        }
+        let has_pca = self.export.whitening == WhiteningChoice::Pca;
+        if has_pca && self.spec()?.has_whitening() && self.export.whitening_pairs == 0 {
+            return wrong(&format!(
+                "`export.whitening = \"pca\"` needs `export.whitening_pairs` above {values}"
             ));
         }
         let cells = (self.pairs.side_px / 8).pow(2) as usize;

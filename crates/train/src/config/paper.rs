@@ -1,6 +1,8 @@
 //! The paper's training recipe.
 
-use super::{DescriptorLoss, ExportOptions, GlobalLoss, TrainConfig, Weights};
+use grimnet_net::Precision;
+
+use super::{DescriptorLoss, ExportOptions, GlobalLoss, TrainConfig, Weights, WhiteningChoice};
 use crate::data::{HomographyRange, LabelOptions, PairOptions};
 use crate::loss::{HingeOptions, TripletOptions};
 use crate::run::optimiser::AdamOptions;
@@ -69,7 +71,9 @@ impl TrainConfig {
                 ..PairOptions::default()
             },
             export: ExportOptions {
+                whitening: WhiteningChoice::Pca,
                 whitening_pairs: 1100,
+                whitening_precision: Precision::F16,
                 ..ExportOptions::default()
             },
             ..Self::default()
@@ -129,6 +133,8 @@ mod tests {
         assert_eq!(network.descriptor_dim, 256);
         assert_eq!(network.vlad.input, VladInput::DeepestUnscaled);
         assert_eq!((network.vlad.clusters, network.global_dim), (64, 512));
+        // Equation 8: a PCA whitening matrix, whatever it measures.
+        assert_eq!(recipe.export.whitening, WhiteningChoice::Pca);
     }
 
     #[test]

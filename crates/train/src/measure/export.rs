@@ -1,7 +1,7 @@
 //! From a checkpoint to a model file: normalisation statistics are recomputed, whitening is fitted, and figures on held-out pairs
 //! decide which whitening is kept.
 
-use crate::config::{ExportOptions, TrainConfig};
+use crate::config::{ExportOptions, TrainConfig, WhiteningChoice};
 use crate::data::{Pair, PairOptions, Task, batch_of};
 use crate::error::TrainError;
 use crate::measure::card::{card_of, notes};
@@ -85,8 +85,8 @@ impl HeldOutPairs<'_> {
     }
 }
 
-/// Makes the model of a checkpoint, measures it without whitening and with each kind, and keeps the one with the highest
-/// recall. `on_progress` gets the share of the work that is done.
+/// Makes the model of a checkpoint, measures it without whitening and with each kind, and keeps the one that
+/// [`ExportOptions::whitening`] asks for: the one with the highest recall, or PCA. `on_progress` gets the share of the work that is done.
 ///
 /// # Errors
 /// Returns an error if values cannot be read from the device, or the network cannot be run.
@@ -131,11 +131,16 @@ pub fn export(
         distractors,
     };
     let mut candidates = vec![(None, plain.clone(), held_out.measure(&plain))];
+    let kinds: &[WhiteningKind] = match options.whitening {
+        WhiteningChoice::Measured => &[WhiteningKind::Pca, WhiteningKind::Pairs],
+        WhiteningChoice::Pca => &[WhiteningKind::Pca],
+    };
     if fitting_pairs > 0 {
         let fitting = training_pairs(data, fitting_pairs, &views, config.seed ^ WHITENING_SEED);
         let vectors = vectors_of(&plain, fitting, &mut on_pair)?;
         let precision = options.whitening_precision;
-        for (kind, model) in whitened_models(&parameters, &card, vectors, whitened, precision)? {
+        let models = whitened_models(&parameters, &card, vectors, whitened, kinds, precision)?;
+        for (kind, model) in models {
             let figures = held_out.measure(&model);
             candidates.push((Some(kind), model, figures));
         }
@@ -167,11 +172,12 @@ fn whitened_models(
     card: &Card,
     vectors: Vec<f32>,
     whitened: usize,
+    kinds: &[WhiteningKind],
     precision: Precision,
 ) -> Result<Vec<(WhiteningKind, Model)>, TrainError> {
     let axes = PrincipalAxes::of(vectors, parameters.spec().vlad_len(), whitened)?;
     let mut out = Vec::new();
-    for kind in [WhiteningKind::Pca, WhiteningKind::Pairs] {
+    for &kind in kinds {
         let projection = axes.whitening(whitened, kind)?;
         let spec = NetSpec {
             global_dim: whitened,
@@ -187,7 +193,7 @@ fn whitened_models(
     Ok(out)
 }
 
-/// The candidate with the highest recall; the first of equals.
+/// The candidate with the highest recall, the first of equals; or the one with PCA whitening, if that is what the options ask for.
 fn chosen(
     candidates: Vec<Candidate>,
     checkpoint: &Checkpoint,
@@ -199,7 +205,11 @@ fn chosen(
     };
     let mut best = 0;
     for (i, (_, _, validation)) in candidates.iter().enumerate() {
-        if score(validation) > score(&candidates[best].2) {
+        let is_better = match config.export.whitening {
+            WhiteningChoice::Measured => score(validation) > score(&candidates[best].2),
+            WhiteningChoice::Pca => candidates[i].0 == Some(WhiteningKind::Pca),
+        };
+        if is_better {
             best = i;
         }
     }

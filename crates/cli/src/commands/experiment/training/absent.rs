@@ -5,7 +5,6 @@ use std::path::Path;
 use anyhow::Result;
 use grimnet_eval::scene::Scene;
 use grimnet_experiments::experiment_table::ExperimentTable;
-use grimnet_experiments::tables::Recipe;
 
 use crate::commands::experiment_options::{ExperimentChoice, ExperimentOptions};
 
@@ -29,7 +28,6 @@ impl Training {
         &mut self,
         _: ExperimentChoice,
         _: &[Scene],
-        _: Recipe,
         _: &Path,
     ) -> Result<Option<ExperimentTable>> {
         Ok(None)

@@ -8,15 +8,14 @@ use anyhow::Result;
 use grimnet_eval::scene::Scene;
 use grimnet_experiments::experiment_table::ExperimentTable;
 use grimnet_experiments::networks::Networks;
-use grimnet_experiments::tables::Recipe;
 use grimnet_experiments::training::{TrainedExperiment, run};
 use grimnet_train::{Progress, TrainConfig};
 
 use crate::commands::experiment_options::{ExperimentChoice, ExperimentOptions};
 use crate::{interrupt, progress};
 
-/// Steps of each training where neither a number nor a configuration is given.
-const STEPS: u64 = 300;
+/// Minutes of each training where neither a number nor a configuration is given: what `compact` needs for differences to show.
+const MINUTES: f64 = 20.0;
 
 /// Minutes between checkpoints where no configuration says otherwise: what a power cut may cost.
 const CHECKPOINT_MINUTES: f64 = 1.0;
@@ -37,7 +36,12 @@ impl Training {
         }
         let stop = Arc::new(AtomicBool::new(false));
         interrupt::stop_on_interrupt(&stop)?;
-        let networks = Networks::new(configuration(options)?, &work.join("networks"), stop)?;
+        let networks = Networks::new(
+            configuration(options)?,
+            options.train_seeds,
+            &work.join("networks"),
+            stop,
+        )?;
         Ok(Self {
             networks: Some(networks),
         })
@@ -51,7 +55,6 @@ impl Training {
         &mut self,
         choice: ExperimentChoice,
         scenes: &[Scene],
-        recipe: Recipe,
         work: &Path,
     ) -> Result<Option<ExperimentTable>> {
         let experiment = match choice {
@@ -66,7 +69,7 @@ impl Training {
         let bar = progress::spinner(&choice.name());
         let shown = bar.clone();
         networks.on_progress(move |name, progress| shown.set_message(line(name, progress)));
-        let table = run(experiment, networks, work, scenes, recipe);
+        let table = run(experiment, networks, work, scenes);
         bar.finish_and_clear();
         Ok(Some(table?))
     }
@@ -82,7 +85,8 @@ fn configuration(options: &ExperimentOptions) -> Result<TrainConfig> {
             weights: paper.weights,
             descriptor_loss: paper.descriptor_loss,
             global_loss: paper.global_loss,
-            steps: Some(STEPS),
+            minutes: MINUTES,
+            steps: None,
             checkpoint_minutes: CHECKPOINT_MINUTES,
             ..TrainConfig::default()
         },

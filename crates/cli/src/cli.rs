@@ -9,7 +9,7 @@ use clap::{ArgAction, Parser, Subcommand};
 use crate::commands::absent;
 #[cfg(feature = "experiments")]
 use crate::commands::calibrate;
-use crate::commands::{completions, demo, eval, locate, man, map, model, train};
+use crate::commands::{completions, demo, eval, link, locate, man, map, model, train};
 use crate::exit::Exit;
 use crate::values;
 
@@ -69,6 +69,9 @@ enum Command {
     /// Find where photos were taken
     #[command(after_help = locate::EXAMPLES)]
     Locate(locate::LocateArgs),
+    /// Prepare the connection to an autopilot
+    #[command(subcommand)]
+    Link(link::LinkCommand),
     /// Measure accuracy on photos whose true position is known
     #[command(after_help = EVAL_EXAMPLES)]
     Eval(eval::EvalArgs),
@@ -128,6 +131,7 @@ impl Cli {
         match command {
             Command::Map(command) => map::run(command),
             Command::Locate(arguments) => locate::run(&arguments),
+            Command::Link(command) => link::run(command),
             Command::Eval(arguments) => eval::run(&arguments),
             #[cfg(feature = "experiments")]
             Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -9,7 +9,7 @@ use clap::{ArgAction, Parser, Subcommand};
 use crate::commands::absent;
 #[cfg(feature = "experiments")]
 use crate::commands::calibrate;
-use crate::commands::{completions, demo, eval, link, locate, man, map, model, train};
+use crate::commands::{completions, demo, eval, locate, man, map, model, serve, train};
 use crate::exit::Exit;
 use crate::values;
 
@@ -21,7 +21,7 @@ grim says where on a map a drone photo was taken. Three commands to begin with:
   grim map build town.tif -o town.grim           once for each map: compute its features
   grim locate --pack town.grim flight/*.jpg      latitude and longitude of each photo
 
-`grim --help` lists all commands, `grim COMMAND --help` explains one.
+`grim serve --pack town.grim` opens a page for photos and the map. `grim --help` lists all commands, `grim COMMAND --help` explains one.
 ";
 
 const EXAMPLES: &str = "\
@@ -69,9 +69,9 @@ enum Command {
     /// Find where photos were taken
     #[command(after_help = locate::EXAMPLES)]
     Locate(locate::LocateArgs),
-    /// Prepare the connection to an autopilot
-    #[command(subcommand)]
-    Link(link::LinkCommand),
+    /// Answer photos over HTTP, with a page that shows them on the map
+    #[command(after_help = serve::EXAMPLES)]
+    Serve(serve::ServeArgs),
     /// Measure accuracy on photos whose true position is known
     #[command(after_help = EVAL_EXAMPLES)]
     Eval(eval::EvalArgs),
@@ -131,7 +131,7 @@ impl Cli {
         match command {
             Command::Map(command) => map::run(command),
             Command::Locate(arguments) => locate::run(&arguments),
-            Command::Link(command) => link::run(command),
+            Command::Serve(arguments) => serve::run(&arguments),
             Command::Eval(arguments) => eval::run(&arguments),
             #[cfg(feature = "experiments")]
             Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -13,9 +13,6 @@ pub mod eval_run;
 pub mod experiment;
 pub mod experiment_options;
 pub mod gallery;
-pub mod link;
-pub mod link_check;
-pub mod link_options;
 pub mod locate;
 pub mod locate_options;
 pub mod man;
@@ -25,6 +22,7 @@ pub mod map_info;
 pub mod map_place;
 pub mod model;
 pub mod results;
+pub mod serve;
 pub mod train;
 
 use std::path::PathBuf;

@@ -1,15 +1,11 @@
 //! Answers as text: a table for people, and the formats that other programs read.
 
-mod csv;
-mod geojson;
-mod jsonl;
-mod kml;
 mod stream;
 mod table;
 
 use anyhow::Result;
+use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
-use crate::answer::Answer;
 pub use stream::AnswerStream;
 
 /// How answers are written.
@@ -25,40 +21,19 @@ pub enum Format {
     Geojson,
     /// Placemarks (KML 2.3), for Google Earth and others
     Kml,
-}
-
-/// The text of one format, in pieces: opening, answers, closing.
-trait AnswerFormat {
-    /// What stands before the first answer.
-    fn opening(&self) -> String {
-        String::new()
-    }
-
-    /// One answer.
-    ///
-    /// # Errors
-    /// The answer cannot be written in this format.
-    fn answer(&mut self, answer: &Answer) -> Result<String>;
-
-    /// What has to follow the last answer for the text to be well-formed; always the same.
-    fn closing(&self) -> &'static str {
-        ""
-    }
-
-    /// What is said at the end of a whole run.
-    fn summary(&self) -> String {
-        String::new()
-    }
+    /// Waypoints (GPX 1.1), for navigation programs: photos with a fix alone
+    Gpx,
 }
 
 impl Format {
     fn start(self) -> Box<dyn AnswerFormat> {
         match self {
             Self::Table => Box::<table::Table>::default(),
-            Self::Jsonl => Box::new(jsonl::Jsonl),
-            Self::Csv => Box::new(csv::Csv),
-            Self::Geojson => Box::<geojson::Geojson>::default(),
-            Self::Kml => Box::new(kml::Kml),
+            Self::Jsonl => Box::new(Jsonl),
+            Self::Csv => Box::new(Csv),
+            Self::Geojson => Box::<Geojson>::default(),
+            Self::Kml => Box::new(Kml),
+            Self::Gpx => Box::new(Gpx),
         }
     }
 
@@ -67,26 +42,14 @@ impl Format {
     /// # Errors
     /// An answer cannot be written in this format.
     pub fn text_of<'a>(self, answers: impl IntoIterator<Item = &'a Answer>) -> Result<String> {
-        let mut format = self.start();
-        let mut text = format.opening();
-        for answer in answers {
-            text += &format.answer(answer)?;
-        }
-        text += format.closing();
-        text += &format.summary();
-        Ok(text)
+        Ok(grimnet_answer::text_of(self.start().as_mut(), answers)?)
     }
-}
-
-/// `12.3`, or a dash if there is no value.
-fn or_dash(value: Option<f64>, decimals: usize) -> String {
-    value.map_or_else(|| "-".to_owned(), |v| format!("{v:.decimals$}"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::answer::State;
+    use grimnet_answer::State;
 
     pub(super) fn answers() -> [Answer; 2] {
         let fix = Answer {
@@ -112,41 +75,8 @@ mod tests {
         [fix, Answer::no_fix("c\x1b[2J.jpg", "too few matches")]
     }
 
-    fn written(format: Format) -> String {
-        format.text_of(&answers()).unwrap()
-    }
-
     #[test]
     fn table() {
-        insta::assert_snapshot!(written(Format::Table));
-    }
-
-    #[test]
-    fn jsonl() {
-        insta::assert_snapshot!(written(Format::Jsonl));
-    }
-
-    #[test]
-    fn csv() {
-        insta::assert_snapshot!(written(Format::Csv));
-    }
-
-    #[test]
-    fn geojson() {
-        let text = written(Format::Geojson);
-        let collection: ::geojson::FeatureCollection = text.parse().unwrap();
-        assert_eq!(
-            collection.features.len(),
-            3,
-            "a point and an outline for the fix, a feature for the miss"
-        );
-        insta::assert_snapshot!(text);
-    }
-
-    #[test]
-    fn kml() {
-        let text = written(Format::Kml);
-        assert_eq!(text.matches("<Placemark>").count(), 2, "a miss is one too");
-        insta::assert_snapshot!(text);
+        insta::assert_snapshot!(Format::Table.text_of(&answers()).unwrap());
     }
 }

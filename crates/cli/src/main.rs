@@ -1,6 +1,5 @@
 //! The `grim` program: where on this map was this photo taken?
 
-mod answer;
 mod cli;
 mod commands;
 mod drawings;
@@ -33,7 +32,8 @@ fn main() -> std::process::ExitCode {
 
 fn start_log(verbose: u8) {
     let level = match verbose {
-        0 => "warn",
+        // A service tells what it answers.
+        0 => "warn,grimnet_serve=info",
         1 => "info",
         _ => "debug",
     };

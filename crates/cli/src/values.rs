@@ -34,8 +34,8 @@ numbers! {
     probability: "a probability from 0 to 1" if |v| (0.0..=1.0).contains(&v);
     /// A duration in milliseconds, above zero.
     duration_ms: "a number of milliseconds, above 0" if |v| v > 0.0;
-    /// A duration in seconds, above zero.
-    duration_s: "a number of seconds, above 0" if |v| v > 0.0;
+    /// A duration in seconds, above zero, at most a day.
+    duration_s: "a number of seconds, above 0 and at most 86400" if |v| v > 0.0 && v <= 86_400.0;
     /// A share above 0 and below 1.
     #[cfg_attr(not(feature = "experiments"), allow(dead_code, reason = "an option of `grim calibrate`"))]
     inner_share: "a share above 0 and below 1" if |v| v > 0.0 && v < 1.0;

@@ -99,16 +99,12 @@ fn licences_are_allowed() {
     assert!(refused.is_empty(), "not allowed:\n{}", refused.join("\n"));
 }
 
-#[test]
-fn no_banned_package_is_built() {
-    let deny = read_toml("deny.toml");
-    let banned = listed(&deny, "bans", "deny", "crate");
-    assert!(!banned.is_empty());
-    // `cargo metadata` lists optional packages as well; this is what is built.
+/// What `cargo tree` prints of the packages that are built: `cargo metadata` lists optional packages as well.
+fn tree(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO"))
         .args(["tree", "--workspace", "--locked", "--offline"])
-        .args(["--edges", "normal,build,dev", "--prefix", "none"])
-        .args(["--format", "{p}"])
+        .args(["--edges", "normal,build,dev"])
+        .args(arguments)
         .current_dir(workspace_root())
         .output()
         .unwrap();
@@ -117,16 +113,63 @@ fn no_banned_package_is_built() {
         "{}",
         String::from_utf8_lossy(&output.stderr)
     );
-    let built = String::from_utf8(output.stdout).unwrap();
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn no_banned_package_is_built() {
+    let deny = read_toml("deny.toml");
+    let banned = deny["bans"]["deny"].as_array().unwrap();
+    assert!(!banned.is_empty());
+    // Depth and name: what is one deeper depends on it.
+    let built = tree(&["--prefix", "depth", "--format", " {p}", "--no-dedupe"]);
     assert!(built.lines().count() > 50, "{built}");
-    let found: Vec<&str> = built
-        .lines()
-        .filter(|line| {
-            let name = line.split(' ').next();
-            banned.iter().any(|banned| name == Some(banned.as_str()))
-        })
-        .collect();
+    let mut above: Vec<&str> = Vec::new();
+    let mut found = std::collections::BTreeSet::new();
+    for line in built.lines().filter(|line| !line.is_empty()) {
+        let mut words = line.split(' ');
+        let depth: usize = words.next().unwrap().parse().unwrap();
+        let name = words.next().unwrap();
+        above.truncate(depth);
+        let parent = above.last().copied().unwrap_or_default();
+        above.push(name);
+        let Some(ban) = banned
+            .iter()
+            .find(|ban| ban["crate"].as_str() == Some(name))
+        else {
+            continue;
+        };
+        let allowed = ban.get("wrappers").is_some_and(|wrappers| {
+            let mut wrappers = wrappers.as_array().unwrap().iter();
+            wrappers.any(|wrapper| wrapper.as_str() == Some(parent))
+        });
+        if !allowed {
+            found.insert(format!("{name} for {parent}"));
+        }
+    }
     assert!(found.is_empty(), "banned in deny.toml: {found:?}");
+}
+
+#[test]
+fn no_banned_feature_is_built() {
+    let deny = read_toml("deny.toml");
+    let built = tree(&["--prefix", "none", "--format", "{p} {f}"]);
+    for ban in deny["bans"]["features"].as_array().unwrap() {
+        let name = ban["crate"].as_str().unwrap();
+        let lines: Vec<&str> = built
+            .lines()
+            .filter(|line| line.split(' ').next() == Some(name))
+            .collect();
+        assert!(!lines.is_empty(), "{name} is not built");
+        for feature in ban["deny"].as_array().unwrap() {
+            let feature = feature.as_str().unwrap();
+            let has = |line: &&&str| {
+                let features = line.split(' ').nth(2).unwrap_or_default();
+                features.split(',').any(|built| built == feature)
+            };
+            assert_eq!(lines.iter().find(has), None, "{name}: {feature}");
+        }
+    }
 }
 
 #[test]

@@ -1,5 +1,7 @@
 //! Prior knowledge of a photo.
 
+use std::str::FromStr;
+
 use grimnet_geo::LonLat;
 use grimnet_photo::{HeadingPrior, ViewPrior};
 use serde::{Deserialize, Serialize};
@@ -11,6 +13,33 @@ pub struct Near {
     pub centre: LonLat,
     /// Radius of the area, metres.
     pub radius_m: f64,
+}
+
+/// `LAT,LON,RADIUS_M`, such as `24.26,120.72,500`.
+impl FromStr for Near {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text
+            .split(',')
+            .filter_map(|t| t.trim().parse().ok())
+            .collect();
+        match numbers[..] {
+            [lat_deg, lon_deg, radius_m]
+                if lat_deg.abs() <= 90.0
+                    && lon_deg.abs() <= 180.0
+                    && radius_m > 0.0
+                    && radius_m.is_finite() =>
+            {
+                let centre = LonLat { lon_deg, lat_deg };
+                Ok(Self { centre, radius_m })
+            }
+            _ => Err(
+                "expected latitude, longitude (degrees) and radius (metres), such as 24.26,120.72,500"
+                    .to_owned(),
+            ),
+        }
+    }
 }
 
 /// Prior knowledge of a photo. Values that are not given come from the photo's metadata if these are plausible, and are searched
@@ -73,5 +102,26 @@ impl Prior {
     pub fn near(mut self, centre: LonLat, radius_m: f64) -> Self {
         self.near = Some(Near { centre, radius_m });
         self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn areas_are_read_or_refused() {
+        let near: Near = "24.26, 120.72, 500".parse().unwrap();
+        assert_eq!(near.centre.lat_deg, 24.26);
+        assert_eq!(near.radius_m, 500.0);
+        for bad in [
+            "120.72,24.26,500",
+            "24.26,120.72",
+            "24.26,120.72,0",
+            "24.26,120.72,inf",
+            "",
+        ] {
+            assert!(bad.parse::<Near>().is_err(), "{bad}");
+        }
     }
 }

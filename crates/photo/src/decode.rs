@@ -13,6 +13,25 @@ use crate::jpeg_structure::JpegStructure;
 /// Maximum number of pixels of a photo.
 pub const MAX_PIXELS: u64 = 400_000_000;
 
+/// Limits of decoding, checked before anything is allocated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DecodeLimits {
+    /// Maximum number of pixels.
+    pub max_pixels: u64,
+    /// Maximum size of the decoded picture before it is converted to 8-bit RGB, bytes.
+    pub max_decoded_bytes: u64,
+}
+
+impl Default for DecodeLimits {
+    /// [`MAX_PIXELS`], with 8 bytes each: 16-bit RGBA.
+    fn default() -> Self {
+        Self {
+            max_pixels: MAX_PIXELS,
+            max_decoded_bytes: MAX_PIXELS * 8,
+        }
+    }
+}
+
 /// Minimum side of a photo, px.
 pub const MIN_SIDE_PX: u32 = 16;
 
@@ -30,6 +49,7 @@ pub(crate) fn decode(
     bytes: &[u8],
     orientation: u8,
     max_long_side_px: Option<u32>,
+    limits: &DecodeLimits,
 ) -> Result<Decoded, PhotoError> {
     if bytes.is_empty() {
         return Err(PhotoError::Empty { path: path.into() });
@@ -39,9 +59,9 @@ pub(crate) fn decode(
         found: "not a picture (unknown file signature)".into(),
     })?;
     let (stored, full_size_px) = match format {
-        ImageFormat::Jpeg => decode_jpeg(path, bytes)?,
+        ImageFormat::Jpeg => decode_jpeg(path, bytes, limits)?,
         ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP => {
-            let image = decode_other(path, bytes, format)?;
+            let image = decode_other(path, bytes, format, limits)?;
             let size = image.dimensions();
             (image, size)
         }
@@ -71,13 +91,17 @@ pub(crate) fn decode(
 }
 
 /// Returns an error for sizes that are too large or too small.
-fn check_size(path: &Path, (width_px, height_px): (u32, u32)) -> Result<(), PhotoError> {
-    if u64::from(width_px) * u64::from(height_px) > MAX_PIXELS {
+fn check_size(
+    path: &Path,
+    (width_px, height_px): (u32, u32),
+    limits: &DecodeLimits,
+) -> Result<(), PhotoError> {
+    if u64::from(width_px) * u64::from(height_px) > limits.max_pixels {
         return Err(PhotoError::TooLarge {
             path: path.into(),
             width_px,
             height_px,
-            limit_px: MAX_PIXELS,
+            limit_px: limits.max_pixels,
         });
     }
     if width_px.min(height_px) < MIN_SIDE_PX {
@@ -93,10 +117,14 @@ fn check_size(path: &Path, (width_px, height_px): (u32, u32)) -> Result<(), Phot
 
 /// The whole picture and its size. Scaled decoding (DCT scaling by 1/8 to 1/2 in crate jpeg-decoder) took 0.85 to 1.1 times as long
 /// as this decoder on drone photos, so the picture is decoded at full size and averaged.
-fn decode_jpeg(path: &Path, bytes: &[u8]) -> Result<(RgbImage, (u32, u32)), PhotoError> {
+fn decode_jpeg(
+    path: &Path,
+    bytes: &[u8],
+    limits: &DecodeLimits,
+) -> Result<(RgbImage, (u32, u32)), PhotoError> {
     let structure = JpegStructure::read(path, bytes)?;
     let size = structure.size_px;
-    check_size(path, size)?;
+    check_size(path, size, limits)?;
     structure.check_complete(path, bytes)?;
     let decoder = image::codecs::jpeg::JpegDecoder::new(Cursor::new(bytes))
         .map_err(|error| from_image(path, error))?;
@@ -104,15 +132,27 @@ fn decode_jpeg(path: &Path, bytes: &[u8]) -> Result<(RgbImage, (u32, u32)), Phot
     Ok((image.into_rgb8(), size))
 }
 
-fn decode_other(path: &Path, bytes: &[u8], format: ImageFormat) -> Result<RgbImage, PhotoError> {
+fn decode_other(
+    path: &Path,
+    bytes: &[u8],
+    format: ImageFormat,
+    limits: &DecodeLimits,
+) -> Result<RgbImage, PhotoError> {
     let mut decoder = ImageReader::with_format(Cursor::new(bytes), format)
         .into_decoder()
         .map_err(|error| from_image(path, error))?;
-    check_size(path, decoder.dimensions())?;
-    let mut limits = image::Limits::default();
-    limits.max_alloc = Some(MAX_PIXELS * 8);
+    check_size(path, decoder.dimensions(), limits)?;
+    if decoder.total_bytes() > limits.max_decoded_bytes {
+        return Err(PhotoError::TooManyBytes {
+            path: path.into(),
+            decoded_bytes: decoder.total_bytes(),
+            limit_bytes: limits.max_decoded_bytes,
+        });
+    }
+    let mut of_decoder = image::Limits::default();
+    of_decoder.max_alloc = Some(limits.max_decoded_bytes);
     decoder
-        .set_limits(limits)
+        .set_limits(of_decoder)
         .map_err(|error| from_image(path, error))?;
     if matches!(decoder.color_type(), ColorType::Rgb32F | ColorType::Rgba32F) {
         return Err(PhotoError::Unsupported {

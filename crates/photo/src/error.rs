@@ -59,6 +59,18 @@ pub enum PhotoError {
         /// Maximum number of pixels.
         limit_px: u64,
     },
+    /// The decoded photo takes more memory than the limit. This is checked before allocation.
+    #[error(
+        "{path} takes {decoded_bytes} bytes when decoded; the limit is {limit_bytes} bytes: convert it to 8-bit RGB"
+    )]
+    TooManyBytes {
+        /// The file.
+        path: PathBuf,
+        /// Size of the decoded picture, bytes.
+        decoded_bytes: u64,
+        /// The limit, bytes.
+        limit_bytes: u64,
+    },
     /// The photo is too small.
     #[error("{path} has {width_px} x {height_px} px; each side must be at least {minimum_px} px")]
     TooSmall {

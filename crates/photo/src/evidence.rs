@@ -1,9 +1,9 @@
 //! Which metadata were used or not, and why.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 /// One metadata field or prior value, and why it was used or not.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Evidence {
     /// The field as its source names it, such as `GimbalYawDegree`.
     pub field: String,

@@ -48,7 +48,7 @@ pub use camera::{
     EquivalentFocal, FULL_FRAME_DIAGONAL_MM, MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG,
     NativeFrame, Tilt, focal_px, focal_px_from_35mm, fov_deg,
 };
-pub use decode::{MAX_PIXELS, MIN_SIDE_PX};
+pub use decode::{DecodeLimits, MAX_PIXELS, MIN_SIDE_PX};
 pub use error::PhotoError;
 pub use evidence::Evidence;
 pub use metadata::{GpsPosition, ImageDirection, Metadata};

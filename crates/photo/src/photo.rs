@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use image::RgbImage;
 
 use crate::camera::Tilt;
-use crate::decode;
+use crate::decode::{self, DecodeLimits};
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
 use crate::query::{Query, QueryMaker, QueryOptions};
@@ -64,9 +64,22 @@ impl Photo {
         bytes: &[u8],
         max_long_side_px: Option<u32>,
     ) -> Result<Self, PhotoError> {
+        Self::from_bytes_within(path, bytes, max_long_side_px, &DecodeLimits::default())
+    }
+
+    /// As [`Photo::from_bytes`], within other limits: for photos of strangers.
+    ///
+    /// # Errors
+    /// As [`Photo::open`].
+    pub fn from_bytes_within(
+        path: impl AsRef<Path>,
+        bytes: &[u8],
+        max_long_side_px: Option<u32>,
+        limits: &DecodeLimits,
+    ) -> Result<Self, PhotoError> {
         let path = path.as_ref();
         let metadata = Metadata::from_bytes(bytes);
-        let decoded = decode::decode(path, bytes, metadata.orientation, max_long_side_px)?;
+        let decoded = decode::decode(path, bytes, metadata.orientation, max_long_side_px, limits)?;
         Ok(Self {
             path: path.to_owned(),
             image: decoded.image,

@@ -1,5 +1,7 @@
 //! What is known of how a photo sees the ground, with the reasons.
 
+use std::str::FromStr;
+
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Tilt;
@@ -21,6 +23,28 @@ pub enum HeadingPrior {
     FromMetadata,
     /// The heading is unknown; metadata are ignored.
     Unknown,
+}
+
+/// Assumed 1-sigma of a heading that is given without one, degrees.
+const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
+
+/// `exif` (from metadata), `unknown`, or degrees clockwise from true north with an assumed 1-sigma of 5 degrees.
+impl FromStr for HeadingPrior {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "exif" => Ok(Self::FromMetadata),
+            "unknown" => Ok(Self::Unknown),
+            _ => match text.parse::<f64>() {
+                Ok(degrees) if degrees.is_finite() => Ok(Self::Known {
+                    heading_deg: degrees.rem_euclid(360.0),
+                    sigma_deg: GIVEN_HEADING_SIGMA_DEG,
+                }),
+                _ => Err("expected degrees clockwise from north, `exif` or `unknown`".to_owned()),
+            },
+        }
+    }
 }
 
 /// Prior knowledge of a photo's view. Each value overrides the photo's metadata.
@@ -127,5 +151,24 @@ impl View {
         reason: impl Into<String>,
     ) {
         self.set_aside.push(Evidence::new(field, value, reason));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn headings_are_read_or_refused() {
+        assert_eq!("exif".parse(), Ok(HeadingPrior::FromMetadata));
+        assert_eq!("unknown".parse(), Ok(HeadingPrior::Unknown));
+        let west = HeadingPrior::Known {
+            heading_deg: 270.0,
+            sigma_deg: 5.0,
+        };
+        assert_eq!("-90".parse(), Ok(west));
+        for bad in ["north", "NaN", "", "inf"] {
+            assert!(bad.parse::<HeadingPrior>().is_err(), "{bad}");
+        }
     }
 }

@@ -1,6 +1,7 @@
 //! `grim demo`: a procedural town, a flight over it, every photo located. Nothing to download.
 
 use std::io::Write;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -22,12 +23,13 @@ use super::eval_pictures::matches_jpeg;
 use super::eval_run::{answers, evaluate_all};
 use super::map::build_with_bar;
 use super::results::print_summary;
+use super::serve;
 use crate::exit::Exit;
 use crate::formats::Format;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
 use crate::procedural_flight::{MAP_GSD_M, make_flight};
-use crate::terminal::printable;
 use crate::values;
+use grimnet_answer::printable;
 
 /// Match pictures that the report shows.
 const PICTURES: usize = 6;
@@ -49,7 +51,8 @@ const PACK: &str = "area.grim";
 pub const EXAMPLES: &str = "\
 Examples:
   grim demo                           about a minute; then open demo/report.html
-  grim demo --seed 8 -o another       another town, in the folder `another`";
+  grim demo --seed 8 -o another       another town, in the folder `another`
+  grim demo --serve                   then drop its photos on the page at http://127.0.0.1:8080";
 
 /// Arguments of `grim demo`.
 #[derive(Debug, Args)]
@@ -74,6 +77,10 @@ pub struct DemoArgs {
 
     #[command(flatten)]
     model: ModelChoice,
+
+    /// Then serve the map page on this address, as `grim serve` does [default: 127.0.0.1:8080]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8080")]
+    serve: Option<SocketAddr>,
 }
 
 /// Runs the command.
@@ -153,7 +160,26 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         printable(&out.join("report.html").display().to_string()),
         printable(&matches.path().display().to_string())
     )?;
-    Ok(Exit::Done)
+    match arguments.serve {
+        Some(address) => serve_flight(arguments, address),
+        None => Ok(Exit::Done),
+    }
+}
+
+/// Serves the town, to drop the flight's photos on it.
+fn serve_flight(arguments: &DemoArgs, address: SocketAddr) -> Result<Exit> {
+    let out = &arguments.out;
+    writeln!(
+        std::io::stdout(),
+        "Drop photos from {} on the page:",
+        printable(&out.join("photos").display().to_string())
+    )?;
+    serve::run_on_demo(
+        arguments.model.clone(),
+        &out.join(PACK),
+        &out.join("map.tif"),
+        address,
+    )
 }
 
 /// Draws the matches of a few photos, those with the largest errors first.

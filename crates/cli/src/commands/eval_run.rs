@@ -5,8 +5,8 @@ use grimnet_eval::metrics::{Frame, Summary};
 use grimnet_eval::report::Run;
 use grimnet_eval::scene::{HeadingMode, Shot};
 
-use crate::answer::Answer;
 use crate::progress;
+use grimnet_answer::Answer;
 
 /// Localises every photo: the figures, and what was found for each. A photo that cannot be localised has no fix, with the error as
 /// its reason.

@@ -16,13 +16,13 @@ use grimnet_photo::Photo;
 use super::ModelChoice;
 pub use super::locate_options::{AdaptChoice, LocateOptions};
 use super::map_place::{MapPlace, check_built_from};
-use crate::answer::Answer;
 use crate::drawings::Drawings;
 use crate::exit::Exit;
 use crate::formats::{AnswerStream, Format};
 pub use crate::localise::{adapt_to_flight, locate_one};
 use crate::outputs::OverwriteChoice;
 use crate::{errors, inputs, interrupt, photos, progress};
+use grimnet_answer::Answer;
 
 /// Examples under the help of `grim locate`.
 pub const EXAMPLES: &str = "\

@@ -1,11 +1,9 @@
 //! What is known of a view, and how to localise: the options that all localising commands share.
 
 use std::fmt;
-use std::str::FromStr;
 
 use clap::{Args, ValueEnum};
-use grimnet_geo::LonLat;
-use grimnet_locate::{Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Options, Prior};
+use grimnet_locate::{Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Near, Options, Prior};
 use grimnet_photo::ViewPrior;
 
 use super::ModeChoice;
@@ -16,79 +14,6 @@ const PRIOR: &str = "What you know about the photos (overrides their metadata)";
 
 /// Heading of the options that change the method.
 const METHOD: &str = "Method";
-
-/// Assumed error of a heading that the user gives, degrees (1 sigma).
-const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
-
-/// What the user states about the heading.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum HeadingChoice {
-    /// From the photo's metadata; searched if they do not tell it.
-    Exif,
-    /// Searched.
-    Unknown,
-    /// Degrees clockwise from true north.
-    Degrees(f64),
-}
-
-impl FromStr for HeadingChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "exif" => Ok(Self::Exif),
-            "unknown" => Ok(Self::Unknown),
-            _ => match text.parse::<f64>() {
-                Ok(degrees) if degrees.is_finite() => Ok(Self::Degrees(degrees.rem_euclid(360.0))),
-                _ => Err("expected degrees clockwise from north, `exif` or `unknown`".to_owned()),
-            },
-        }
-    }
-}
-
-impl HeadingChoice {
-    /// The prior of the localiser.
-    pub fn prior(self) -> HeadingPrior {
-        match self {
-            Self::Exif => HeadingPrior::FromMetadata,
-            Self::Unknown => HeadingPrior::Unknown,
-            Self::Degrees(heading_deg) => HeadingPrior::Known {
-                heading_deg,
-                sigma_deg: GIVEN_HEADING_SIGMA_DEG,
-            },
-        }
-    }
-}
-
-/// `LAT,LON,RADIUS_M`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct NearChoice(grimnet_locate::Near);
-
-impl FromStr for NearChoice {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Vec<f64> = text
-            .split(',')
-            .filter_map(|t| t.trim().parse().ok())
-            .collect();
-        match numbers[..] {
-            [lat_deg, lon_deg, radius_m]
-                if lat_deg.abs() <= 90.0
-                    && lon_deg.abs() <= 180.0
-                    && radius_m > 0.0
-                    && radius_m.is_finite() =>
-            {
-                let centre = LonLat { lon_deg, lat_deg };
-                Ok(Self(grimnet_locate::Near { centre, radius_m }))
-            }
-            _ => Err(
-                "expected latitude, longitude (degrees) and radius (metres), such as 24.26,120.72,500"
-                    .to_owned(),
-            ),
-        }
-    }
-}
 
 /// Which batch-normalisation statistics the photos' features are computed with.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -124,7 +49,7 @@ pub struct LocateOptions {
         allow_hyphen_values = true,
         help_heading = PRIOR
     )]
-    pub heading: HeadingChoice,
+    pub heading: HeadingPrior,
 
     /// Height above ground, metres; overrides metadata [default: from the photo]
     #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true, help_heading = PRIOR)]
@@ -152,7 +77,7 @@ pub struct LocateOptions {
         allow_hyphen_values = true,
         help_heading = PRIOR
     )]
-    pub near: Option<NearChoice>,
+    pub near: Option<Near>,
 
     /// Which method to use
     #[arg(long, value_enum, default_value_t, help_heading = METHOD)]
@@ -203,12 +128,12 @@ impl LocateOptions {
     pub fn prior(&self) -> Prior {
         Prior {
             view: ViewPrior {
-                heading: self.heading.prior(),
+                heading: self.heading,
                 height_agl_m: self.height_agl,
                 hfov_deg: self.hfov,
                 gsd_m: self.gsd,
             },
-            near: self.near.map(|n| n.0),
+            near: self.near,
         }
     }
 
@@ -238,7 +163,7 @@ impl LocateOptions {
     /// Nothing known but the photos themselves; for commands that give each photo its own prior.
     pub fn plain(mode: ModeChoice, adapt: AdaptChoice) -> Self {
         Self {
-            heading: HeadingChoice::Exif,
+            heading: HeadingPrior::FromMetadata,
             height_agl: None,
             hfov: None,
             gsd: None,
@@ -250,24 +175,5 @@ impl LocateOptions {
             budget_ms: None,
             top_k: None,
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn headings_and_places_are_read_or_refused() {
-        assert_eq!("exif".parse(), Ok(HeadingChoice::Exif));
-        assert_eq!("-90".parse(), Ok(HeadingChoice::Degrees(270.0)));
-        assert!("north".parse::<HeadingChoice>().is_err());
-        assert!("NaN".parse::<HeadingChoice>().is_err());
-        assert!("24.26,120.72,500".parse::<NearChoice>().is_ok());
-        assert!(
-            "120.72,24.26,500".parse::<NearChoice>().is_err(),
-            "longitude first"
-        );
-        assert!("24.26,120.72".parse::<NearChoice>().is_err());
     }
 }

@@ -9,7 +9,7 @@ use grimnet_output::OutputFolder;
 
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
-use crate::terminal::printable;
+use grimnet_answer::printable;
 
 /// Examples under the help of `grim man`.
 pub const EXAMPLES: &str = "\

@@ -16,8 +16,8 @@ use super::map_place::MapPlace;
 use super::{ModeChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
-use crate::terminal::printable;
 use crate::{inputs, progress, values};
+use grimnet_answer::printable;
 
 /// Examples under the help of `grim map build`.
 pub const EXAMPLES: &str = "\

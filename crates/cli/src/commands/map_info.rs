@@ -12,8 +12,8 @@ use image::ImageFormat;
 use super::map_place::{MapPlace, check_built_from};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
-use crate::terminal::printable_text;
 use crate::{inputs, progress};
+use grimnet_answer::printable_text;
 
 /// Examples under the help of `grim map info`.
 pub const INFO_EXAMPLES: &str = "\

@@ -12,7 +12,7 @@ use grimnet_pack::Pack;
 const MAP: &str = "Map without georeference";
 
 /// Where a map lies, if its file does not tell it.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Default, Args)]
 pub struct MapPlace {
     /// Coordinate system of a map that does not state it, such as EPSG:25833
     #[arg(long, value_name = "CRS", help_heading = MAP)]
@@ -60,16 +60,25 @@ impl MapPlace {
     }
 }
 
+/// Whether `map` is the map that the pack was built from.
+///
+/// # Errors
+/// The map cannot be read.
+pub fn is_built_from(pack: &Pack, map: &dyn Raster) -> Result<bool> {
+    Ok(content_hash(map)? == pack.manifest().map.hash)
+}
+
+fn content_hash(map: &dyn Raster) -> Result<String> {
+    let hash = map.content_hash()?;
+    Ok(hash.iter().map(|byte| format!("{byte:02x}")).collect())
+}
+
 /// Checks that `map` is the map that the pack was built from: drawings take the pack's pixel positions.
 ///
 /// # Errors
 /// The map is another one or cannot be read.
 pub fn check_built_from(pack: &Pack, map: &dyn Raster, path: &Path) -> Result<()> {
-    let hash: String = map
-        .content_hash()?
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
+    let hash = content_hash(map)?;
     if hash != pack.manifest().map.hash {
         bail!(
             "{} is not the map that {} was built from, or was changed since: expected content hash {}, found {}; give that \

@@ -8,7 +8,7 @@ use clap::Subcommand;
 
 use super::ModelChoice;
 use crate::exit::Exit;
-use crate::terminal::printable;
+use grimnet_answer::printable;
 
 const EXAMPLES: &str = "\
 Examples:

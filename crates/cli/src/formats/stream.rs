@@ -4,10 +4,10 @@ use std::io::{Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use grimnet_answer::{Answer, AnswerFormat};
 use grimnet_output::{AtomicFile, OutputPolicy};
 
-use super::{AnswerFormat, Format};
-use crate::answer::Answer;
+use super::Format;
 
 /// Where answers go as they come.
 ///

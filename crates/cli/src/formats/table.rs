@@ -1,13 +1,8 @@
 //! Aligned columns, for reading.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
-use anyhow::Result;
-
-use super::{AnswerFormat, or_dash};
-use crate::answer::{Answer, State};
-use crate::terminal::printable;
+use grimnet_answer::{Answer, AnswerError, AnswerFormat, State, or_dash, printable};
 
 #[derive(Default)]
 pub struct Table {
@@ -23,7 +18,7 @@ impl AnswerFormat for Table {
         )
     }
 
-    fn answer(&mut self, answer: &Answer) -> Result<String> {
+    fn answer(&mut self, answer: &Answer) -> Result<String, AnswerError> {
         self.answers += 1;
         let name = Path::new(&answer.photo).file_name().map_or_else(
             || answer.photo.clone(),
@@ -34,8 +29,7 @@ impl AnswerFormat for Table {
         match answer.state {
             State::Fix => {
                 self.fixes += 1;
-                write!(
-                    line,
+                line += &format!(
                     "{:>12} {:>13} {:>8} {:>8} {:>8} {:>7}",
                     or_dash(answer.lat_deg, 7),
                     or_dash(answer.lon_deg, 7),
@@ -43,14 +37,14 @@ impl AnswerFormat for Table {
                     or_dash(answer.heading_deg, 1),
                     answer.inliers.unwrap_or(0),
                     or_dash(answer.time_ms.get("total").copied(), 0),
-                )?;
+                );
                 if let Some(check) = answer.check_m {
-                    write!(line, "  {check:.1} m from its metadata")?;
+                    line += &format!("  {check:.1} m from its metadata");
                 }
             }
             State::NoFix => {
                 let reason = answer.reason.as_deref().unwrap_or("");
-                write!(line, "no fix: {}", printable(reason))?;
+                line += &format!("no fix: {}", printable(reason));
             }
         }
         line.push('\n');

@@ -1,0 +1,171 @@
+// Drives the page of `grim serve` in chromium. Called by .ci/browser.
+// Usage: node browser.cjs URL PHOTOS OUT
+"use strict";
+
+const assert = require("node:assert/strict");
+const fs = require("node:fs");
+const path = require("node:path");
+const { chromium } = require("playwright-core");
+
+const [url, photos, out] = process.argv.slice(2);
+const files = fs.readdirSync(photos).filter((name) => name.endsWith(".jpg")).sort().map((name) => path.join(photos, name));
+// Only a watchdog.
+const timeout = 120000;
+let passed = 0;
+
+async function check(name, run) {
+  await run();
+  passed += 1;
+  console.log(`ok - ${name}`);
+}
+
+function watch(page) {
+  const seen = { errors: [], hosts: new Set(), bytes: 0 };
+  page.on("console", (message) => {
+    if (["error", "warning"].includes(message.type())) seen.errors.push(message.text());
+  });
+  page.on("pageerror", (error) => seen.errors.push(String(error)));
+  page.on("request", (request) => {
+    const address = new URL(request.url());
+    if (!["blob:", "data:"].includes(address.protocol)) seen.hosts.add(address.origin);
+  });
+  page.on("response", async (response) => {
+    if (!new URL(response.url()).pathname.startsWith("/v1/")) {
+      seen.bytes += (await response.request().sizes().catch(() => ({ responseBodySize: 0 }))).responseBodySize;
+    }
+  });
+  return seen;
+}
+
+const status = (page, text) => page.waitForFunction((text) => document.getElementById("status").textContent.includes(text), text, { timeout });
+
+async function main() {
+  const browser = await chromium.launch({
+    executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+    args: ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+  });
+  const page = await browser.newPage({ viewport: { width: 1280, height: 800 } });
+  const seen = watch(page);
+  await page.goto(url);
+
+  await check("the map is drawn", async () => {
+    await page.waitForFunction(() => window.grimnet?.map.loaded() && window.grimnet.map.getLayer("picture"), null, { timeout });
+    await page.waitForFunction(() => window.grimnet.map.areTilesLoaded(), null, { timeout });
+    assert.ok(seen.bytes > 100000 && seen.bytes < 2000000, `${seen.bytes} bytes were transferred`);
+    console.log(`# page: ${seen.bytes} bytes`);
+  });
+
+  await check("a photo becomes a fix on the map", async () => {
+    await page.setInputFiles("#files", files[0]);
+    await status(page, "within");
+    await page.waitForFunction(() => window.grimnet.map.queryRenderedFeatures({ layers: ["fix", "circle", "outline"] }).length >= 3, null, { timeout });
+    const facts = await page.textContent("#facts");
+    for (const term of ["Latitude", "95 % radius", "Matches", "RelativeAltitude"]) assert.ok(facts.includes(term), `${term} in ${facts}`);
+    assert.ok(await page.isVisible("#matches"));
+    assert.ok((await page.getAttribute("#matches", "alt")).includes("agree"));
+    assert.notEqual(await page.getAttribute("#hfov_deg", "placeholder"), "", "filled in from the metadata");
+    await page.waitForFunction(() => window.grimnet.map.loaded(), null, { timeout });
+    await page.screenshot({ path: path.join(out, "fix.png") });
+  });
+
+  await check("a wrong setting gives no fix or an error, in words", async () => {
+    await page.click("#settings summary");
+    await page.fill("#hfov_deg", "400");
+    await page.click("#again");
+    await status(page, "hfov_deg");
+    await page.fill("#hfov_deg", "");
+    await page.fill("#near", "0,0,100");
+    await page.click("#again");
+    await page.waitForFunction(() => !document.getElementById("reason").hidden || document.getElementById("status").textContent.includes("near"), null, { timeout });
+    await page.screenshot({ path: path.join(out, "no_fix.png") });
+    await page.fill("#near", "");
+  });
+
+  await check("a file that is no photo is refused in words", async () => {
+    await page.setInputFiles("#files", { name: "notes.jpg", mimeType: "image/jpeg", buffer: Buffer.from("no picture") });
+    await status(page, "not a picture");
+  });
+
+  await check("the keyboard reaches everything", async () => {
+    await page.setInputFiles("#files", files[1]);
+    await status(page, "within");
+    await page.focus("#answers li:last-child button");
+    await page.keyboard.press("Enter");
+    assert.equal(await page.getAttribute("#answers li:last-child button", "aria-pressed"), "true");
+    const unnamed = await page.$$eval("button, input, select, a", (all) => all.filter((each) => !each.textContent.trim() && !each.labels?.length && !each.getAttribute("aria-label") && !each.title).map((each) => each.outerHTML));
+    assert.deepEqual(unnamed, []);
+  });
+
+  await check("answers are saved as GPX", async () => {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click("#export [data-name='fixes.gpx']")]);
+    const text = fs.readFileSync(await download.path(), "utf8");
+    assert.ok(text.includes("<wpt "), text);
+  });
+
+  await check("a track is followed as it comes", async () => {
+    const post = (path, body, type) => fetch(url + path, { method: "POST", body, headers: type ? { "content-type": type } : {} });
+    const track = await (await post("/v1/tracks")).json();
+    const frame = async (number) => {
+      const answer = await post(`/v1/tracks/${track.id}/frames?time_s=${number}`, fs.readFileSync(files[number]), "image/jpeg");
+      assert.equal(answer.status, 200, await answer.text());
+    };
+    await frame(0);
+    await page.click("#tracks summary");
+    await page.click("#read-tracks");
+    await page.waitForFunction(() => document.getElementById("track-choice").options.length > 0, null, { timeout });
+    await page.click("#follow");
+    await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("frame 1"), null, { timeout });
+    await frame(1);
+    await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("frame 2"), null, { timeout });
+    await page.screenshot({ path: path.join(out, "track.png") });
+  });
+
+  await check("no error in the console, no request to another host", async () => {
+    // Chromium itself reports responses of status 4xx, which two checks ask for.
+    const errors = seen.errors.filter((text) => !/the server responded with a status of (415|422)/.test(text) && !/GPU stall|swiftshader|WebGL/i.test(text));
+    assert.deepEqual(errors, []);
+    assert.deepEqual([...seen.hosts], [new URL(url).origin]);
+  });
+
+  await check("phone width and dark", async () => {
+    const phone = await browser.newPage({ viewport: { width: 360, height: 740 }, colorScheme: "dark" });
+    await phone.goto(url);
+    await phone.waitForFunction(() => window.grimnet?.map.loaded(), null, { timeout });
+    const wide = await phone.evaluate(() => document.documentElement.scrollWidth);
+    assert.ok(wide <= 360, `${wide} px wide`);
+    await phone.screenshot({ path: path.join(out, "phone_dark.png") });
+    await phone.close();
+  });
+
+  await check("without WebGL there is a message, and photos are located", async () => {
+    const plain = await browser.newPage();
+    await plain.addInitScript(() => {
+      const getContext = HTMLCanvasElement.prototype.getContext;
+      HTMLCanvasElement.prototype.getContext = function (kind, ...rest) {
+        return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...rest);
+      };
+    });
+    await plain.goto(url);
+    await plain.waitForFunction(() => !document.getElementById("no-map").hidden, null, { timeout });
+    await plain.setInputFiles("#files", files[0]);
+    await status(plain, "within");
+    await plain.close();
+  });
+
+  await check("the page to try the API sends a request", async () => {
+    const api = await browser.newPage();
+    await api.goto(`${url}/api`);
+    const section = api.locator("section", { hasText: "/v1/maps" }).filter({ hasText: "Lists the maps" });
+    await section.locator("button").click();
+    await section.locator("pre", { hasText: "\"maps\"" }).waitFor({ timeout });
+    await api.close();
+  });
+
+  await browser.close();
+  console.log(`${passed} passed, 0 failed`);
+}
+
+main().catch((error) => {
+  console.error(error);
+  process.exit(1);
+});

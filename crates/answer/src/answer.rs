@@ -1,0 +1,152 @@
+//! One photo's answer as it is written. Scripts rely on the field names: they must not change.
+
+use std::collections::BTreeMap;
+
+use grimnet_locate::{EvidenceUsed, Outcome, TimeMs};
+use grimnet_photo::Evidence;
+use serde::{Deserialize, Serialize};
+
+/// One answer; without a fix the numbers are `null`.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(default)]
+pub struct Answer {
+    /// The photo's path as given.
+    pub photo: String,
+    /// `fix` or `no_fix`.
+    pub state: State,
+    /// Latitude of the image centre, degrees, WGS 84.
+    pub lat_deg: Option<f64>,
+    /// Longitude of the image centre, degrees, WGS 84.
+    pub lon_deg: Option<f64>,
+    /// Direction of the photo's top edge, degrees clockwise from true north.
+    pub heading_deg: Option<f64>,
+    /// Ground resolution of the full-size photo, metres per pixel.
+    pub gsd_m: Option<f64>,
+    /// Radius in metres that should hold the truth in 95 % of cases.
+    pub radius95_m: Option<f64>,
+    /// Covariance in square metres: east-east, east-north, north-north.
+    pub covariance_en_m2: Option<[f64; 3]>,
+    /// Probability that the position is right and not another place; `null` if the model was not calibrated.
+    pub confidence: Option<f64>,
+    /// Matches that agree with the transform.
+    pub inliers: Option<usize>,
+    /// Why there is no fix.
+    pub reason: Option<String>,
+    /// Milliseconds by stage, and `total`.
+    pub time_ms: BTreeMap<String, f64>,
+    /// Mutual matches before geometric verification.
+    pub matches: Option<usize>,
+    /// Inliers of the best candidate at another place.
+    pub runner_up_inliers: Option<usize>,
+    /// Distance in metres from the position in the photo's own metadata (`--check`).
+    pub check_m: Option<f64>,
+    /// Corners of the photo on the ground, `[lon, lat]` in degrees, clockwise from the top left.
+    pub outline_lon_lat_deg: Option<Vec<[f64; 2]>>,
+    /// Metadata and options that were used.
+    #[cfg_attr(feature = "schema", schema(value_type = Vec<EvidenceSchema>))]
+    pub used: Vec<Evidence>,
+    /// Metadata that were not used, with the reason.
+    #[cfg_attr(feature = "schema", schema(value_type = Vec<EvidenceSchema>))]
+    pub set_aside: Vec<Evidence>,
+    /// Assumptions about heading and scale if nothing was known.
+    pub assumed: Option<String>,
+}
+
+/// One metadata field or prior value, and why it was used or not: [`Evidence`] for the schema.
+#[cfg(feature = "schema")]
+#[derive(utoipa::ToSchema)]
+#[schema(as = Evidence)]
+#[allow(dead_code, reason = "describes Evidence of grimnet-photo")]
+pub(crate) struct EvidenceSchema {
+    /// The field as its source names it, such as `GimbalYawDegree`.
+    field: String,
+    /// Its value as read, with the unit.
+    value: String,
+    /// The reason.
+    reason: String,
+}
+
+/// Whether there is an answer.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum State {
+    /// A position is given.
+    Fix,
+    /// No position is given, and `reason` says why.
+    #[default]
+    NoFix,
+}
+
+impl Answer {
+    /// An answer without a fix.
+    #[must_use]
+    pub fn no_fix(photo: &str, reason: impl std::fmt::Display) -> Self {
+        Self {
+            photo: photo.to_owned(),
+            reason: Some(reason.to_string()),
+            ..Self::default()
+        }
+    }
+
+    /// The answer for `photo` from the result of the localiser.
+    #[must_use]
+    pub fn of(photo: &str, outcome: &Outcome) -> Self {
+        match outcome {
+            Outcome::Fix(fix) => Self {
+                state: State::Fix,
+                lat_deg: Some(rounded(fix.lat_deg, 8)),
+                lon_deg: Some(rounded(fix.lon_deg, 8)),
+                heading_deg: fix.heading_deg.map(|degrees| rounded(degrees, 2)),
+                gsd_m: Some(rounded(fix.gsd_m, 6)),
+                radius95_m: Some(rounded(fix.radius95_m, 3)),
+                covariance_en_m2: Some(fix.covariance_en_m2.map(|v| rounded(v, 6))),
+                confidence: fix.confidence.map(|v| rounded(v, 6)),
+                inliers: Some(fix.inliers),
+                matches: Some(fix.matches),
+                runner_up_inliers: fix.runner_up.map(|r| r.inliers),
+                outline_lon_lat_deg: Some(
+                    fix.outline_lonlat_deg
+                        .iter()
+                        .map(|corner| corner.map(|v| rounded(v, 8)))
+                        .collect(),
+                ),
+                ..Self::told(photo, &fix.evidence, &fix.time_ms)
+            },
+            Outcome::NoFix(no_fix) => Self {
+                reason: Some(no_fix.reason.to_string()),
+                inliers: Some(no_fix.inliers),
+                matches: Some(no_fix.matches),
+                ..Self::told(photo, &no_fix.evidence, &no_fix.time_ms)
+            },
+        }
+    }
+
+    fn told(photo: &str, evidence: &EvidenceUsed, time_ms: &TimeMs) -> Self {
+        let stages = [
+            ("query", time_ms.query),
+            ("features", time_ms.features),
+            ("search", time_ms.search),
+            ("vote", time_ms.vote),
+            ("matching", time_ms.matching),
+            ("total", time_ms.total),
+        ];
+        Self {
+            photo: photo.to_owned(),
+            time_ms: stages
+                .map(|(name, ms)| (name.to_owned(), rounded(ms, 3)))
+                .into(),
+            used: evidence.used.clone(),
+            set_aside: evidence.set_aside.clone(),
+            assumed: evidence.assumed.clone(),
+            ..Self::default()
+        }
+    }
+}
+
+/// Rounds to `decimals`: 8 decimals of a degree are a millimetre.
+fn rounded(value: f64, decimals: i32) -> f64 {
+    let scale = 10f64.powi(decimals);
+    (value * scale).round() / scale
+}

@@ -1,0 +1,106 @@
+//! Answers as other programs read them.
+//!
+//! An [`Answer`] is what a localiser found for one photo, with the field names that scripts rely on. An [`AnswerFormat`] writes
+//! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once.
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
+
+mod answer;
+mod csv;
+mod error;
+mod format;
+mod geojson;
+mod gpx;
+mod jsonl;
+mod kml;
+mod printable;
+mod xml;
+
+pub use answer::{Answer, State};
+pub use csv::Csv;
+pub use error::AnswerError;
+pub use format::{AnswerFormat, or_dash, text_of};
+pub use geojson::Geojson;
+pub use gpx::Gpx;
+pub use jsonl::Jsonl;
+pub use kml::Kml;
+pub use printable::{printable, printable_text};
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn answers() -> [Answer; 2] {
+        let fix = Answer {
+            photo: "flight/a & b.jpg".into(),
+            state: State::Fix,
+            lat_deg: Some(24.261_918_45),
+            lon_deg: Some(120.720_283_91),
+            heading_deg: Some(152.1),
+            gsd_m: Some(0.12),
+            radius95_m: Some(2.5),
+            covariance_en_m2: Some([1.0, 0.1, 1.2]),
+            inliers: Some(41),
+            time_ms: [("total".to_owned(), 37.0)].into(),
+            matches: Some(96),
+            outline_lon_lat_deg: Some(vec![
+                [120.0, 24.0],
+                [121.0, 24.0],
+                [121.0, 23.0],
+                [120.0, 23.0],
+            ]),
+            ..Answer::default()
+        };
+        [fix, Answer::no_fix("c\x1b[2J.jpg", "too few matches")]
+    }
+
+    fn written(mut format: impl AnswerFormat) -> String {
+        text_of(&mut format, &answers()).unwrap()
+    }
+
+    #[test]
+    fn jsonl() {
+        insta::assert_snapshot!(written(Jsonl));
+    }
+
+    #[test]
+    fn answers_are_read_back_from_their_lines() {
+        for (line, answer) in written(Jsonl).lines().zip(&answers()) {
+            assert_eq!(&serde_json::from_str::<Answer>(line).unwrap(), answer);
+        }
+    }
+
+    #[test]
+    fn csv() {
+        insta::assert_snapshot!(written(Csv));
+    }
+
+    #[test]
+    fn geojson() {
+        let text = written(Geojson::default());
+        let collection: ::geojson::FeatureCollection = text.parse().unwrap();
+        assert_eq!(
+            collection.features.len(),
+            3,
+            "a point and an outline for the fix, a feature for the miss"
+        );
+        insta::assert_snapshot!(text);
+    }
+
+    #[test]
+    fn kml() {
+        let text = written(Kml);
+        assert_eq!(text.matches("<Placemark>").count(), 2, "a miss is one too");
+        insta::assert_snapshot!(text);
+    }
+
+    #[test]
+    fn gpx() {
+        let text = written(Gpx);
+        assert_eq!(
+            text.matches("<wpt ").count(),
+            1,
+            "a waypoint has a position, so a miss is none"
+        );
+        insta::assert_snapshot!(text);
+    }
+}

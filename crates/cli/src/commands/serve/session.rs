@@ -1,0 +1,155 @@
+//! Opens packs and maps, and serves them.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context as _, Result, bail};
+use grimnet_geo::{Raster, open_map};
+use grimnet_locate::{Localizer, Options};
+use grimnet_net::Model;
+use grimnet_pack::Pack;
+use grimnet_serve::{Access, Limits, ServedMap, Service, Token};
+
+use super::ServeArgs;
+use crate::commands::map_place::is_built_from;
+use crate::exit::Exit;
+use crate::inputs;
+
+/// The environment variable of the token.
+const TOKEN_VARIABLE: &str = "GRIM_TOKEN";
+
+/// Largest token file, bytes.
+const MAX_TOKEN_BYTES: u64 = 4096;
+
+/// Serves until a signal.
+///
+/// # Errors
+/// Unreadable pack, model, map or token; an address that cannot be listened on.
+pub fn run(arguments: &ServeArgs) -> Result<Exit> {
+    let access = access(arguments)?;
+    let limits = limits(arguments);
+    let options = Options {
+        keep_matches: true,
+        map_error_m: arguments.map_error,
+        // Nobody waits any longer.
+        budget_ms: Some(limits.locate_time.as_secs_f64() * 1e3),
+        ..Options::default()
+    };
+    let maps = maps(arguments, &options)?;
+    let service = Service::bind(arguments.listen, access, maps, limits)?;
+    announce(&service)?;
+    service.run(true)?;
+    Ok(Exit::Done)
+}
+
+/// Prints where the service is.
+///
+/// # Errors
+/// Standard output cannot be written.
+pub fn announce(service: &Service) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "http://{}", service.address())?;
+    out.flush()?;
+    Ok(())
+}
+
+fn limits(arguments: &ServeArgs) -> Limits {
+    let standard = Limits::default();
+    Limits {
+        max_body_bytes: arguments.max_body.saturating_mul(1 << 20),
+        at_once: arguments.at_once.unwrap_or(standard.at_once),
+        queue: arguments.queue,
+        locate_time: Duration::from_secs_f64(arguments.time_limit),
+        ..standard
+    }
+}
+
+fn access(arguments: &ServeArgs) -> Result<Access> {
+    if arguments.no_token {
+        if !arguments.listen.ip().is_loopback() {
+            tracing::warn!(
+                "no token is asked for: everybody who reaches {} can use the service",
+                arguments.listen
+            );
+        }
+        return Ok(Access::Everybody);
+    }
+    let (text, source) = match &arguments.token_file {
+        Some(path) => (read_token(path)?, path.display().to_string()),
+        None => match std::env::var(TOKEN_VARIABLE) {
+            Ok(text) => (text, TOKEN_VARIABLE.to_owned()),
+            Err(_) if arguments.listen.ip().is_loopback() => return Ok(Access::ThisMachine),
+            Err(_) => bail!(
+                "{} can be reached from other machines; give a token that clients must send with --token-file FILE, or serve \
+                 everybody with --no-token",
+                arguments.listen
+            ),
+        },
+    };
+    Token::new(&text).map(Access::WithToken).with_context(|| {
+        format!(
+            "{source}: expected a token of {} or more printable ASCII characters without spaces, such as the output of: \
+             openssl rand -hex 16",
+            Token::MIN_CHARACTERS
+        )
+    })
+}
+
+fn read_token(path: &Path) -> Result<String> {
+    inputs::check_regular(path)?;
+    let length = fs_err::metadata(path)?.len();
+    if length > MAX_TOKEN_BYTES {
+        bail!(
+            "{}: {length} bytes; expected a file that holds a token and nothing else",
+            path.display()
+        );
+    }
+    Ok(fs_err::read_to_string(path)?)
+}
+
+/// The packs with the maps that they were built from.
+fn maps(arguments: &ServeArgs, options: &Options) -> Result<Vec<ServedMap>> {
+    let model = arguments.model.open()?;
+    let mut packs = Vec::new();
+    for path in &arguments.pack {
+        inputs::check_regular(path)?;
+        packs.push((Pack::open(path)?, None));
+    }
+    for path in &arguments.map {
+        inputs::check_regular(path)?;
+        let map = open_map(path, &arguments.place.options())?;
+        let mut of_map = None;
+        for (pack, slot) in &mut packs {
+            if slot.is_none() && is_built_from(pack, map.as_ref())? {
+                of_map = Some(slot);
+                break;
+            }
+        }
+        match of_map {
+            Some(slot) => *slot = Some(map),
+            None => bail!(
+                "{}: none of the packs was built from this map, or it was changed since; give the maps of the packs, or build \
+                 the packs again",
+                path.display()
+            ),
+        }
+    }
+    packs
+        .into_iter()
+        .zip(&arguments.pack)
+        .map(|((pack, map), path)| served(&model, pack, map, path, options))
+        .collect()
+}
+
+fn served(
+    model: &Model,
+    pack: Pack,
+    map: Option<Box<dyn Raster>>,
+    path: &Path,
+    options: &Options,
+) -> Result<ServedMap> {
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let localizer = Localizer::new(model.clone(), pack)?.with_options(options.clone());
+    Ok(ServedMap::new(&name, localizer, map)?)
+}

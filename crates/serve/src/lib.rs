@@ -1,0 +1,61 @@
+//! The HTTP service: photos in, positions out, on the maps that it was started with.
+//!
+//! [`Service::bind`] listens on an address, [`Service::run`] answers requests until the service is stopped. Each [`ServedMap`] is a
+//! pack with its localiser. [`Limits`] bound what clients may take, [`Access`] says who may ask. What the service answers is
+//! described at `/openapi.json`.
+//!
+//! ```no_run
+//! use grimnet_locate::Localizer;
+//! use grimnet_serve::{Access, Limits, ServedMap, Service};
+//!
+//! # fn main() -> Result<(), Box<dyn std::error::Error>> {
+//! let map = ServedMap::new("area", Localizer::open("area.grim")?, None)?;
+//! let address = "127.0.0.1:8080".parse()?;
+//! let service = Service::bind(address, Access::ThisMachine, vec![map], Limits::default())?;
+//! println!("http://{}", service.address());
+//! service.run(true)?;
+//! # Ok(())
+//! # }
+//! ```
+#![cfg_attr(doctest, doc = include_str!("../README.md"))]
+
+mod accept;
+mod admission;
+mod answers_route;
+mod assets;
+mod connections;
+mod error;
+mod guard;
+mod health;
+mod limits;
+mod locate_route;
+mod map_routes;
+mod maps;
+mod metrics;
+mod openapi;
+mod prior_fields;
+mod problem;
+mod query;
+mod request_log;
+mod router;
+mod service;
+mod stall_guard;
+mod state;
+mod tile_address;
+mod tile_cache;
+mod tile_mesh;
+mod tile_picture;
+mod tile_routes;
+mod token;
+mod track_events;
+mod track_formats;
+mod track_routes;
+mod track_store;
+mod upload;
+
+pub use error::ServeError;
+pub use grimnet_photo::DecodeLimits;
+pub use limits::Limits;
+pub use maps::ServedMap;
+pub use service::{Access, Service, StopHandle};
+pub use token::Token;

@@ -1,0 +1,58 @@
+//! What one client, and all clients together, may take.
+
+use std::time::Duration;
+
+use grimnet_photo::DecodeLimits;
+
+/// Limits of the service. The defaults suit photos of drones and a machine on the same network.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Limits {
+    /// Largest request body, bytes.
+    pub max_body_bytes: usize,
+    /// Limits of decoding a photo.
+    pub decode: DecodeLimits,
+    /// Localisations that run at the same time.
+    pub at_once: usize,
+    /// Requests that may wait for a localisation; more are refused with status 503.
+    pub queue: usize,
+    /// Longest time of one localisation, waiting included.
+    pub locate_time: Duration,
+    /// Longest time for a request body to arrive.
+    pub body_time: Duration,
+    /// Longest pause while a body arrives.
+    pub body_pause: Duration,
+    /// Longest time for the head of a request to arrive, and longest time that a connection may be idle.
+    pub head_time: Duration,
+    /// Longest time that a client may take no byte of an answer.
+    pub write_pause: Duration,
+    /// Connections at the same time; more wait until one is closed.
+    pub connections: usize,
+    /// Clients that may follow tracks at the same time; each takes a connection.
+    pub listeners: usize,
+    /// Time for open requests to end when the service is stopped.
+    pub end_time: Duration,
+}
+
+impl Default for Limits {
+    fn default() -> Self {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        Self {
+            max_body_bytes: 64 << 20,
+            // The largest sensors of survey cameras have 150 million pixels, of small drones 50 million.
+            decode: DecodeLimits {
+                max_pixels: 160_000_000,
+                max_decoded_bytes: 512 << 20,
+            },
+            at_once: cores,
+            queue: 8,
+            locate_time: Duration::from_secs(60),
+            body_time: Duration::from_secs(60),
+            body_pause: Duration::from_secs(10),
+            head_time: Duration::from_secs(15),
+            write_pause: Duration::from_secs(30),
+            connections: 256,
+            listeners: 64,
+            end_time: Duration::from_secs(20),
+        }
+    }
+}

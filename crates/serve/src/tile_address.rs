@@ -1,0 +1,103 @@
+//! Tiles of Web Mercator (EPSG:3857), numbered as XYZ: row 0 in the north.
+
+use std::f64::consts::PI;
+
+use grimnet_geo::LonLat;
+
+/// Side of a tile, pixels.
+pub(crate) const TILE_SIDE_PX: u32 = 256;
+
+/// Finest zoom that is served.
+pub(crate) const MAX_ZOOM: u32 = 24;
+
+/// Metres per pixel of zoom 0 at the equator: 2 pi 6378137 / 256 (EPSG:3857).
+const EQUATOR_M_PER_PX: f64 = 156_543.033_928_041;
+
+/// One tile.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub(crate) struct TileAddress {
+    z: u32,
+    x: u32,
+    y: u32,
+}
+
+impl TileAddress {
+    /// The tile in column `x` and row `y` of zoom `z`; `None` if there is none.
+    pub(crate) fn new(z: u32, x: u32, y: u32) -> Option<Self> {
+        let exists = z <= MAX_ZOOM && x < 1 << z && y < 1 << z;
+        exists.then_some(Self { z, x, y })
+    }
+
+    pub(crate) fn zoom(self) -> u32 {
+        self.z
+    }
+
+    /// Longitude and latitude of a point of the tile, pixels from its top left corner.
+    pub(crate) fn lonlat(self, right_px: f64, down_px: f64) -> LonLat {
+        let tiles = f64::from(1_u32 << self.z);
+        let side_px = f64::from(TILE_SIDE_PX);
+        let across = (f64::from(self.x) + right_px / side_px) / tiles;
+        let down = (f64::from(self.y) + down_px / side_px) / tiles;
+        LonLat {
+            lon_deg: across * 360.0 - 180.0,
+            lat_deg: (PI * (1.0 - 2.0 * down)).sinh().atan().to_degrees(),
+        }
+    }
+}
+
+/// The zoom whose pixels are as fine as `gsd_m` at a latitude, or finer.
+pub(crate) fn zoom_of_gsd(gsd_m: f64, lat_deg: f64) -> u32 {
+    let zoom = (EQUATOR_M_PER_PX * lat_deg.to_radians().cos() / gsd_m).log2();
+    // Rounding is not to cost a zoom.
+    let zoom = (zoom - 1e-3).ceil();
+    if zoom.is_finite() {
+        zoom.clamp(0.0, f64::from(MAX_ZOOM)) as u32
+    } else {
+        0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tiles_lie_where_openstreetmap_has_them() {
+        // https://wiki.openstreetmap.org/wiki/Slippy_map_tilenames: the bounds of 10/511/340 (London).
+        let tile = TileAddress::new(10, 511, 340).unwrap();
+        let north_west = tile.lonlat(0.0, 0.0);
+        assert!(
+            (north_west.lon_deg - -0.3515625).abs() < 1e-9,
+            "{north_west:?}"
+        );
+        assert!(
+            (north_west.lat_deg - 51.618_016_548).abs() < 1e-6,
+            "{north_west:?}"
+        );
+        let south_east = tile.lonlat(256.0, 256.0);
+        let next = TileAddress::new(10, 512, 341).unwrap().lonlat(0.0, 0.0);
+        assert_eq!(south_east, next);
+    }
+
+    #[test]
+    fn only_tiles_that_exist() {
+        assert!(TileAddress::new(0, 0, 0).is_some());
+        for (z, x, y) in [
+            (0, 1, 0),
+            (3, 8, 0),
+            (3, 0, 8),
+            (25, 0, 0),
+            (u32::MAX, 0, 0),
+        ] {
+            assert!(TileAddress::new(z, x, y).is_none());
+        }
+    }
+
+    #[test]
+    fn zooms_are_as_fine_as_the_map() {
+        assert_eq!(zoom_of_gsd(156_543.033_928_041, 0.0), 0);
+        assert_eq!(zoom_of_gsd(0.3, 0.0), 19);
+        assert_eq!(zoom_of_gsd(0.3, 60.0), 18);
+        assert_eq!(zoom_of_gsd(f64::NAN, 0.0), 0);
+    }
+}

@@ -1,0 +1,229 @@
+//! `GET /v1/maps/{id}/tiles/{z}/{x}/{y}` and the TileJSON that describes them.
+
+use std::io::Cursor;
+use std::sync::Arc;
+
+use axum::Json;
+use axum::body::Bytes;
+use axum::extract::Path;
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use image::codecs::jpeg::JpegEncoder;
+use image::{DynamicImage, ImageError, ImageFormat, RgbaImage};
+use serde::Serialize;
+
+use crate::problem::Problem;
+use crate::query::Query;
+use crate::state::{Shared, State};
+use crate::tile_address::{MAX_ZOOM, TileAddress};
+use crate::tile_cache::{Layer, Tile};
+use crate::tile_picture::{map_picture, outline_picture};
+
+/// Quality of JPEG tiles.
+const JPEG_QUALITY: u8 = 88;
+
+/// How long a client may use a tile without asking, seconds.
+const FRESH: HeaderValue = HeaderValue::from_static("private, max-age=300");
+
+/// Where the tiles of a map are (TileJSON 3.0.0).
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(crate) struct TileJson {
+    /// Version of TileJSON.
+    tilejson: &'static str,
+    /// The id of the map.
+    name: String,
+    /// Addresses of tiles, with `{z}`, `{x}` and `{y}`.
+    tiles: Vec<String>,
+    /// Row 0 is in the north.
+    scheme: &'static str,
+    /// Coarsest zoom.
+    minzoom: u32,
+    /// Finest zoom that shows more than the one before.
+    maxzoom: u32,
+    /// West, south, east, north, degrees.
+    bounds: [f64; 4],
+}
+
+/// Describes the tiles of a map
+#[utoipa::path(
+    get, path = "/v1/maps/{id}/tilejson.json", tag = "maps",
+    params(("id" = String, Path, description = "The map")),
+    responses((status = 200, description = "TileJSON 3.0.0", body = TileJson))
+)]
+pub(crate) async fn tilejson(
+    axum::extract::State(state): Shared,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Json<TileJson>, Problem> {
+    let map = state.maps.get(&id)?;
+    let host = headers
+        .get(header::HOST)
+        .and_then(|value| value.to_str().ok())
+        .unwrap_or_default();
+    let [minzoom, maxzoom] = map.zooms();
+    Ok(Json(TileJson {
+        tilejson: "3.0.0",
+        name: map.id().to_owned(),
+        tiles: vec![format!(
+            "http://{host}/v1/maps/{}/tiles/{{z}}/{{x}}/{{y}}",
+            map.id()
+        )],
+        scheme: "xyz",
+        minzoom,
+        maxzoom,
+        bounds: map.bounds_deg(),
+    }))
+}
+
+/// A tile of a map
+///
+/// XYZ in Web Mercator, 256 px: JPEG, or PNG where it is partly transparent. Without a map the tiles show the outlines of the pack.
+#[utoipa::path(
+    get, path = "/v1/maps/{id}/tiles/{z}/{x}/{y}", tag = "maps",
+    params(
+        ("id" = String, Path, description = "The map"),
+        ("z" = u32, Path, description = "Zoom"),
+        ("x" = u32, Path, description = "Column"),
+        ("y" = String, Path, description = "Row, 0 in the north; an ending .png or .jpg is ignored"),
+        ("layer" = Option<String>, Query, description = "`map` or `outlines`"),
+    ),
+    responses((status = 200, description = "The tile", content((crate::openapi::Binary = "image/jpeg"), (crate::openapi::Binary = "image/png"))))
+)]
+pub(crate) async fn tile(
+    axum::extract::State(state): Shared,
+    Path((id, z, x, y)): Path<(String, String, String, String)>,
+    uri: Uri,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let map = state.maps.get(&id)?;
+    let mut query = Query::of(&uri)?;
+    let layer = match query.take("layer").as_deref() {
+        Some("outlines") => Layer::Outlines,
+        None if map.raster.is_none() => Layer::Outlines,
+        None | Some("map") => Layer::Map,
+        Some(other) => {
+            return Err(Problem::bad_request(format!(
+                "layer is {other:?}; expected `map` or `outlines`"
+            )));
+        }
+    };
+    let [minzoom, _] = map.zooms();
+    let address = address(&z, &x, &y)
+        .filter(|address| address.zoom() >= minzoom)
+        .ok_or_else(|| {
+            Problem::not_found(format!(
+                "there is no tile {z}/{x}/{y}; zooms go from {minzoom} to {MAX_ZOOM}"
+            ))
+        })?;
+    let key = (id, layer, address);
+    let tile = match state.tiles.get(&key) {
+        Some(tile) => tile,
+        None => {
+            let tile = rendered(&state, key.0.clone(), layer, address).await?;
+            state.tiles.insert(key, tile.clone());
+            tile
+        }
+    };
+    let mut response = if headers.get(header::IF_NONE_MATCH) == Some(&tile.tag) {
+        StatusCode::NOT_MODIFIED.into_response()
+    } else {
+        tile.bytes.into_response()
+    };
+    let headers = response.headers_mut();
+    headers.insert(
+        header::CONTENT_TYPE,
+        HeaderValue::from_static(tile.media_type),
+    );
+    headers.insert(header::ETAG, tile.tag);
+    headers.insert(header::CACHE_CONTROL, FRESH);
+    Ok(response)
+}
+
+/// The tile that three parts of a path name.
+fn address(z: &str, x: &str, y: &str) -> Option<TileAddress> {
+    let y = y
+        .strip_suffix(".png")
+        .or_else(|| y.strip_suffix(".jpg"))
+        .unwrap_or(y);
+    let number = |text: &str| {
+        let digits = !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+        if digits {
+            text.parse::<u32>().ok()
+        } else {
+            None
+        }
+    };
+    TileAddress::new(number(z)?, number(x)?, number(y)?)
+}
+
+/// Renders a tile on a thread of its own, not more at once than localisations.
+async fn rendered(
+    state: &Arc<State>,
+    id: String,
+    layer: Layer,
+    address: TileAddress,
+) -> Result<Tile, Problem> {
+    let Ok(worker) = state.tile_workers.clone().acquire_owned().await else {
+        return Err(Problem::internal());
+    };
+    let shared = state.clone();
+    let work = move || {
+        let _worker = worker;
+        let map = shared.maps.get(&id)?;
+        let picture = match (layer, &map.raster) {
+            (Layer::Map, Some(raster)) => map_picture(address, raster.as_ref()),
+            _ => outline_picture(address, map.localizer.pack()),
+        };
+        let picture = match picture {
+            Ok(picture) => picture,
+            // The projection does not reach there: nothing of the map is there.
+            Err(grimnet_geo::GeoError::OutsideDomain { .. }) => RgbaImage::new(1, 1),
+            Err(error) => {
+                tracing::error!(%error, "a tile cannot be read");
+                return Err(Problem::internal());
+            }
+        };
+        encoded(picture).map_err(|error| {
+            tracing::error!(%error, "a tile cannot be encoded");
+            Problem::internal()
+        })
+    };
+    tokio::task::spawn_blocking(work).await.map_err(|error| {
+        tracing::error!(%error, "a tile failed");
+        Problem::internal()
+    })?
+}
+
+/// JPEG, which has no transparency, or PNG.
+fn encoded(picture: RgbaImage) -> Result<Tile, ImageError> {
+    let is_opaque = picture.pixels().all(|pixel| pixel.0[3] == 255);
+    let mut bytes = Cursor::new(Vec::new());
+    let media_type = if is_opaque {
+        let rgb = DynamicImage::ImageRgba8(picture).into_rgb8();
+        rgb.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY))?;
+        "image/jpeg"
+    } else {
+        picture.write_to(&mut bytes, ImageFormat::Png)?;
+        "image/png"
+    };
+    let bytes = Bytes::from(bytes.into_inner());
+    let tag = format!("\"{}\"", &blake3::hash(&bytes).to_hex()[..32]);
+    Ok(Tile {
+        bytes,
+        media_type,
+        tag: HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\"")),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn addresses_are_numbers() {
+        assert_eq!(address("3", "1", "2.png"), TileAddress::new(3, 1, 2));
+        for bad in ["", "-1", "+1", "1e3", "..", "2.gif", "99999999999"] {
+            assert_eq!(address("3", "1", bad), None, "{bad}");
+        }
+    }
+}

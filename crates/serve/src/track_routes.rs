@@ -1,0 +1,218 @@
+//! `/v1/tracks`: frames of a flight in, its track out.
+
+use std::sync::Arc;
+
+use axum::Json;
+use axum::extract::{Path, Request};
+use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::response::{IntoResponse, Response};
+use grimnet_answer::Answer;
+use grimnet_flight::{Flight, FlightOptions, Known, Searched};
+use grimnet_locate::Prior;
+use serde::{Deserialize, Serialize};
+use tokio::time::timeout;
+
+use crate::accept::AnswerType;
+use crate::locate_route::{decode, prior_of};
+use crate::problem::Problem;
+use crate::query::Query;
+use crate::state::{Shared, State};
+use crate::track_formats::{geojson, gpx};
+use crate::track_store::{Track, TrackFrame, TrackSummary};
+use crate::upload::{Upload, label};
+
+/// Largest and smallest time that a frame may have, seconds: times of every usual clock are within.
+const MAX_TIME_S: f64 = 1e12;
+
+/// What a new track is on.
+#[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct NewTrack {
+    /// The map; it may be left out if there is only one.
+    map: Option<String>,
+}
+
+/// The tracks of the service.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+pub(crate) struct TrackList {
+    /// The tracks, oldest first.
+    tracks: Vec<TrackSummary>,
+}
+
+/// Begins a track
+#[utoipa::path(post, path = "/v1/tracks", tag = "tracks", request_body = NewTrack, responses((status = 201, description = "The track", body = TrackSummary)))]
+pub(crate) async fn begin(
+    axum::extract::State(state): Shared,
+    body: axum::body::Bytes,
+) -> Result<Response, Problem> {
+    let new: NewTrack = if body.is_empty() {
+        NewTrack::default()
+    } else {
+        serde_json::from_slice(&body)
+            .map_err(|error| Problem::bad_request(format!("the body is not understood: {error}")))?
+    };
+    let map = state.maps.get_or_only(new.map.as_deref())?;
+    let flight = Flight::new(map.localizer.clone(), FlightOptions::default()).map_err(|error| {
+        tracing::error!(%error, "a track cannot begin");
+        Problem::internal()
+    })?;
+    let track = state.tracks.begin(map.id(), flight)?;
+    let location = HeaderValue::from_str(&format!("/v1/tracks/{}", track.id));
+    let mut response = (StatusCode::CREATED, Json(track.summary())).into_response();
+    if let Ok(location) = location {
+        response.headers_mut().insert(header::LOCATION, location);
+    }
+    Ok(response)
+}
+
+/// Lists the tracks
+#[utoipa::path(get, path = "/v1/tracks", tag = "tracks", responses((status = 200, description = "The tracks", body = TrackList)))]
+pub(crate) async fn list(axum::extract::State(state): Shared) -> Json<TrackList> {
+    Json(TrackList {
+        tracks: state.tracks.summaries(),
+    })
+}
+
+/// Ends a track
+#[utoipa::path(delete, path = "/v1/tracks/{id}", tag = "tracks", params(("id" = u64, Path, description = "The track")), responses((status = 204, description = "It is ended")))]
+pub(crate) async fn end(
+    axum::extract::State(state): Shared,
+    Path(id): Path<String>,
+) -> Result<StatusCode, Problem> {
+    let track = state.tracks.get(&id)?;
+    state.tracks.end(&track);
+    Ok(StatusCode::NO_CONTENT)
+}
+
+/// A track
+///
+/// GeoJSON: a line through the usable positions, and each position with its state, covariance and radius. GPX: the usable positions.
+#[utoipa::path(
+    get, path = "/v1/tracks/{id}", tag = "tracks", params(("id" = u64, Path, description = "The track")),
+    responses((status = 200, description = "The track", content((String = "application/geo+json"), (String = "application/gpx+xml"))))
+)]
+pub(crate) async fn track(
+    axum::extract::State(state): Shared,
+    Path(id): Path<String>,
+    headers: HeaderMap,
+) -> Result<Response, Problem> {
+    let track = state.tracks.get(&id)?;
+    let frames = track.frames();
+    let (kind, text) = match AnswerType::accepted(&headers)? {
+        AnswerType::Json | AnswerType::Geojson => {
+            (AnswerType::Geojson, geojson(&frames).to_string())
+        }
+        AnswerType::Gpx => (AnswerType::Gpx, gpx(track.id, &frames)),
+        AnswerType::Kml | AnswerType::Csv => {
+            return Err(Problem::new(
+                StatusCode::NOT_ACCEPTABLE,
+                "not-acceptable",
+                "No format of the answer is accepted",
+                "a track is application/geo+json or application/gpx+xml",
+            ));
+        }
+    };
+    let content_type = HeaderValue::from_static(kind.media_type());
+    Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
+}
+
+/// Takes in a frame
+///
+/// The body is as for `/v1/locate`. Frames are taken in one after the other; each is searched where the track says.
+#[utoipa::path(
+    post, path = "/v1/tracks/{id}/frames", tag = "tracks",
+    params(
+        ("id" = u64, Path, description = "The track"),
+        ("time_s" = f64, Query, description = "Time of the exposure, seconds on one clock for all frames"),
+        ("name" = Option<String>, Query, description = "Name of the photo in the answer"),
+    ),
+    request_body(content(
+        (crate::openapi::LocateForm = "multipart/form-data"),
+        (crate::openapi::Binary = "image/jpeg"),
+        (crate::openapi::Binary = "application/octet-stream"),
+    )),
+    responses((status = 200, description = "What it gave", body = TrackFrame))
+)]
+pub(crate) async fn frame(
+    axum::extract::State(state): Shared,
+    Path(id): Path<String>,
+    uri: Uri,
+    request: Request,
+) -> Result<Json<TrackFrame>, Problem> {
+    let track = state.tracks.get(&id)?;
+    let mut query = Query::of(&uri)?;
+    let time_s = query
+        .take("time_s")
+        .and_then(|text| text.parse::<f64>().ok())
+        .filter(|time_s| time_s.abs() <= MAX_TIME_S)
+        .ok_or_else(|| {
+            Problem::bad_request(
+                "expected `time_s` in the query: the time of the exposure, seconds",
+            )
+        })?;
+    let name = query.take("name");
+    let place = state.admission.enter()?;
+    let upload = Upload::read(request, &state.limits).await?;
+    let prior = prior_of(&query, upload.prior.as_ref())?;
+    let name = name.as_deref().and_then(label).or(upload.name);
+    let turn = timeout(state.limits.locate_time, track.turn.clone().acquire_owned());
+    let Ok(Ok(turn)) = turn.await else {
+        return Err(Problem::new(
+            StatusCode::SERVICE_UNAVAILABLE,
+            "busy",
+            "The track is busy",
+            "the frames before this one take too long; send fewer",
+        )
+        .with_header(header::RETRY_AFTER, 1));
+    };
+    let shared = state.clone();
+    let work = move || {
+        let _turn = turn;
+        let name = name.unwrap_or_else(|| format!("frame at {time_s} s"));
+        take_in(&shared, &track, &name, &upload.photo, time_s, prior)
+    };
+    place.run(&state.limits, work).await?.map(Json)
+}
+
+/// Decodes a frame and gives it to the flight. This takes long.
+fn take_in(
+    state: &Arc<State>,
+    track: &Track,
+    name: &str,
+    bytes: &[u8],
+    time_s: f64,
+    prior: Prior,
+) -> Result<TrackFrame, Problem> {
+    let start = std::time::Instant::now();
+    let photo = decode(name, bytes, &state.limits)?;
+    let known = Known {
+        prior,
+        attitude: None,
+    };
+    let found = track.flight().frame(&photo, time_s, &known);
+    let mut answer = match &found.outcome {
+        Ok(outcome) => Answer::of(name, outcome),
+        Err(error) => Answer::no_fix(name, error),
+    };
+    // The same for every frame of a flight, and many are kept.
+    answer.used.clear();
+    answer.set_aside.clear();
+    let is_fix = answer.reason.is_none();
+    state.metrics.answer(&track.map, is_fix, start.elapsed());
+    tracing::info!(
+        track = track.id,
+        state = if is_fix { "fix" } else { "no_fix" },
+        ms = start.elapsed().as_millis() as u64,
+        "frame"
+    );
+    Ok(track.add(TrackFrame {
+        number: 0,
+        time_s,
+        searched: match found.searched {
+            Searched::Window { .. } => "window",
+            _ => "whole_map",
+        },
+        point: found.point,
+        answer,
+    }))
+}

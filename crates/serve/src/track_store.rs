@@ -1,0 +1,197 @@
+//! The tracks that clients have begun.
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::time::Instant;
+
+use axum::http::StatusCode;
+use grimnet_answer::Answer;
+use grimnet_flight::Flight;
+use grimnet_track::TrackPoint;
+use serde::Serialize;
+use tokio::sync::{Semaphore, watch};
+
+use crate::problem::Problem;
+
+/// Tracks at the same time. A new one takes the place of the one that got no frame for longest.
+const MAX_TRACKS: usize = 64;
+
+/// A track without a frame for so long may be given up for a new one, seconds.
+const IDLE_S: f64 = 600.0;
+
+/// Frames that a track keeps; older ones are given up.
+const MAX_FRAMES: usize = 20_000;
+
+/// What one frame gave.
+#[derive(Debug, Clone, Serialize, utoipa::ToSchema)]
+pub(crate) struct TrackFrame {
+    /// Number of the frame in its track, from 1.
+    pub number: u64,
+    /// Time of the exposure, seconds on the clock of the client.
+    pub time_s: f64,
+    /// Whether a window around the expected position was searched (`window`) or the whole map (`whole_map`).
+    pub searched: &'static str,
+    /// The track at that time: `state`, and position, velocity, heading and covariance if there are any; `null` if the frame is too
+    /// old.
+    #[schema(value_type = Option<Object>)]
+    pub point: Option<TrackPoint>,
+    /// The answer for the photo alone.
+    pub answer: Answer,
+}
+
+/// One track.
+#[derive(Debug)]
+pub(crate) struct Track {
+    pub id: u64,
+    pub map: String,
+    /// Frames are taken in one after the other.
+    pub turn: Arc<Semaphore>,
+    flight: Mutex<Flight>,
+    frames: Mutex<VecDeque<TrackFrame>>,
+    /// Number of the latest frame.
+    latest: watch::Sender<u64>,
+    used: Mutex<Instant>,
+}
+
+/// A track, as clients see it.
+#[derive(Debug, Serialize, utoipa::ToSchema)]
+#[schema(as = Track)]
+pub(crate) struct TrackSummary {
+    /// Name of the track in addresses.
+    id: u64,
+    /// The map that it is on.
+    map: String,
+    /// Frames that it got.
+    frames: u64,
+    /// State at the latest frame: `searching`, `tracking`, `coasting`, `ambiguous` or `lost`.
+    #[schema(value_type = Option<String>)]
+    state: Option<grimnet_track::TrackState>,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    // What is inside is whole after a panic: it is changed by single assignments, and a flight may be in any state.
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+impl Track {
+    /// The flight, to give it a frame.
+    pub(crate) fn flight(&self) -> MutexGuard<'_, Flight> {
+        locked(&self.flight)
+    }
+
+    /// Adds a frame under the next number, and tells those who listen.
+    pub(crate) fn add(&self, mut frame: TrackFrame) -> TrackFrame {
+        let mut frames = locked(&self.frames);
+        frame.number = *self.latest.borrow() + 1;
+        if frames.len() >= MAX_FRAMES {
+            frames.pop_front();
+        }
+        frames.push_back(frame.clone());
+        drop(frames);
+        *locked(&self.used) = Instant::now();
+        self.latest.send_replace(frame.number);
+        frame
+    }
+
+    /// The first frame after number `after` that is kept.
+    pub(crate) fn next_after(&self, after: u64) -> Option<TrackFrame> {
+        let frames = locked(&self.frames);
+        let first = frames.front()?.number;
+        let at = (after + 1).saturating_sub(first);
+        frames.get(usize::try_from(at).ok()?).cloned()
+    }
+
+    /// All frames that are kept.
+    pub(crate) fn frames(&self) -> Vec<TrackFrame> {
+        locked(&self.frames).iter().cloned().collect()
+    }
+
+    /// Changes when a frame is added.
+    pub(crate) fn listen(&self) -> watch::Receiver<u64> {
+        self.latest.subscribe()
+    }
+
+    pub(crate) fn summary(&self) -> TrackSummary {
+        let state = locked(&self.frames)
+            .back()
+            .and_then(|frame| frame.point.map(|point| point.state));
+        TrackSummary {
+            id: self.id,
+            map: self.map.clone(),
+            frames: *self.latest.borrow(),
+            state,
+        }
+    }
+}
+
+/// All tracks, by number.
+#[derive(Debug, Default)]
+pub(crate) struct Tracks(Mutex<Held>);
+
+#[derive(Debug, Default)]
+struct Held {
+    latest_id: u64,
+    tracks: BTreeMap<u64, Arc<Track>>,
+}
+
+impl Tracks {
+    /// Begins a track.
+    ///
+    /// # Errors
+    /// Status 503 if there are too many, and none of them is idle.
+    pub(crate) fn begin(&self, map: &str, flight: Flight) -> Result<Arc<Track>, Problem> {
+        let mut held = locked(&self.0);
+        if held.tracks.len() >= MAX_TRACKS {
+            let idle = |track: &Track| locked(&track.used).elapsed().as_secs_f64();
+            let oldest = held
+                .tracks
+                .values()
+                .map(|track| (idle(track), track.id))
+                .max_by(|a, b| a.0.total_cmp(&b.0))
+                .filter(|(idle_s, _)| *idle_s > IDLE_S);
+            let Some((_, id)) = oldest else {
+                return Err(Problem::new(
+                    StatusCode::SERVICE_UNAVAILABLE,
+                    "tracks",
+                    "There are too many tracks",
+                    format!("{MAX_TRACKS} tracks are in use; end one with DELETE"),
+                ));
+            };
+            held.tracks.remove(&id);
+        }
+        held.latest_id += 1;
+        let track = Arc::new(Track {
+            id: held.latest_id,
+            map: map.to_owned(),
+            turn: Arc::new(Semaphore::new(1)),
+            flight: Mutex::new(flight),
+            frames: Mutex::default(),
+            latest: watch::Sender::new(0),
+            used: Mutex::new(Instant::now()),
+        });
+        held.tracks.insert(track.id, track.clone());
+        Ok(track)
+    }
+
+    /// The track with a number.
+    ///
+    /// # Errors
+    /// Status 404 if there is none.
+    pub(crate) fn get(&self, id: &str) -> Result<Arc<Track>, Problem> {
+        let number: Option<u64> = id.parse().ok();
+        let held = locked(&self.0);
+        number
+            .and_then(|number| held.tracks.get(&number).cloned())
+            .ok_or_else(|| Problem::not_found(format!("there is no track {id:?}")))
+    }
+
+    /// Ends a track.
+    pub(crate) fn end(&self, track: &Track) {
+        locked(&self.0).tracks.remove(&track.id);
+    }
+
+    pub(crate) fn summaries(&self) -> Vec<TrackSummary> {
+        let tracks: Vec<_> = locked(&self.0).tracks.values().cloned().collect();
+        tracks.iter().map(|track| track.summary()).collect()
+    }
+}

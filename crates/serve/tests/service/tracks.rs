@@ -1,0 +1,147 @@
+//! Frames of a flight in, its track out.
+
+use std::io::{BufRead as _, BufReader, Write as _};
+use std::net::SocketAddr;
+
+use grimnet_serve::Limits;
+use serde_json::Value;
+
+use crate::area::{FLIGHT_STEP_S, Running, area, distance_m, shared};
+use crate::client::{Answer, connect, get, send};
+
+const PHOTO: &str = "content-type: image/jpeg";
+
+fn begin(address: SocketAddr) -> String {
+    let answer = send(address, "POST /v1/tracks", &[], &[]);
+    assert_eq!(answer.status, 201, "{}", answer.text());
+    let id = answer.json()["id"].to_string();
+    assert_eq!(
+        answer.header("location"),
+        Some(&*format!("/v1/tracks/{id}"))
+    );
+    id
+}
+
+fn frame(address: SocketAddr, id: &str, time_s: f64) -> Answer {
+    let line = format!("POST /v1/tracks/{id}/frames?time_s={time_s}");
+    send(address, &line, &[PHOTO], &area().photo)
+}
+
+#[test]
+fn frames_become_a_track() {
+    let id = begin(shared());
+    let mut frames = Vec::new();
+    for (number, (photo, _)) in area().flight.iter().enumerate() {
+        let time_s = number as f64 * FLIGHT_STEP_S;
+        let line = format!("POST /v1/tracks/{id}/frames?time_s={time_s}");
+        frames.push(send(shared(), &line, &[PHOTO], photo).json());
+    }
+    assert_eq!(frames[0]["number"], 1);
+    assert_eq!(frames[0]["searched"], "whole_map");
+    assert_eq!(frames[0]["answer"]["state"], "fix");
+    let last = frames.last().unwrap();
+    assert_eq!(last["number"], frames.len());
+    assert_eq!(last["searched"], "window");
+    assert_eq!(last["point"]["state"], "tracking", "{last}");
+    let degrees = |name: &str| last["point"][name].as_f64().unwrap();
+    let truth = area().flight.last().unwrap().1;
+    let error_m = distance_m(truth, degrees("lat_deg"), degrees("lon_deg"));
+    assert!(error_m < 3.0, "{error_m} m");
+
+    let path = format!("/v1/tracks/{id}");
+    let geojson = get(shared(), &path).json();
+    let roles: Vec<&str> = geojson["features"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|feature| feature["properties"]["role"].as_str().unwrap())
+        .collect();
+    assert!(
+        roles.contains(&"line") && roles.contains(&"position"),
+        "{roles:?}"
+    );
+    let gpx = send(
+        shared(),
+        &format!("GET {path}"),
+        &["accept: application/gpx+xml"],
+        &[],
+    );
+    assert!(gpx.text().matches("<trkpt ").count() >= 2, "{}", gpx.text());
+    send(shared(), &format!("GET {path}"), &["accept: text/csv"], &[])
+        .problem(406, "not-acceptable");
+}
+
+/// Numbers of the next `count` events on a stream.
+fn numbers(stream: &mut impl std::io::BufRead, count: usize) -> Vec<u64> {
+    let mut found = Vec::new();
+    while found.len() < count {
+        let mut line = String::new();
+        assert!(stream.read_line(&mut line).unwrap() > 0, "the stream ended");
+        if let Some(json) = line.strip_prefix("data:") {
+            let frame: Value = serde_json::from_str(json.trim()).unwrap();
+            found.push(frame["number"].as_u64().unwrap());
+        }
+    }
+    found
+}
+
+fn follow(address: SocketAddr, id: &str, header: &str) -> BufReader<std::net::TcpStream> {
+    let mut stream = connect(address);
+    let head = format!("GET /v1/tracks/{id}/events HTTP/1.1\r\nhost: {address}\r\n{header}\r\n");
+    stream.write_all(head.as_bytes()).unwrap();
+    let mut reader = BufReader::new(stream);
+    let mut status = String::new();
+    reader.read_line(&mut status).unwrap();
+    assert!(status.starts_with("HTTP/1.1 200"), "{status}");
+    reader
+}
+
+#[test]
+fn events_come_live_and_resume() {
+    let mut running = Running::on_area(Limits::default());
+    let address = running.address;
+    let id = begin(address);
+    frame(address, &id, 0.0);
+    let mut stream = follow(address, &id, "");
+    assert_eq!(numbers(&mut stream, 1), [1]);
+    frame(address, &id, 1.0);
+    assert_eq!(numbers(&mut stream, 1), [2]);
+    frame(address, &id, 2.0);
+    let mut resumed = follow(address, &id, "last-event-id: 1\r\n");
+    assert_eq!(numbers(&mut resumed, 2), [2, 3]);
+    let line = format!("GET /v1/tracks/{id}/events");
+    send(address, &line, &["last-event-id: x"], &[]).problem(400, "bad-request");
+    // Streams end when the service does, which waits for them no longer.
+    running.end();
+    let mut rest = String::new();
+    while stream.read_line(&mut rest).unwrap_or(0) > 0 {}
+}
+
+#[test]
+fn tracks_that_do_not_exist_and_frames_without_time() {
+    let id = begin(shared());
+    for path in [
+        "/v1/tracks/999",
+        "/v1/tracks/..",
+        "/v1/tracks/x",
+        "/v1/tracks/999/events",
+    ] {
+        get(shared(), path).problem(404, "not-found");
+    }
+    frame(shared(), "999", 0.0).problem(404, "not-found");
+    for query in [
+        "",
+        "?time_s=",
+        "?time_s=nan",
+        "?time_s=inf",
+        "?time_s=1e300",
+    ] {
+        let line = format!("POST /v1/tracks/{id}/frames{query}");
+        send(shared(), &line, &[PHOTO], &area().photo).problem(400, "bad-request");
+    }
+    send(shared(), "POST /v1/tracks", &[], b"{\"map\": \"nowhere\"}").problem(404, "not-found");
+    send(shared(), "POST /v1/tracks", &[], b"[]x").problem(400, "bad-request");
+    let delete = send(shared(), &format!("DELETE /v1/tracks/{id}"), &[], &[]);
+    assert_eq!(delete.status, 204);
+    get(shared(), &format!("/v1/tracks/{id}")).problem(404, "not-found");
+}

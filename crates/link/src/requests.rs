@@ -1,0 +1,142 @@
+//! What is asked of an autopilot: its version, telemetry at useful rates, the origin of its local frame.
+
+// The command that supersedes SET_GPS_GLOBAL_ORIGIN is not read by ArduPilot 4.6 and PX4 1.17.
+#[allow(deprecated)]
+use mavlink::dialects::common::SET_GPS_GLOBAL_ORIGIN_DATA;
+use mavlink::dialects::common::{COMMAND_LONG_DATA, MavCmd, MavMessage, SYSTEM_TIME_DATA};
+
+use crate::{
+    autopilot::Autopilot,
+    every::Every,
+    messages::{Position, deg_e7},
+};
+
+/// Telemetry that is asked for: message and hertz.
+const STREAMS: [(u32, f64); 6] = [
+    (ATTITUDE, 20.0),
+    (GLOBAL_POSITION_INT, 5.0),
+    (LOCAL_POSITION_NED, 10.0),
+    (ALTITUDE, 2.0),
+    (GIMBAL_DEVICE_ATTITUDE_STATUS, 20.0),
+    (SYSTEM_TIME, 1.0),
+];
+const SYSTEM_TIME: u32 = 2;
+const ATTITUDE: u32 = 30;
+const LOCAL_POSITION_NED: u32 = 32;
+const GLOBAL_POSITION_INT: u32 = 33;
+const GPS_GLOBAL_ORIGIN: u32 = 49;
+const ALTITUDE: u32 = 141;
+const AUTOPILOT_VERSION: u32 = 148;
+const GIMBAL_DEVICE_ATTITUDE_STATUS: u32 = 285;
+/// An origin that was asked for so often without an answer is not there.
+const ORIGIN_REQUESTS: u32 = 5;
+
+/// Asks again until it is answered.
+#[derive(Debug)]
+pub(crate) struct Requests {
+    streams: Every,
+    version: Every,
+    origin: Every,
+    /// How often the origin was asked for since it was unknown or told.
+    origin_requests: u32,
+}
+
+impl Requests {
+    pub fn new() -> Self {
+        Self {
+            streams: Every::seconds(30.0),
+            version: Every::seconds(2.0),
+            origin: Every::seconds(1.0),
+            origin_requests: 0,
+        }
+    }
+
+    /// Asks for everything at once.
+    pub fn again(&mut self) {
+        *self = Self::new();
+    }
+
+    /// Puts in `outbox` what is to be asked now.
+    pub fn poll(
+        &mut self,
+        autopilot: &Autopilot,
+        origin_known: bool,
+        now_s: f64,
+        outbox: &mut Vec<MavMessage>,
+    ) {
+        if self.streams.is_due(now_s) {
+            for (message, hertz) in STREAMS {
+                let interval_us = 1e6 / hertz;
+                outbox.push(command(
+                    autopilot,
+                    MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+                    message,
+                    interval_us as f32,
+                ));
+            }
+        }
+        let request = |message| command(autopilot, MavCmd::MAV_CMD_REQUEST_MESSAGE, message, 0.0);
+        if autopilot.version.is_none() && self.version.is_due(now_s) {
+            outbox.push(request(AUTOPILOT_VERSION));
+        }
+        if self.origin.is_due(now_s) {
+            self.origin
+                .set_seconds(if origin_known { 10.0 } else { 1.0 });
+            if !origin_known {
+                self.origin_requests = self.origin_requests.saturating_add(1);
+            }
+            outbox.push(request(GPS_GLOBAL_ORIGIN));
+        }
+    }
+
+    /// Tells an autopilot that has no origin, asked several times, that it is where the aircraft is. Gives whether it was told.
+    #[allow(deprecated, reason = "see the import")]
+    pub fn set_origin(
+        &mut self,
+        autopilot: &Autopilot,
+        position: &Position,
+        outbox: &mut Vec<MavMessage>,
+    ) -> bool {
+        if self.origin_requests < ORIGIN_REQUESTS {
+            return false;
+        }
+        self.origin_requests = 0;
+        let time_usec = (position.time_s * 1e6).round() as u64;
+        outbox.push(MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA {
+            time_unix_usec: time_usec,
+            time_boot_ms: 0,
+        }));
+        let estimate = &position.estimate;
+        let amsl_m = estimate.altitude_amsl_m.or(position.own.altitude_amsl_m);
+        // The origin is on the ground below.
+        let ground_amsl_m =
+            amsl_m.unwrap_or(0.0) - amsl_m.and(estimate.height_agl_m).unwrap_or(0.0);
+        outbox.push(MavMessage::SET_GPS_GLOBAL_ORIGIN(
+            SET_GPS_GLOBAL_ORIGIN_DATA {
+                latitude: deg_e7(estimate.lat_deg),
+                longitude: deg_e7(estimate.lon_deg),
+                altitude: (ground_amsl_m * 1e3).round() as i32,
+                target_system: autopilot.system_id,
+                time_usec,
+            },
+        ));
+        true
+    }
+}
+
+fn command(autopilot: &Autopilot, command: MavCmd, message: u32, param2: f32) -> MavMessage {
+    MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+        // Numbers of messages are below 2^24, which a float holds exactly.
+        param1: message as f32,
+        param2,
+        param3: 0.0,
+        param4: 0.0,
+        param5: 0.0,
+        param6: 0.0,
+        param7: 0.0,
+        command,
+        target_system: autopilot.system_id,
+        target_component: autopilot.component_id,
+        confirmation: 0,
+    })
+}

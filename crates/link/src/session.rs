@@ -1,0 +1,395 @@
+//! What is said to an autopilot and what is taken from it, without any connection: messages in, messages out.
+
+use grimnet_track::{Input, TrackPoint, TrackState};
+use mavlink::{
+    MavHeader,
+    dialects::common::{
+        COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult,
+        MavState, MavType, TIMESYNC_DATA,
+    },
+};
+
+use crate::{
+    autopilot::{Autopilot, AutopilotKind, Version},
+    describe::describe,
+    event::{LinkEvent, NotSending},
+    every::Every,
+    gate::{Jumps, usable},
+    messages::Position,
+    options::LinkOptions,
+    output::Output,
+    projection::Projection,
+    requests::Requests,
+    telemetry::mavlink::MavlinkTelemetry,
+    time_sync::TimeSync,
+};
+
+/// Without a heartbeat for so long the autopilot counts as gone, seconds.
+const SILENT_S: f64 = 5.0;
+/// Our system as long as no autopilot is known.
+const DEFAULT_SYSTEM: u8 = 1;
+/// If nothing is heard for so long, what would be sent is shown for an assumed autopilot, seconds.
+const ASSUME_AFTER_S: f64 = 3.0;
+
+/// The two sides of a conversation with an autopilot.
+#[derive(Debug)]
+pub(crate) struct Session {
+    options: LinkOptions,
+    began_s: f64,
+    autopilot: Option<Autopilot>,
+    heard_s: f64,
+    silent: bool,
+    time_sync: TimeSync,
+    telemetry: MavlinkTelemetry,
+    origin: Option<Projection>,
+    requests: Requests,
+    heartbeat: Every,
+    time_request: Every,
+    position: Every,
+    jumps: Jumps,
+    /// What was said last of sending: the message, or why none.
+    said: Option<Result<Output, NotSending>>,
+    sent: u64,
+    outbox: Vec<MavMessage>,
+    pub inputs: Vec<Input>,
+    pub events: Vec<LinkEvent>,
+}
+
+impl Session {
+    pub fn new(options: LinkOptions, now_s: f64) -> Self {
+        Self {
+            telemetry: MavlinkTelemetry::new(options.telemetry),
+            options,
+            began_s: now_s,
+            autopilot: None,
+            heard_s: now_s,
+            silent: false,
+            time_sync: TimeSync::default(),
+            origin: None,
+            requests: Requests::new(),
+            heartbeat: Every::seconds(1.0),
+            time_request: Every::seconds(0.5),
+            position: Every::seconds(0.1),
+            jumps: Jumps::default(),
+            said: None,
+            sent: 0,
+            outbox: Vec::new(),
+            inputs: Vec::new(),
+            events: Vec::new(),
+        }
+    }
+
+    /// In the name of which system messages are sent: the autopilot's, whose companion this is.
+    pub fn system_id(&self) -> u8 {
+        self.autopilot
+            .map_or(DEFAULT_SYSTEM, |autopilot| autopilot.system_id)
+    }
+
+    /// The autopilot, if it is heard.
+    pub fn autopilot(&self) -> Option<Autopilot> {
+        self.autopilot.filter(|_| !self.silent)
+    }
+
+    /// How many positions were sent.
+    pub fn sent(&self) -> u64 {
+        self.sent
+    }
+
+    /// The message that carries positions at present.
+    pub fn sending(&self) -> Option<Output> {
+        self.said.and_then(Result::ok)
+    }
+
+    /// Takes in a message.
+    pub fn receive(&mut self, header: &MavHeader, message: &MavMessage, now_s: f64) {
+        if let MavMessage::HEARTBEAT(heartbeat) = message {
+            self.take_heartbeat(header, heartbeat, now_s);
+        }
+        let Some(autopilot) = self.autopilot else {
+            return;
+        };
+        if header.system_id != u32::from(autopilot.system_id) {
+            return;
+        }
+        // A gimbal reports as another component of the same aircraft.
+        if !autopilot.sent(header)
+            && !matches!(message, MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(_))
+        {
+            return;
+        }
+        self.note_time(message, now_s);
+        match message {
+            MavMessage::TIMESYNC(data) => self.take_time_sync(data, now_s),
+            MavMessage::AUTOPILOT_VERSION(data) => self.take_version(data.flight_sw_version),
+            MavMessage::GPS_GLOBAL_ORIGIN(data) => {
+                self.origin = Some(Projection {
+                    lat_deg: f64::from(data.latitude) * 1e-7,
+                    lon_deg: f64::from(data.longitude) * 1e-7,
+                    kind: autopilot.kind,
+                });
+            }
+            MavMessage::COMMAND_ACK(data) => self.take_acknowledgement(data),
+            _ => {
+                let Self {
+                    telemetry,
+                    time_sync,
+                    inputs,
+                    ..
+                } = self;
+                let time_s = |boot_s: f64| time_sync.time_s(boot_s).unwrap_or(now_s).min(now_s);
+                telemetry.take(message, now_s, &time_s, inputs);
+            }
+        }
+    }
+
+    fn take_heartbeat(&mut self, header: &MavHeader, heartbeat: &HEARTBEAT_DATA, now_s: f64) {
+        let Some(heard) = Autopilot::from_heartbeat(header, heartbeat) else {
+            return;
+        };
+        if self
+            .options
+            .system_id
+            .is_some_and(|wanted| wanted != heard.system_id)
+        {
+            return;
+        }
+        let same = self
+            .autopilot
+            .is_some_and(|known| (known.system_id, known.kind) == (heard.system_id, heard.kind));
+        if !same && self.autopilot.is_some() && !self.silent {
+            return;
+        }
+        if !same {
+            self.autopilot = Some(heard);
+            self.began_again();
+        }
+        if !same || self.silent {
+            self.requests.again();
+            if let Some(autopilot) = self.autopilot {
+                self.events.push(LinkEvent::Autopilot(autopilot));
+            }
+        }
+        self.silent = false;
+        self.heard_s = now_s;
+    }
+
+    /// Forgets what the autopilot said before its clock began.
+    fn began_again(&mut self) {
+        self.time_sync = TimeSync::default();
+        self.telemetry = MavlinkTelemetry::new(self.options.telemetry);
+        self.origin = None;
+        self.requests = Requests::new();
+        self.jumps.interrupt();
+    }
+
+    fn note_time(&mut self, message: &MavMessage, now_s: f64) {
+        let boot_ms = match message {
+            MavMessage::ATTITUDE(data) => data.time_boot_ms,
+            MavMessage::GLOBAL_POSITION_INT(data) => data.time_boot_ms,
+            MavMessage::LOCAL_POSITION_NED(data) => data.time_boot_ms,
+            MavMessage::SYSTEM_TIME(data) => data.time_boot_ms,
+            _ => return,
+        };
+        if self.time_sync.arrival(f64::from(boot_ms) * 1e-3, now_s) {
+            let version = self.autopilot.and_then(|autopilot| autopilot.version);
+            self.began_again();
+            self.time_sync.arrival(f64::from(boot_ms) * 1e-3, now_s);
+            if let Some(autopilot) = &mut self.autopilot {
+                autopilot.version = version;
+            }
+            self.events.push(LinkEvent::AutopilotRestarted);
+        }
+    }
+
+    fn take_time_sync(&mut self, data: &TIMESYNC_DATA, now_s: f64) {
+        if data.tc1 == 0 {
+            // A request: the answer has our time beside the asker's.
+            self.outbox.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
+                tc1: nanoseconds(now_s),
+                ts1: data.ts1,
+                target_system: self.system_id(),
+                target_component: self.autopilot.map_or(0, |autopilot| autopilot.component_id),
+            }));
+        } else {
+            let sent_s = data.ts1 as f64 * 1e-9;
+            self.time_sync
+                .round_trip(sent_s, now_s, data.tc1 as f64 * 1e-9);
+        }
+    }
+
+    fn take_version(&mut self, flight_sw_version: u32) {
+        let version = Version::from_flight_sw_version(flight_sw_version);
+        if let Some(autopilot) = &mut self.autopilot
+            && version.is_some()
+            && autopilot.version != version
+        {
+            autopilot.version = version;
+            self.events.push(LinkEvent::Autopilot(*autopilot));
+        }
+    }
+
+    fn take_acknowledgement(&mut self, data: &COMMAND_ACK_DATA) {
+        if data.command == MavCmd::MAV_CMD_EXTERNAL_POSITION_ESTIMATE
+            && data.result != MavResult::MAV_RESULT_ACCEPTED
+        {
+            let result = format!("{:?}", data.result);
+            self.events.push(LinkEvent::PositionRefused { result });
+        }
+    }
+
+    /// What is to be sent at `now_s`. `point_at` gives the track at a time.
+    pub fn poll(
+        &mut self,
+        now_s: f64,
+        point_at: &dyn Fn(f64) -> Option<TrackPoint>,
+    ) -> Vec<MavMessage> {
+        self.notice_silence(now_s);
+        if self.heartbeat.is_due(now_s) {
+            self.outbox.push(heartbeat());
+        }
+        if let Some(autopilot) = self.autopilot() {
+            if self.time_request.is_due(now_s) {
+                self.outbox.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
+                    tc1: 0,
+                    ts1: nanoseconds(now_s),
+                    target_system: autopilot.system_id,
+                    target_component: autopilot.component_id,
+                }));
+            }
+            let origin_known = self.origin.is_some();
+            self.requests
+                .poll(&autopilot, origin_known, now_s, &mut self.outbox);
+        }
+        self.poll_position(now_s, point_at);
+        let messages = std::mem::take(&mut self.outbox);
+        if self.options.dry_run {
+            let shown = messages.iter().filter_map(describe);
+            self.events.extend(shown.map(LinkEvent::WouldSend));
+            return Vec::new();
+        }
+        messages
+    }
+
+    fn notice_silence(&mut self, now_s: f64) {
+        let for_s = now_s - self.heard_s;
+        if self.autopilot.is_some() && !self.silent && for_s > SILENT_S && !self.options.dry_run {
+            self.silent = true;
+            self.events.push(LinkEvent::AutopilotSilent { for_s });
+        }
+        if self.options.dry_run && self.autopilot.is_none() && now_s - self.began_s > ASSUME_AFTER_S
+        {
+            let assumed = Autopilot {
+                system_id: self.options.system_id.unwrap_or(DEFAULT_SYSTEM),
+                component_id: 1,
+                kind: AutopilotKind::ArduPilot,
+                version: None,
+            };
+            self.autopilot = Some(assumed);
+            self.events.push(LinkEvent::Autopilot(assumed));
+        }
+    }
+
+    fn poll_position(&mut self, now_s: f64, point_at: &dyn Fn(f64) -> Option<TrackPoint>) {
+        if !self.position.is_due(now_s) {
+            return;
+        }
+        let result = self.next_position(now_s, point_at);
+        if result.is_err() {
+            self.jumps.interrupt();
+        }
+        if self.said != Some(result) {
+            self.said = Some(result);
+            self.events.push(match result {
+                Ok(output) => LinkEvent::Sending(output),
+                Err(reason) => LinkEvent::NotSending(reason),
+            });
+        }
+    }
+
+    /// Puts the position at `now_s` in the outbox.
+    fn next_position(
+        &mut self,
+        now_s: f64,
+        point_at: &dyn Fn(f64) -> Option<TrackPoint>,
+    ) -> Result<Output, NotSending> {
+        let (state, estimate) = usable(point_at(now_s).as_ref(), self.options.max_radius95_m)?;
+        let autopilot = self.autopilot().ok_or(NotSending::NoAutopilot)?;
+        let output = self
+            .options
+            .output
+            .unwrap_or_else(|| Output::for_autopilot(&autopilot));
+        self.position
+            .set_seconds(1.0 / output.rate_hz(autopilot.kind));
+        let position = Position {
+            time_s: now_s,
+            state,
+            estimate,
+            own: self.telemetry.own_state(now_s),
+        };
+        let message = match output {
+            Output::Odometry => {
+                let origin = self.origin_for(&position, &autopilot)?;
+                let jumps = self.jumps.count(now_s, &estimate);
+                MavMessage::ODOMETRY(position.odometry(&autopilot, &origin, jumps))
+            }
+            Output::GlobalPositionSensor => {
+                MavMessage::GLOBAL_POSITION_SENSOR(position.global_position_sensor(&autopilot))
+            }
+            Output::PositionEstimate => {
+                MavMessage::COMMAND_INT(position.position_estimate(&autopilot))
+            }
+            Output::GpsInput => MavMessage::GPS_INPUT(position.gps_input(self.options.gps_id)),
+        };
+        self.outbox.push(message);
+        self.sent += 1;
+        Ok(output)
+    }
+
+    /// The origin of the autopilot's metres; one that never had a position is told this one.
+    fn origin_for(
+        &mut self,
+        position: &Position,
+        autopilot: &Autopilot,
+    ) -> Result<Projection, NotSending> {
+        if let Some(origin) = self.origin {
+            return Ok(origin);
+        }
+        let here = Projection {
+            lat_deg: position.estimate.lat_deg,
+            lon_deg: position.estimate.lon_deg,
+            kind: autopilot.kind,
+        };
+        if self.options.dry_run {
+            self.origin = Some(here);
+            return Ok(here);
+        }
+        let may_set = self.options.set_origin && position.state == TrackState::Tracking;
+        if may_set
+            && self
+                .requests
+                .set_origin(autopilot, position, &mut self.outbox)
+        {
+            self.events.push(LinkEvent::OriginSet {
+                lat_deg: here.lat_deg,
+                lon_deg: here.lon_deg,
+            });
+        }
+        Err(NotSending::NoOrigin)
+    }
+}
+
+/// We are an onboard computer.
+fn heartbeat() -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: MavType::MAV_TYPE_ONBOARD_CONTROLLER,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        base_mode: MavModeFlag::empty(),
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+    })
+}
+
+fn nanoseconds(time_s: f64) -> i64 {
+    (time_s * 1e9) as i64
+}

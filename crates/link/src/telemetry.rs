@@ -1,0 +1,13 @@
+//! Attitude, height and velocity from elsewhere, as inputs of the filter.
+
+mod csv;
+mod dji_srt;
+mod file;
+mod gimbal;
+mod klv;
+mod klv_value;
+pub(crate) mod mavlink;
+mod recorded;
+
+pub use self::file::read_telemetry;
+pub use self::recorded::{Telemetry, TelemetryClock};

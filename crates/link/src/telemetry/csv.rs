@@ -1,0 +1,199 @@
+//! Telemetry in CSV.
+
+use csv::{ReaderBuilder, StringRecord};
+use grimnet_track::{Attitude, Height, Input, Velocity};
+
+use super::{
+    gimbal::attitude_from_gimbal_angles,
+    recorded::{Telemetry, TelemetryClock},
+};
+use crate::time_text::unix_s_from_rfc3339;
+
+/// Error of a velocity that states none, metres per second.
+const VELOCITY_SIGMA_M_S: f64 = 0.5;
+
+/// Reads the content of a file.
+///
+/// # Errors
+/// What is wrong with its first line.
+pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
+    let mut reader = ReaderBuilder::new()
+        .flexible(true)
+        .trim(csv::Trim::All)
+        .from_reader(bytes);
+    let header = reader.headers().map_err(|error| error.to_string())?.clone();
+    if header.is_empty() {
+        return Err("expected a line with the names of columns".to_owned());
+    }
+    let columns = Columns::of(&header)?;
+    let mut telemetry = Telemetry::new(TelemetryClock::Own);
+    let mut record = StringRecord::new();
+    loop {
+        match reader.read_record(&mut record) {
+            Ok(false) => break,
+            Ok(true) => match columns.inputs(&record) {
+                Ok((clock, inputs)) => {
+                    telemetry.clock = clock;
+                    telemetry.inputs.extend(inputs);
+                }
+                Err(problem) => {
+                    let line = record.position().map_or(0, csv::Position::line);
+                    telemetry.leave_out(|| format!("line {line}: {problem}"));
+                }
+            },
+            Err(error) => telemetry.leave_out(|| error.to_string()),
+        }
+    }
+    Ok(telemetry.sorted())
+}
+
+/// Where each column is.
+struct Columns {
+    time: usize,
+    attitude: [Option<usize>; 3],
+    gimbal: [Option<usize>; 3],
+    height: [Option<usize>; 2],
+    velocity: [Option<usize>; 3],
+}
+
+impl Columns {
+    fn of(header: &StringRecord) -> Result<Self, String> {
+        let at = |name: &str| {
+            header
+                .iter()
+                .position(|column| column.trim_start_matches('\u{feff}') == name)
+        };
+        Ok(Self {
+            time: at("time").ok_or("no column `time`")?,
+            attitude: ["yaw_deg", "pitch_deg", "roll_deg"].map(at),
+            gimbal: ["gimbal_yaw_deg", "gimbal_pitch_deg", "gimbal_roll_deg"].map(at),
+            height: ["height_agl_m", "altitude_amsl_m"].map(at),
+            velocity: [
+                "velocity_east_m_s",
+                "velocity_north_m_s",
+                "velocity_sigma_m_s",
+            ]
+            .map(at),
+        })
+    }
+
+    fn inputs(&self, record: &StringRecord) -> Result<(TelemetryClock, Vec<Input>), String> {
+        let text = record.get(self.time).unwrap_or_default();
+        let (clock, time_s) = match text.parse::<f64>() {
+            Ok(time_s) if time_s.is_finite() => (TelemetryClock::Own, time_s),
+            _ => match unix_s_from_rfc3339(text) {
+                Some(time_s) => (TelemetryClock::Unix, time_s),
+                None => return Err(format!("{text:?} is no time in seconds or RFC 3339")),
+            },
+        };
+        let numbers = |columns: &[Option<usize>]| -> Result<Vec<Option<f64>>, String> {
+            let cells = columns.iter().map(|column| {
+                column
+                    .and_then(|column| record.get(column))
+                    .unwrap_or_default()
+            });
+            cells.map(number).collect()
+        };
+        let mut inputs = Vec::new();
+        if let [Some(yaw), Some(pitch), roll] = numbers(&self.gimbal)?[..] {
+            let roll = roll.unwrap_or(0.0);
+            inputs.push(Input::Attitude(attitude_from_gimbal_angles(
+                time_s, yaw, pitch, roll,
+            )));
+        } else if let [Some(yaw_deg), Some(pitch_deg), Some(roll_deg)] =
+            numbers(&self.attitude)?[..]
+        {
+            inputs.push(Input::Attitude(Attitude {
+                time_s,
+                yaw_deg,
+                pitch_deg,
+                roll_deg,
+            }));
+        }
+        if let [Some(agl_m), amsl_m] = numbers(&self.height)?[..]
+            && agl_m > 0.0
+        {
+            inputs.push(Input::Height(Height {
+                time_s,
+                agl_m,
+                amsl_m,
+            }));
+        }
+        if let [Some(east_m_s), Some(north_m_s), sigma] = numbers(&self.velocity)?[..] {
+            inputs.push(Input::Velocity(Velocity {
+                time_s,
+                east_m_s,
+                north_m_s,
+                sigma_m_s: sigma
+                    .filter(|sigma| *sigma > 0.0)
+                    .unwrap_or(VELOCITY_SIGMA_M_S),
+            }));
+        }
+        Ok((clock, inputs))
+    }
+}
+
+/// A number, nothing for an empty cell.
+fn number(cell: &str) -> Result<Option<f64>, String> {
+    if cell.is_empty() {
+        return Ok(None);
+    }
+    match cell.parse::<f64>() {
+        Ok(value) if value.is_finite() => Ok(Some(value)),
+        _ => Err(format!("{cell:?} is no number")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_become_inputs() {
+        let text = "\u{feff}time, gimbal_yaw_deg,gimbal_pitch_deg,height_agl_m,altitude_amsl_m,velocity_east_m_s,velocity_north_m_s,note\n\
+                    2.5,10,-80,100,130,1,2,a\n\
+                    1.5,,,101,,,,b\n\
+                    bad,,,,,,,\n\
+                    3.5,x,,,,,,\n\
+                    4.5,,,-1,,,\n";
+        let telemetry = parse(text.as_bytes()).unwrap();
+        assert_eq!(telemetry.clock, TelemetryClock::Own);
+        assert_eq!(telemetry.left_out, 2);
+        assert_eq!(
+            telemetry.first_problem.unwrap(),
+            "line 4: \"bad\" is no time in seconds or RFC 3339"
+        );
+        let [
+            Input::Height(first),
+            Input::Attitude(attitude),
+            Input::Height(second),
+            Input::Velocity(velocity),
+        ] = telemetry.inputs[..]
+        else {
+            panic!("{:?}", telemetry.inputs);
+        };
+        assert_eq!(
+            (first.time_s, first.agl_m, first.amsl_m),
+            (1.5, 101.0, None)
+        );
+        assert!((attitude.yaw_deg - 10.0).abs() < 1e-9);
+        assert!((attitude.pitch_deg - 10.0).abs() < 1e-9);
+        assert_eq!(second.amsl_m, Some(130.0));
+        assert_eq!((velocity.east_m_s, velocity.north_m_s), (1.0, 2.0));
+    }
+
+    #[test]
+    fn dates_are_seconds_since_1970() {
+        let text = "time,yaw_deg,pitch_deg,roll_deg\n2026-09-21T14:13:20.25Z,1,2,3\n";
+        let telemetry = parse(text.as_bytes()).unwrap();
+        assert_eq!(telemetry.clock, TelemetryClock::Unix);
+        let Input::Attitude(attitude) = telemetry.inputs[0] else {
+            panic!("{:?}", telemetry.inputs);
+        };
+        assert_eq!(attitude.time_s, 1_790_000_000.25);
+        assert_eq!(
+            (attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg),
+            (1.0, 2.0, 3.0)
+        );
+    }
+}

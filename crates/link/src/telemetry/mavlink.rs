@@ -1,0 +1,256 @@
+//! Telemetry of an autopilot.
+
+use grimnet_track::{Attitude, Height, Input, Velocity};
+use mavlink::dialects::common::{
+    ALTITUDE_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GimbalDeviceFlags,
+    LOCAL_POSITION_NED_DATA, MavMessage,
+};
+use nalgebra::{Quaternion, UnitQuaternion};
+
+use super::gimbal::{attitude_looking_down, attitude_of_camera};
+use crate::messages::OwnState;
+
+/// For so long after a better message the worse one of the same kind is not taken, seconds.
+const PREFER_S: f64 = 1.0;
+/// What the autopilot said longer ago does not hold, seconds.
+const HOLD_S: f64 = 1.0;
+/// Heights above ground below this are those of an aircraft that stands, metres.
+const LOWEST_M: f64 = 1.0;
+
+/// How the camera is mounted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum CameraMount {
+    /// On a gimbal if the autopilot reports one, else as [`Self::Fixed`].
+    #[default]
+    GimbalIfReported,
+    /// Fixed to the aircraft, looking down, the picture's top to the nose.
+    Fixed,
+}
+
+/// What is read of an autopilot's telemetry, and how.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TelemetryOptions {
+    /// How the camera is mounted.
+    pub camera_mount: CameraMount,
+    /// Error of the autopilot's velocity per axis, metres per second, 1 sigma. `None`: velocities are not read.
+    pub velocity_sigma_m_s: Option<f64>,
+}
+
+impl Default for TelemetryOptions {
+    fn default() -> Self {
+        Self {
+            camera_mount: CameraMount::default(),
+            velocity_sigma_m_s: Some(0.5),
+        }
+    }
+}
+
+/// A value and when it came, seconds on the link's clock.
+type Stamped<T> = Option<(f64, T)>;
+
+fn recent<T: Copy>(stamped: Stamped<T>, now_s: f64, hold_s: f64) -> Option<T> {
+    stamped
+        .filter(|(came_s, _)| now_s - came_s <= hold_s)
+        .map(|(_, value)| value)
+}
+
+/// Turns messages of an autopilot into inputs.
+#[derive(Debug, Default)]
+pub(crate) struct MavlinkTelemetry {
+    options: TelemetryOptions,
+    attitude: Stamped<UnitQuaternion<f64>>,
+    attitude_angles: Stamped<()>,
+    gimbal: Stamped<()>,
+    local: Stamped<(f64, f64)>,
+    relative_m: Stamped<f64>,
+    amsl_m: Stamped<f64>,
+    above_ground: Stamped<()>,
+}
+
+impl MavlinkTelemetry {
+    pub fn new(options: TelemetryOptions) -> Self {
+        Self {
+            options,
+            ..Self::default()
+        }
+    }
+
+    /// What the autopilot says of itself at present.
+    pub fn own_state(&self, now_s: f64) -> OwnState {
+        let local = recent(self.local, now_s, HOLD_S);
+        let relative = recent(self.relative_m, now_s, HOLD_S);
+        OwnState {
+            attitude: recent(self.attitude, now_s, HOLD_S),
+            down_m: local
+                .map(|(down_m, _)| down_m)
+                .or(relative.map(|height_m| -height_m)),
+            velocity_down_m_s: local.map(|(_, velocity)| velocity),
+            altitude_amsl_m: recent(self.amsl_m, now_s, HOLD_S),
+        }
+    }
+
+    /// Takes in a message that came at `now_s`. `time_s` turns seconds since the autopilot's start into the link's clock.
+    pub fn take(
+        &mut self,
+        message: &MavMessage,
+        now_s: f64,
+        time_s: &dyn Fn(f64) -> f64,
+        inputs: &mut Vec<Input>,
+    ) {
+        let boot = |time_boot_ms: u32| time_s(f64::from(time_boot_ms) * 1e-3);
+        match message {
+            MavMessage::ATTITUDE(data) => {
+                self.attitude_angles = Some((now_s, ()));
+                let [roll, pitch, yaw] = [data.roll, data.pitch, data.yaw].map(f64::from);
+                if [roll, pitch, yaw].iter().all(|angle| angle.is_finite()) {
+                    let attitude = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
+                    self.take_attitude(boot(data.time_boot_ms), attitude, now_s, inputs);
+                }
+            }
+            MavMessage::ATTITUDE_QUATERNION(data)
+                if recent(self.attitude_angles, now_s, PREFER_S).is_none() =>
+            {
+                if let Some(attitude) = rotation([data.q1, data.q2, data.q3, data.q4]) {
+                    self.take_attitude(boot(data.time_boot_ms), attitude, now_s, inputs);
+                }
+            }
+            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(data) => {
+                self.take_gimbal(data, boot(data.time_boot_ms), now_s, inputs);
+            }
+            MavMessage::LOCAL_POSITION_NED(data) => {
+                self.take_local_position(data, boot(data.time_boot_ms), now_s, inputs);
+            }
+            MavMessage::GLOBAL_POSITION_INT(data) => {
+                self.take_global_position(data, boot(data.time_boot_ms), now_s, inputs);
+            }
+            MavMessage::ALTITUDE(data) => self.take_altitude(data, now_s, inputs),
+            _ => {}
+        }
+    }
+
+    fn take_attitude(
+        &mut self,
+        time_s: f64,
+        attitude: UnitQuaternion<f64>,
+        now_s: f64,
+        inputs: &mut Vec<Input>,
+    ) {
+        self.attitude = Some((now_s, attitude));
+        let on_gimbal = self.options.camera_mount == CameraMount::GimbalIfReported
+            && recent(self.gimbal, now_s, PREFER_S).is_some();
+        if !on_gimbal {
+            inputs.push(Input::Attitude(attitude_looking_down(time_s, &attitude)));
+        }
+    }
+
+    fn take_gimbal(
+        &mut self,
+        data: &GIMBAL_DEVICE_ATTITUDE_STATUS_DATA,
+        time_s: f64,
+        now_s: f64,
+        inputs: &mut Vec<Input>,
+    ) {
+        if self.options.camera_mount == CameraMount::Fixed {
+            return;
+        }
+        let Some(gimbal) = rotation(data.q) else {
+            return;
+        };
+        // Without either flag of the newer definition, a locked yaw is one relative to north.
+        let relative_to_north = data
+            .flags
+            .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME)
+            || (!data
+                .flags
+                .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME)
+                && data
+                    .flags
+                    .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_LOCK));
+        let to_north = if relative_to_north {
+            UnitQuaternion::identity()
+        } else {
+            let Some(vehicle) = recent(self.attitude, now_s, HOLD_S) else {
+                return;
+            };
+            UnitQuaternion::from_euler_angles(0.0, 0.0, vehicle.euler_angles().2)
+        };
+        self.gimbal = Some((now_s, ()));
+        let attitude: Attitude = attitude_of_camera(time_s, &(to_north * gimbal));
+        inputs.push(Input::Attitude(attitude));
+    }
+
+    fn take_local_position(
+        &mut self,
+        data: &LOCAL_POSITION_NED_DATA,
+        time_s: f64,
+        now_s: f64,
+        inputs: &mut Vec<Input>,
+    ) {
+        let [down_m, north, east, down] = [data.z, data.vx, data.vy, data.vz].map(f64::from);
+        if [down_m, north, east, down]
+            .iter()
+            .all(|value| value.is_finite())
+        {
+            self.local = Some((now_s, (down_m, down)));
+            self.take_velocity(time_s, east, north, inputs);
+        }
+    }
+
+    fn take_global_position(
+        &mut self,
+        data: &GLOBAL_POSITION_INT_DATA,
+        time_s: f64,
+        now_s: f64,
+        inputs: &mut Vec<Input>,
+    ) {
+        let amsl_m = f64::from(data.alt) * 1e-3;
+        let relative_m = f64::from(data.relative_alt) * 1e-3;
+        self.amsl_m = Some((now_s, amsl_m));
+        self.relative_m = Some((now_s, relative_m));
+        if relative_m >= LOWEST_M && recent(self.above_ground, now_s, PREFER_S).is_none() {
+            inputs.push(Input::Height(Height {
+                time_s,
+                agl_m: relative_m,
+                amsl_m: Some(amsl_m),
+            }));
+        }
+        // All zero is what an autopilot sends that does not know its velocity.
+        let known = [data.vx, data.vy, data.vz] != [0; 3];
+        if known && recent(self.local, now_s, PREFER_S).is_none() {
+            let (north, east) = (f64::from(data.vx) * 1e-2, f64::from(data.vy) * 1e-2);
+            self.take_velocity(time_s, east, north, inputs);
+        }
+    }
+
+    /// ALTITUDE has no time since the start that all autopilots agree on; heights change slowly.
+    fn take_altitude(&mut self, data: &ALTITUDE_DATA, now_s: f64, inputs: &mut Vec<Input>) {
+        let agl_m = f64::from(data.bottom_clearance);
+        if agl_m.is_finite() && agl_m >= LOWEST_M {
+            self.above_ground = Some((now_s, ()));
+            let amsl_m = Some(f64::from(data.altitude_amsl)).filter(|value| value.is_finite());
+            inputs.push(Input::Height(Height {
+                time_s: now_s,
+                agl_m,
+                amsl_m,
+            }));
+        }
+    }
+
+    fn take_velocity(&self, time_s: f64, east: f64, north: f64, inputs: &mut Vec<Input>) {
+        if let Some(sigma_m_s) = self.options.velocity_sigma_m_s {
+            inputs.push(Input::Velocity(Velocity {
+                time_s,
+                east_m_s: east,
+                north_m_s: north,
+                sigma_m_s,
+            }));
+        }
+    }
+}
+
+/// A rotation from w, x, y, z. `None` if it is none.
+fn rotation(wxyz: [f32; 4]) -> Option<UnitQuaternion<f64>> {
+    let [w, x, y, z] = wxyz.map(f64::from);
+    UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5).filter(|q| q.w.is_finite())
+}

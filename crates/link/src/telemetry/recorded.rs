@@ -1,0 +1,51 @@
+//! What a telemetry file holds.
+
+use grimnet_track::Input;
+
+/// What the times of a telemetry file count from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum TelemetryClock {
+    /// 1970-01-01 UTC.
+    Unix,
+    /// The beginning of the video that the file belongs to.
+    Video,
+    /// As whoever wrote the file chose; the frames have to be on the same clock.
+    Own,
+}
+
+/// Recorded telemetry.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Telemetry {
+    /// In order of time.
+    pub inputs: Vec<Input>,
+    /// What the times count from.
+    pub clock: TelemetryClock,
+    /// Records that could not be read and were left out.
+    pub left_out: usize,
+    /// What was wrong with the first of them.
+    pub first_problem: Option<String>,
+}
+
+impl Telemetry {
+    pub(crate) fn new(clock: TelemetryClock) -> Self {
+        Self {
+            inputs: Vec::new(),
+            clock,
+            left_out: 0,
+            first_problem: None,
+        }
+    }
+
+    /// Leaves out a record.
+    pub(crate) fn leave_out(&mut self, problem: impl FnOnce() -> String) {
+        self.left_out += 1;
+        self.first_problem.get_or_insert_with(problem);
+    }
+
+    pub(crate) fn sorted(mut self) -> Self {
+        self.inputs
+            .sort_by(|a, b| a.time_s().total_cmp(&b.time_s()));
+        self
+    }
+}

@@ -10,6 +10,7 @@ mod error;
 mod normal;
 pub mod observation;
 pub mod position;
+pub mod real;
 pub mod scenes;
 pub mod trial;
 
@@ -43,7 +44,7 @@ pub fn fit(
     calibration.fitted_on = Some(FittedOn {
         data: data.to_owned(),
         photos: count(&|o| !o.elsewhere),
-        fixes: count(&Observation::is_right),
+        fixes: count(&|o| o.is_right() && !o.real),
         elsewhere: count(&|o| o.elsewhere),
         held_out_coverage_95: share(held_out.covered, held_out.right),
         held_out_availability: share(held_out.answered, held_out.here),
@@ -67,7 +68,10 @@ fn fit_once(
 /// Returns whether an observation would get a fix under `calibration` and the default gates.
 #[must_use]
 pub fn is_answered(observation: &Observation, calibration: &Calibration) -> bool {
-    let gates = Gates::default();
+    let mut gates = Gates::default();
+    if calibration.confidence.is_some() {
+        gates = gates.with_calibration();
+    }
     let Some(answer) = &observation.answer else {
         return false;
     };
@@ -82,6 +86,7 @@ pub fn is_answered(observation: &Observation, calibration: &Calibration) -> bool
         && gates
             .check_margin(support.inliers, support.runner_up_inliers)
             .is_ok()
+        && gates.check_on_map(support.on_map).is_ok()
 }
 
 /// How a calibration performs on observations that it was not fitted to.
@@ -91,7 +96,7 @@ pub struct Check {
     pub here: usize,
     /// Those with a fix.
     pub answered: usize,
-    /// Those with a right fix.
+    /// Those with a right fix and an exact truth.
     pub right: usize,
     /// Those with an error within the stated 95 % radius.
     pub covered: usize,
@@ -113,7 +118,7 @@ impl Check {
             }
             self.here += 1;
             self.answered += usize::from(answered);
-            if answered && observation.is_right() {
+            if answered && observation.is_right() && !observation.real {
                 self.right += 1;
                 let covered = observation.answer.as_ref().is_some_and(|answer| {
                     answer.error_m() <= position::radius95_m(answer, &calibration.position)

@@ -7,7 +7,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use grimnet_locate::Prior;
+use grimnet_locate::{Outcome, Prior, Support};
 use grimnet_photo::Photo;
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
@@ -82,6 +82,9 @@ pub struct ElsewhereTrial {
     pub inliers: Option<usize>,
     /// Why there is no fix.
     pub reason: Option<String>,
+    /// Support of the fix.
+    #[serde(skip)]
+    pub support: Option<Support>,
 }
 
 /// Trials and fixes of one group.
@@ -198,6 +201,9 @@ fn one(
             Ok(found) => found.reason.clone(),
             Err(error) => Some(error.to_string()),
         },
+        support: answer
+            .and_then(|found| found.outcome.as_ref().and_then(Outcome::fix))
+            .map(|fix| fix.support),
     }
 }
 

@@ -40,6 +40,11 @@ fn observations(count: usize, seed: u64) -> Vec<Observation> {
             error_north_m: error_m * normal(rng),
             level_gsd_m: GSD_M,
             support: Support {
+                mutual_matches: 60,
+                mutual_inliers: 30,
+                visible: 100,
+                expected_inliers: 0.5,
+                on_map: 1.0,
                 inliers,
                 places: inliers,
                 matches: 150,
@@ -56,6 +61,7 @@ fn observations(count: usize, seed: u64) -> Vec<Observation> {
                 scene,
                 elsewhere,
                 heading_known: true,
+                real: false,
                 answer: Some(answer),
             });
         }
@@ -146,6 +152,7 @@ fn observations_are_read_as_they_were_written() {
         scene: 3,
         elsewhere: true,
         heading_known: false,
+        real: true,
         answer: None,
     });
     observation::write(&path, &all).unwrap();

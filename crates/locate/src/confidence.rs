@@ -16,6 +16,16 @@ pub struct Support {
     pub runner_up_inliers: usize,
     /// Standard deviation of the inliers along their short axis, over half the photo's mean side.
     pub spread: f64,
+    /// Number of matches that were found without the transform, by mutual nearest neighbours.
+    pub mutual_matches: usize,
+    /// Number of those that agree with the transform.
+    pub mutual_inliers: usize,
+    /// Number of the photo's keypoints with a keypoint of the map where the transform maps them.
+    pub visible: usize,
+    /// Number of inliers that guided matching would find if the descriptors said nothing.
+    pub expected_inliers: f64,
+    /// Share of the photo that lies on the map, 0 to 1.
+    pub on_map: f64,
     /// Covariance of the centre from the inliers alone, before calibration, square metres: east-east, east-north,
     /// north-north.
     pub inlier_covariance_en_m2: [f64; 3],
@@ -23,18 +33,20 @@ pub struct Support {
 
 /// Number of inliers that occurs by chance at some position of any map; a runner-up below it is raised to it.
 const CHANCE_INLIERS: usize = 10;
+/// Expected numbers of chance inliers below this are raised to it: photos with few keypoints are no better evidence.
+const MIN_EXPECTED_INLIERS: f64 = 0.1;
 /// Smaller spreads are raised to this to keep the logarithm finite.
 const MIN_SPREAD: f64 = 1e-3;
 
 impl Support {
     /// The features of the logistic model: the logarithms of cells, of inliers over those of the runner-up, of inliers over
-    /// matches, and of spread.
+    /// those that chance gives, and of spread.
     pub fn evidence(&self) -> [f64; 4] {
         let inliers = self.inliers.max(1) as f64;
         [
             (self.places.max(1) as f64).ln(),
             (inliers / self.runner_up_inliers.max(CHANCE_INLIERS) as f64).ln(),
-            (inliers / self.matches.max(1) as f64).ln(),
+            (inliers / self.expected_inliers.max(MIN_EXPECTED_INLIERS)).ln(),
             self.spread.max(MIN_SPREAD).ln(),
         ]
     }
@@ -44,7 +56,7 @@ impl Support {
         let weights = [
             model.log_places,
             model.log_lead,
-            model.log_share,
+            model.log_excess,
             model.log_spread,
         ];
         let weighed = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
@@ -65,18 +77,23 @@ mod tests {
             matches: 40,
             runner_up_inliers: 16,
             spread: 0.5,
+            mutual_matches: 60,
+            mutual_inliers: 12,
+            visible: 80,
+            expected_inliers: 0.5,
+            on_map: 1.0,
             inlier_covariance_en_m2: [1.0, 0.0, 1.0],
         };
         let model = Confidence {
             intercept: -3.0,
             log_places: 1.0,
             log_lead: 2.0,
-            log_share: 0.5,
+            log_excess: 0.5,
             log_spread: 0.1,
             needed: 0.5,
         };
-        // -3 + ln 15 + 2 ln 1.25 + 0.5 ln 0.5 + 0.1 ln 0.5 = -0.261552
-        let by_hand = 1.0 / (1.0 + (0.261_552_f64).exp());
+        // -3 + ln 15 + 2 ln 1.25 + 0.5 ln 40 + 0.1 ln 0.5 = 1.929462
+        let by_hand = 1.0 / (1.0 + (-1.929_462_f64).exp());
         assert!((support.confidence(&model) - by_hand).abs() < 1e-6);
         let alone = Support {
             runner_up_inliers: 0,

@@ -34,6 +34,8 @@ pub struct Localizer {
     pack: Pack,
     extractor: Extractor,
     options: Options,
+    /// The options with the gates that apply to a calibrated or uncalibrated model.
+    applied: Options,
     scratch: ScratchPool,
 }
 
@@ -103,18 +105,24 @@ impl Localizer {
     pub fn new(model: Model, pack: Pack) -> Result<Self> {
         pack.check_model(&model)?;
         let extractor = Extractor::new(&model, Domain::Uav)?;
+        let options = Options::default();
         Ok(Self {
+            applied: applied_to(&model, &options),
             model,
             pack,
             extractor,
-            options: Options::default(),
+            options,
             scratch: ScratchPool::default(),
         })
     }
 
     /// The same localiser with other settings. They are checked by [`Localizer::locate`].
     pub fn with_options(self, options: Options) -> Self {
-        Self { options, ..self }
+        Self {
+            applied: applied_to(&self.model, &options),
+            options,
+            ..self
+        }
     }
 
     /// The settings.
@@ -227,13 +235,9 @@ impl Localizer {
         let extractor = Extractor::with_statistics(&self.model, Domain::Uav, &statistics)?;
         let options = Options {
             adapt: Adapt::Flight,
-            ..self.options
+            ..self.options.clone()
         };
-        Ok(Self {
-            extractor,
-            options,
-            ..self
-        })
+        Ok(Self { extractor, ..self }.with_options(options))
     }
 
     /// The same localiser with photos normalised by the statistics of another domain, to measure what domain-aware batch
@@ -284,8 +288,21 @@ impl Localizer {
             model: &self.model,
             pack: &self.pack,
             extractor: &self.extractor,
-            options: &self.options,
+            options: &self.applied,
             scratch: &self.scratch,
         }
+    }
+}
+
+/// The options as they apply to `model`.
+fn applied_to(model: &Model, options: &Options) -> Options {
+    let is_calibrated = model.calibration().confidence.is_some();
+    let gates = options.gates.map(|gates| match is_calibrated {
+        true => gates.with_calibration(),
+        false => gates,
+    });
+    Options {
+        gates,
+        ..options.clone()
     }
 }

@@ -63,6 +63,9 @@ impl Default for VoteOptions {
 }
 
 /// Limits that a transform must keep to become a fix.
+///
+/// With a calibrated model the confidence judges the support, and `min_inliers`, `min_places` and `min_margin` are not applied
+/// ([`Gates::with_calibration`]).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gates {
     /// Minimum number of inliers.
@@ -82,6 +85,8 @@ pub struct Gates {
     pub min_inlier_share: f64,
     /// Minimum ratio of the inliers to those of the best candidate at another position.
     pub min_margin: f64,
+    /// Minimum share of the photo that lies on the map, 0 to 1.
+    pub min_on_map: f64,
     /// Whether a fix must have at least the confidence that the model's calibration requires, if the model is calibrated.
     pub by_confidence: bool,
     /// Required confidence, 0 to 1; `None` for the one of the model's calibration.
@@ -99,8 +104,29 @@ impl Default for Gates {
             min_places: 15,
             min_inlier_share: 0.0,
             min_margin: 1.25,
+            min_on_map: 0.5,
             by_confidence: true,
             min_confidence: None,
+        }
+    }
+}
+
+/// Fewest inliers that any answer has where the confidence judges the support: a homography with two spare matches.
+const MIN_CALIBRATED_INLIERS: usize = 6;
+
+impl Gates {
+    /// The limits with a calibrated model: those on the number, the cells and the lead of the inliers are left to the confidence,
+    /// which weighs them together.
+    #[must_use]
+    pub fn with_calibration(self) -> Self {
+        if !self.by_confidence {
+            return self;
+        }
+        Self {
+            min_inliers: MIN_CALIBRATED_INLIERS,
+            min_places: 0,
+            min_margin: 0.0,
+            ..self
         }
     }
 }
@@ -197,7 +223,7 @@ impl Default for Options {
             nms_radius_px: 2,
             vote: Some(VoteOptions::default()),
             stages: vec![64, 448],
-            max_matched: 12,
+            max_matched: 24,
             min_matched: 3,
             clear_inliers: 45,
             max_ratio: None,

@@ -236,6 +236,16 @@ pub enum Rejection {
     /// The photo's centre is outside the map.
     #[error("the photo's centre is outside the map")]
     OutsideMap,
+    /// Too small a part of the photo is on the map.
+    #[error(
+        "only {percent:.0} % of the photo is on the map; at least {needed_percent:.0} % is required"
+    )]
+    OnMap {
+        /// Share of the photo, per cent.
+        percent: f64,
+        /// The limit.
+        needed_percent: f64,
+    },
     /// The photo's centre is outside the given area.
     #[error("the photo's centre is outside the given area")]
     OutsideArea,

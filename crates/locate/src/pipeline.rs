@@ -3,6 +3,7 @@
 //! Each stage is a function over a [`crate::context::Context`] and returns its wall time with its result.
 
 pub mod answer;
+pub mod chance;
 pub mod gates;
 pub mod ground_position;
 pub mod guided_matching;

@@ -136,6 +136,7 @@ fn check_gates(gates: &Gates) -> Result<()> {
         require_not_negative(name, value)?;
     }
     require_share("gates.min_inlier_share", gates.min_inlier_share)?;
+    require_share("gates.min_on_map", gates.min_on_map)?;
     match gates.min_confidence {
         Some(confidence) => require_share("gates.min_confidence", confidence),
         None => Ok(()),

@@ -95,8 +95,9 @@ pub struct Confidence {
     /// Weight of the natural logarithm of the ratio of inliers to the runner-up's inliers (at least six: chance gives as
     /// many).
     pub log_lead: f64,
-    /// Weight of the natural logarithm of the ratio of inliers to matches.
-    pub log_share: f64,
+    /// Weight of the natural logarithm of the ratio of inliers to those that guided matching finds by chance.
+    #[serde(alias = "log_share")]
+    pub log_excess: f64,
     /// Weight of the natural logarithm of the inliers' spread over the photo (short axis, in half sides).
     pub log_spread: f64,
     /// Fixes of a lower probability are rejected. By the fit, only a small share of photos taken elsewhere (one in a
@@ -110,7 +111,7 @@ impl Confidence {
             ("intercept", self.intercept),
             ("log_places", self.log_places),
             ("log_lead", self.log_lead),
-            ("log_share", self.log_share),
+            ("log_excess", self.log_excess),
             ("log_spread", self.log_spread),
         ];
         for (field, found) in weights {
@@ -168,7 +169,7 @@ mod tests {
                 intercept: -2.8,
                 log_places: 3.3,
                 log_lead: 2.3,
-                log_share: 2.8,
+                log_excess: 2.8,
                 log_spread: 2.5,
                 needed: 0.9,
             }),

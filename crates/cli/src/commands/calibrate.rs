@@ -1,15 +1,22 @@
 //! `grim calibrate`: fit the stated radius and confidence of a model.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
+use grimnet_eval::calibration::real::{PlacesUsed, RealScene};
 use grimnet_eval::calibration::{self, observation, scenes, trial};
-use grimnet_net::Model;
+use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
+use grimnet_eval::pictures::file_name;
+use grimnet_eval::scene::Scene;
+use grimnet_geo::MapOptions;
+use grimnet_net::{Calibration, Model};
 
 use super::ModelChoice;
+use super::elsewhere::{source, width_m};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
 use crate::{progress, values};
@@ -47,16 +54,38 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "M", default_value_t = 0.15, value_parser = values::gsd_m, allow_hyphen_values = true)]
     pictures_gsd: f64,
 
+    /// Data sets whose photos name their place (column `place` of truth.csv); half of the places are used
+    ///
+    /// The confidence is fitted to them, the stated radius is not: their truth is not exact.
+    #[arg(long, value_name = "FOLDER", num_args = 1..)]
+    datasets: Vec<PathBuf>,
+
+    /// Which places of the data sets are used, by their number in the order of their names
+    #[arg(long, value_name = "HALF", value_enum, default_value_t = PlacesChoice::Odd)]
+    places: PlacesChoice,
+
+    /// Folders of pictures that are localised on every map and must get no fix
+    #[arg(long, value_name = "FOLDER", num_args = 1..)]
+    elsewhere: Vec<PathBuf>,
+
+    /// Pictures of each of these folders on each map
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = values::count)]
+    elsewhere_trials: usize,
+
     /// Share of photos taken elsewhere that may get a fix; a smaller share costs right fixes
     #[arg(long, value_name = "SHARE", default_value_t = ELSEWHERE_ANSWERED, value_parser = values::inner_share, allow_hyphen_values = true)]
     elsewhere_answered: f64,
+
+    /// Fit one part only and keep the other as the model has it
+    #[arg(long, value_name = "PART", value_enum)]
+    only: Option<PartChoice>,
 
     /// Also write the observations, one line per photo
     #[arg(long, value_name = "FILE.csv")]
     observations: Option<PathBuf>,
 
     /// Fit to the observations of an earlier run with the same model
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["observations", "pictures"])]
+    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["observations", "pictures", "datasets", "elsewhere"])]
     observed: Option<PathBuf>,
 }
 
@@ -86,7 +115,19 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         observation::write(path, &observations)
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let calibration = calibration::fit(&observations, &data, arguments.elsewhere_answered)?;
+    let fitted = calibration::fit(&observations, &data, arguments.elsewhere_answered)?;
+    let kept = model.calibration();
+    let calibration = match arguments.only {
+        None => fitted,
+        Some(PartChoice::Confidence) => Calibration {
+            position: kept.position,
+            ..fitted
+        },
+        Some(PartChoice::Position) => Calibration {
+            confidence: kept.confidence,
+            ..fitted
+        },
+    };
     model
         .with_calibration(calibration.clone())?
         .save(&arguments.out)?;
@@ -100,11 +141,55 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
+/// One part of a calibration.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum PartChoice {
+    /// The probability that a fix is right, and the least that is required
+    Confidence,
+    /// The stated radius
+    Position,
+}
+
+/// Which half of the places of a data set is used.
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum PlacesChoice {
+    /// The first, the third and so on
+    Odd,
+    /// The second, the fourth and so on
+    Even,
+}
+
+impl From<PlacesChoice> for PlacesUsed {
+    fn from(choice: PlacesChoice) -> Self {
+        match choice {
+            PlacesChoice::Odd => Self::Odd,
+            PlacesChoice::Even => Self::Even,
+        }
+    }
+}
+
+/// Reads the data set in a folder.
+fn data_set(folder: &Path, photos_out: &Path) -> Result<Scene> {
+    let set = DataSet::find(&DataSetRequest {
+        folder,
+        map: None,
+        map_options: MapOptions::default(),
+        photos_out,
+    })?;
+    let map = set.open_map()?;
+    Ok(set.into_scene(map)?)
+}
+
 /// Makes the scenes and localises their photos.
 fn observe(
     arguments: &CalibrateArgs,
     model: &Model,
 ) -> Result<(Vec<observation::Observation>, String)> {
+    let sources = arguments
+        .elsewhere
+        .iter()
+        .map(|folder| source(folder, true))
+        .collect::<Result<Vec<Source>>>()?;
     if arguments.worlds + arguments.pictures.len() < 2 {
         bail!(
             "at least two worlds or folders of pictures are required: photos of one are localised on the map of the other"
@@ -132,14 +217,91 @@ fn observe(
         bar.inc(1);
     }
     bar.finish_and_clear();
-    let bar = progress::bar(trial::count(&made) as u64, "localising", "photos");
-    let observations = trial::observe(model, &made, folder.path(), &mut || bar.inc(1))?;
+    let sets = arguments
+        .datasets
+        .iter()
+        .map(|set| data_set(set, folder.path()))
+        .collect::<Result<Vec<Scene>>>()?;
+    // A picture must not be on the map: the sources of each scene are those that its map was not made of.
+    let folders = vec![None; arguments.worlds]
+        .into_iter()
+        .chain(arguments.pictures.iter().map(Some));
+    let own: Vec<(&Scene, Option<&PathBuf>, Option<PlacesUsed>)> = made
+        .iter()
+        .zip(folders)
+        .map(|(scene, folder)| (scene, folder, None))
+        .chain(
+            sets.iter()
+                .zip(&arguments.datasets)
+                .map(|(scene, set)| (scene, Some(set), Some(arguments.places.into()))),
+        )
+        .collect();
+    let elsewhere: Vec<Vec<Source>> = own
+        .iter()
+        .map(|(_, folder, _)| sources_outside(&sources, *folder))
+        .collect();
+    let real = own
+        .iter()
+        .zip(&elsewhere)
+        .zip(0..)
+        .map(|((&(scene, _, places), elsewhere), number)| {
+            Ok(RealScene {
+                scene,
+                places,
+                elsewhere,
+                trials: ElsewhereOptions {
+                    trials: arguments.elsewhere_trials,
+                    seed: arguments.seed + number,
+                    map_width_m: width_m(scene.map.as_ref())?,
+                },
+            })
+        })
+        .collect::<Result<Vec<_>>>()?;
+    let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<usize>();
+    let bar = progress::bar(count as u64, "localising", "photos");
+    let mut observations = trial::observe(model, &made, folder.path(), &mut || bar.inc(1))?;
+    for (number, scene) in real.iter().enumerate() {
+        let pack = folder.path().join(format!("real_{number}.grim"));
+        observations.extend(scene.observe(model, made.len(), &pack, &mut || bar.inc(1))?);
+    }
     bar.finish_and_clear();
+    Ok((observations, description(arguments, &made, &sets)))
+}
+
+/// The sources whose pictures are not those of `folder`.
+fn sources_outside(sources: &[Source], folder: Option<&PathBuf>) -> Vec<Source> {
+    let is_outside = |source: &&Source| {
+        folder.is_none_or(|folder| !source.pictures.iter().any(|path| path.starts_with(folder)))
+    };
+    sources.iter().filter(is_outside).cloned().collect()
+}
+
+/// What the calibration is fitted to, in words.
+fn description(arguments: &CalibrateArgs, made: &[Scene], sets: &[Scene]) -> String {
     let names: Vec<&str> = made.iter().map(|scene| scene.name.as_str()).collect();
-    let data = format!(
+    let mut text = format!(
         "{} photos each of: {}; every photo also localised on the map of another",
         arguments.photos,
         names.join(", ")
     );
-    Ok((observations, data))
+    if !sets.is_empty() {
+        let names: Vec<&str> = sets.iter().map(|scene| scene.name.as_str()).collect();
+        let half = match arguments.places {
+            PlacesChoice::Odd => "first, third, ...",
+            PlacesChoice::Even => "second, fourth, ...",
+        };
+        text += &format!(
+            "; photos of half of the places ({half}) of: {}",
+            names.join(", ")
+        );
+    }
+    if !arguments.elsewhere.is_empty() {
+        let folders: Vec<String> = arguments.elsewhere.iter().map(|f| file_name(f)).collect();
+        text += &format!(
+            "; on each map, {} pictures each that are not on it, of: {}",
+            arguments.elsewhere_trials,
+            folders.join(", ")
+        );
+    }
+    text
 }

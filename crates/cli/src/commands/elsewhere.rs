@@ -1,7 +1,7 @@
 //! `grim eval --elsewhere`: photos that are not on the map must get no fix.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -54,19 +54,25 @@ impl ElsewhereOptions {
         let trained = self.elsewhere_trained.iter().map(|folder| (folder, true));
         untrained
             .chain(trained)
-            .map(|(folder, trained_on)| {
-                let pictures = picture_files_below(folder)?;
-                if pictures.is_empty() {
-                    bail!("{}: no pictures", folder.display());
-                }
-                Ok(Source {
-                    name: file_name(folder),
-                    pictures,
-                    trained_on,
-                })
-            })
+            .map(|(folder, trained_on)| source(folder, trained_on))
             .collect()
     }
+}
+
+/// The pictures in a folder and below it.
+///
+/// # Errors
+/// The folder cannot be read or has no pictures.
+pub fn source(folder: &Path, trained_on: bool) -> Result<Source> {
+    let pictures = picture_files_below(folder)?;
+    if pictures.is_empty() {
+        bail!("{}: no pictures", folder.display());
+    }
+    Ok(Source {
+        name: file_name(folder),
+        pictures,
+        trained_on,
+    })
 }
 
 /// Runs the trials on a map, writes `elsewhere.json` and `elsewhere.csv` and prints the figures.
@@ -99,7 +105,7 @@ pub fn run(
 }
 
 /// Width of a map, metres, from the ground resolution in its middle.
-fn width_m(map: &dyn Raster) -> Result<f64> {
+pub fn width_m(map: &dyn Raster) -> Result<f64> {
     let (width, height) = map.size_px();
     let middle = MapPx {
         x: width as f64 / 2.0,

@@ -10,12 +10,16 @@ use super::observation::Observation;
 /// Least number of photos taken elsewhere for an estimate of the tail.
 const MIN_ELSEWHERE: usize = 40;
 const MIN_RIGHT: usize = 40;
+/// Least number of real photos taken elsewhere that set the limit alone.
+const MIN_REAL_ELSEWHERE: usize = 400;
 
 /// Default share of photos taken elsewhere that may get a fix.
 pub const ELSEWHERE_ANSWERED: f64 = 1e-3;
 
 /// Share of the answers to photos taken elsewhere that form the extrapolated tail.
-const TAIL_SHARE: f64 = 0.25;
+const TAIL_SHARE: f64 = 0.05;
+/// Least number of photos in that tail.
+const MIN_TAIL: usize = 20;
 
 /// Precision of the prior on each standardised weight (ridge): right and wrong answers may be separable, and the likelihood
 /// then has no maximum.
@@ -50,23 +54,35 @@ pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, Fit
         });
     }
     let weights = logistic(&answers);
-    let [intercept, log_places, log_lead, log_share, log_spread] = weights.into();
+    let [intercept, log_places, log_lead, log_excess, log_spread] = weights.into();
     let mut model = Confidence {
         intercept,
         log_places,
         log_lead,
-        log_share,
+        log_excess,
         log_spread,
         needed: 0.0,
     };
-    let log_odds: Vec<f64> = observations
+    let elsewhere = limiting(observations);
+    let log_odds: Vec<f64> = elsewhere
         .iter()
-        .filter(|o| o.elsewhere)
         .filter_map(|o| Some(log_odds(o.answer?.support.confidence(&model))))
         .collect();
-    let limit = tail_limit(log_odds, elsewhere, allowed);
+    let limit = tail_limit(log_odds, elsewhere.len(), allowed);
     model.needed = 1.0 / (1.0 + (-limit).exp());
     Ok(model)
+}
+
+/// The photos taken elsewhere that set the limit: real ones if there are enough, because procedural worlds resemble each other
+/// more than real places do.
+fn limiting(observations: &[Observation]) -> Vec<&Observation> {
+    let elsewhere = || observations.iter().filter(|o| o.elsewhere);
+    let real: Vec<&Observation> = elsewhere().filter(|o| o.real).collect();
+    if real.len() >= MIN_REAL_ELSEWHERE {
+        real
+    } else {
+        elsewhere().collect()
+    }
 }
 
 fn log_odds(probability: f64) -> f64 {
@@ -78,7 +94,10 @@ fn log_odds(probability: f64) -> f64 {
 fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     values.retain(|v| v.is_finite());
     values.sort_by(f64::total_cmp);
-    let count = ((values.len() as f64 * TAIL_SHARE).ceil() as usize).max(1);
+    let count = ((values.len() as f64 * TAIL_SHARE).ceil() as usize)
+        .max(MIN_TAIL)
+        .min(values.len())
+        .max(1);
     let Some(first) = values.len().checked_sub(count) else {
         // No photo taken elsewhere has an answer: even odds are the limit.
         return 0.0;

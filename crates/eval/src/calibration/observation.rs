@@ -16,6 +16,9 @@ pub struct Observation {
     pub elsewhere: bool,
     /// Whether the localiser was told the heading.
     pub heading_known: bool,
+    /// Whether photo and map are real pictures of different origin. Their truth is registered and not exact, so the covariance is
+    /// not fitted to them; how often photos taken elsewhere get a fix is.
+    pub real: bool,
     /// The answer, if there is one.
     pub answer: Option<Answer>,
 }
@@ -58,6 +61,7 @@ struct Row {
     scene: usize,
     elsewhere: bool,
     heading_known: bool,
+    real: bool,
     error_east_m: Option<f64>,
     error_north_m: Option<f64>,
     level_gsd_m: Option<f64>,
@@ -69,6 +73,11 @@ struct Row {
     inlier_ee_m2: Option<f64>,
     inlier_en_m2: Option<f64>,
     inlier_nn_m2: Option<f64>,
+    mutual_matches: Option<usize>,
+    mutual_inliers: Option<usize>,
+    visible: Option<usize>,
+    expected_inliers: Option<f64>,
+    on_map: Option<f64>,
 }
 
 /// Writes observations as CSV; [`read`] gives them back.
@@ -85,6 +94,7 @@ pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
             scene: o.scene,
             elsewhere: o.elsewhere,
             heading_known: o.heading_known,
+            real: o.real,
             error_east_m: answer.map(|a| a.error_east_m),
             error_north_m: answer.map(|a| a.error_north_m),
             level_gsd_m: answer.map(|a| a.level_gsd_m),
@@ -96,6 +106,11 @@ pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
             inlier_ee_m2: covariance.map(|c| c[0]),
             inlier_en_m2: covariance.map(|c| c[1]),
             inlier_nn_m2: covariance.map(|c| c[2]),
+            mutual_matches: support.map(|s| s.mutual_matches),
+            mutual_inliers: support.map(|s| s.mutual_inliers),
+            visible: support.map(|s| s.visible),
+            expected_inliers: support.map(|s| s.expected_inliers),
+            on_map: support.map(|s| s.on_map),
         })?;
     }
     writer.flush()?;
@@ -126,6 +141,11 @@ impl Row {
                     matches: self.matches?,
                     runner_up_inliers: self.runner_up_inliers?,
                     spread: self.spread?,
+                    mutual_matches: self.mutual_matches?,
+                    mutual_inliers: self.mutual_inliers?,
+                    visible: self.visible?,
+                    expected_inliers: self.expected_inliers?,
+                    on_map: self.on_map?,
                     inlier_covariance_en_m2: [
                         self.inlier_ee_m2?,
                         self.inlier_en_m2?,
@@ -138,6 +158,7 @@ impl Row {
             scene: self.scene,
             elsewhere: self.elsewhere,
             heading_known: self.heading_known,
+            real: self.real,
             answer: answer(),
         }
     }

@@ -33,14 +33,14 @@ pub fn radius95_m(answer: &Answer, error: &PositionError) -> f64 {
     radius95(&covariance_m2(answer, error))
 }
 
-/// Fits the two numbers to the right answers among `observations`.
+/// Fits the two numbers to the right answers among `observations` of which the truth is exact.
 ///
 /// # Errors
 /// Too few right answers.
 pub fn fit(observations: &[Observation]) -> Result<PositionError, FitError> {
     let right: Vec<Answer> = observations
         .iter()
-        .filter(|o| o.is_right())
+        .filter(|o| o.is_right() && !o.real)
         .filter_map(|o| o.answer)
         .collect();
     if right.len() < MIN_FIXES {

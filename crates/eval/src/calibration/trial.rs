@@ -38,7 +38,7 @@ const UNKNOWN_HEADING_EVERY: usize = 6;
 const MIN_INLIERS: usize = 6;
 
 /// Options of observations: the shape of a transform is checked as usual, its support is not, and the map is exact.
-fn observing() -> Options {
+pub(crate) fn observing() -> Options {
     Options {
         gates: Some(Gates {
             min_inliers: MIN_INLIERS,
@@ -81,6 +81,7 @@ pub fn observe(
                         scene: from,
                         elsewhere,
                         heading_known: heading == HeadingMode::Known,
+                        real: false,
                         answer: answer(&localizer, shot, heading)?,
                     });
                     on_photo();

@@ -84,12 +84,22 @@ fn accept(
     {
         return Ok(Err(Rejection::OutsideArea));
     }
-    let support = support(
-        best.verified,
-        query,
-        position.inlier_covariance_en_m2,
-        runner_up_inliers(best.runner_up),
-    );
+    if let Some(Err(rejection)) = context
+        .options
+        .gates
+        .map(|gates| gates.check_on_map(position.on_map))
+    {
+        return Ok(Err(rejection));
+    }
+    let support = Support {
+        on_map: position.on_map,
+        ..support(
+            best.verified,
+            query,
+            position.inlier_covariance_en_m2,
+            runner_up_inliers(best.runner_up),
+        )
+    };
     let confidence = confidence(&support, calibration);
     Ok(
         match confidence_rejection(confidence, calibration, context.options) {
@@ -174,6 +184,11 @@ pub(crate) fn support(
         matches: verified.pairs.len(),
         runner_up_inliers,
         spread: spread(points, query.half_side_px),
+        mutual_matches: verified.chance.mutual_matches,
+        mutual_inliers: verified.chance.mutual_inliers,
+        visible: verified.chance.visible,
+        expected_inliers: verified.chance.expected_inliers,
+        on_map: 1.0,
         inlier_covariance_en_m2,
     }
 }

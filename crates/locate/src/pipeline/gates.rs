@@ -78,12 +78,15 @@ pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f
 /// Number of grid cells per half side of the photo.
 const CELLS_PER_HALF_SIDE: f64 = 6.0;
 
-/// Number of grid cells, a twelfth of the photo's mean side wide, that hold at least one of `points`.
+/// Smallest side of a grid cell, pixels: keypoints that are closer share most of what their descriptors see.
+const MIN_CELL_PX: f64 = 20.0;
+
+/// Number of grid cells, a twelfth of the photo's mean side wide and at least [`MIN_CELL_PX`], that hold at least one of `points`.
 ///
 /// Keypoints cluster on tree crowns and edges, and a wrong match often has neighbours with the same wrong translation. A cell
 /// counts them once.
 pub fn occupied_cells(points: impl Iterator<Item = Point2<f64>>, half_side_px: f64) -> usize {
-    let side_px = half_side_px / CELLS_PER_HALF_SIDE;
+    let side_px = (half_side_px / CELLS_PER_HALF_SIDE).max(MIN_CELL_PX);
     points
         .map(|point| [point.x, point.y].map(|along| (along / side_px).floor() as i64))
         .collect::<std::collections::HashSet<_>>()
@@ -156,6 +159,17 @@ impl Gates {
             return Err(Rejection::Confidence {
                 percent: confidence * 100.0,
                 needed_percent: needed * 100.0,
+            });
+        }
+        Ok(())
+    }
+
+    /// Checks the share of the photo that lies on the map, 0 to 1.
+    pub fn check_on_map(&self, share: f64) -> Result<(), Rejection> {
+        if !(share >= self.min_on_map) {
+            return Err(Rejection::OnMap {
+                percent: share * 100.0,
+                needed_percent: self.min_on_map * 100.0,
             });
         }
         Ok(())

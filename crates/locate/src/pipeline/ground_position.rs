@@ -28,6 +28,8 @@ pub(crate) struct GroundPosition {
     pub inlier_covariance_en_m2: [f64; 3],
     pub covariance_en_m2: [f64; 3],
     pub radius95_m: f64,
+    /// Share of the photo that lies on the map, 0 to 1.
+    pub on_map: f64,
     pub outline_lonlat_deg: Vec<[f64; 2]>,
 }
 
@@ -121,6 +123,7 @@ pub(crate) fn ground_position(
         .map(|corner| [corner.lon_deg, corner.lat_deg])
         .collect();
     Ok(Some(GroundPosition {
+        on_map: share_on_map(&level_from_photo, photo, level),
         centre: level.lonlat_from_level_px(centre_px)?,
         heading_deg: up.x.atan2(up.y).to_degrees().rem_euclid(360.0),
         gsd_m: en_by_photo_px.determinant().abs().sqrt() * photo_px_per_full_px,
@@ -129,6 +132,27 @@ pub(crate) fn ground_position(
         radius95_m: radius95(&covariance),
         outline_lonlat_deg,
     }))
+}
+
+/// Number of sample points along each side of the photo.
+const SAMPLES: u32 = 16;
+
+/// Share of the photo that lies on the level, by a grid of points.
+fn share_on_map(level_from_photo: &Homography, photo: &Photo, level: &Level) -> f64 {
+    let (width, height) = photo.image.dimensions();
+    let along =
+        |index: u32, side: u32| (f64::from(index) + 0.5) / f64::from(SAMPLES) * f64::from(side);
+    let [level_width, level_height] = level.size_px().map(|side| side as f64);
+    let on_level = (0..SAMPLES * SAMPLES)
+        .filter_map(|i| {
+            level_from_photo.map(Point2::new(
+                along(i % SAMPLES, width),
+                along(i / SAMPLES, height),
+            ))
+        })
+        .filter(|at| (0.0..=level_width).contains(&at.x) && (0.0..=level_height).contains(&at.y))
+        .count();
+    on_level as f64 / f64::from(SAMPLES * SAMPLES)
 }
 
 fn upper(symmetric: &Matrix2<f64>) -> [f64; 3] {

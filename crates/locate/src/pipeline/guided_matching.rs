@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// A guided match is kept if at most this many keypoints of the whole tile are more similar.
-const MAX_CLOSER: usize = 1;
+pub(crate) const MAX_CLOSER: usize = 1;
 /// Search radius of each iteration, in thresholds of RANSAC. Each iteration starts from the transform of the one before.
 const SEARCH_RADII: [f64; 2] = [2.0, 1.0];
 
@@ -81,7 +81,7 @@ pub(crate) fn match_guided(
 }
 
 /// Keypoints of a tile, indexed by position.
-struct KeypointIndex<'a> {
+pub(crate) struct KeypointIndex<'a> {
     points: &'a [Point2<f64>],
     /// Indices of the points from top to bottom.
     by_y: Vec<usize>,
@@ -89,14 +89,14 @@ struct KeypointIndex<'a> {
 
 impl<'a> KeypointIndex<'a> {
     /// Builds the index.
-    fn new(points: &'a [Point2<f64>]) -> Self {
+    pub fn new(points: &'a [Point2<f64>]) -> Self {
         let mut by_y: Vec<usize> = (0..points.len()).collect();
         by_y.sort_by(|&a, &b| points[a].y.total_cmp(&points[b].y));
         Self { points, by_y }
     }
 
     /// Appends the indices of the points within `reach_px` of the position to which `transform` maps `from`.
-    fn near(
+    pub fn near(
         &self,
         transform: &Homography,
         from: Point2<f64>,

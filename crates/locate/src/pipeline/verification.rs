@@ -18,6 +18,7 @@ use crate::{
     options::Options,
     outcome::Rejection,
     pipeline::{
+        chance::Chance,
         guided_matching::{KeypointPair, match_guided},
         tile_frame::TileFrame,
     },
@@ -39,6 +40,8 @@ pub(crate) struct VerifiedCandidate {
     pub transform: Option<Homography>,
     /// Covariance of the mapped centre, in the same pixels.
     pub covariance_px2: Option<Matrix2<f64>>,
+    /// What chance contributes to the inliers.
+    pub chance: Chance,
     /// The photo's centre.
     pub centre_level_px: Option<LevelPx>,
     /// The first gate that the candidate does not pass.
@@ -77,7 +80,7 @@ pub(crate) fn verify_with(
     options: &Options,
 ) -> Result<VerifiedCandidate> {
     let frame = TileFrame::new(level, candidate.tile);
-    let (estimated, pairs) = match_tile(
+    let (estimated, pairs, chance) = match_tile(
         level,
         query,
         &frame,
@@ -92,6 +95,7 @@ pub(crate) fn verify_with(
         inliers: Vec::new(),
         transform: None,
         covariance_px2: None,
+        chance,
         centre_level_px: None,
         rejection: None,
     };
@@ -117,7 +121,7 @@ fn match_tile(
     max_rotation_rad: f64,
     scratch: &mut Scratch,
     options: &Options,
-) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>)> {
+) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>, Chance)> {
     let estimation = options.estimation(max_rotation_rad);
     let tile = level.features(tile)?;
     let tile_descriptors = Descriptors::from(&tile.descriptors);
@@ -152,9 +156,19 @@ fn match_tile(
                 &mut scratch.guided,
             )
         });
+    let threshold_px = estimation.ransac.threshold_px;
+    let chance = |estimated: &EstimatedTransform| {
+        Chance::along(&estimated.homography, &keypoints, &pairs, threshold_px)
+    };
     Ok(match guided {
-        Some((guided, guided_pairs)) => (Some(guided), guided_pairs),
-        None => (estimated, pairs),
+        Some((guided, guided_pairs)) => {
+            let chance = chance(&guided);
+            (Some(guided), guided_pairs, chance)
+        }
+        None => {
+            let chance = estimated.as_ref().map(chance).unwrap_or_default();
+            (estimated, pairs, chance)
+        }
     })
 }
 

@@ -1,0 +1,125 @@
+//! Observations on real pictures: half of the places of a data set, and photos that are not on its map.
+
+use std::collections::BTreeSet;
+use std::path::Path;
+
+use grimnet_locate::{Localizer, Support};
+use grimnet_net::Model;
+
+use super::observation::{Answer, Observation};
+use super::trial::{ObserveError, answer, localizer};
+use crate::elsewhere::{self, ElsewhereOptions, Source};
+use crate::scene::{HeadingMode, Scene, Shot};
+
+/// The places of a data set that are used, by their number in the order of their names. The others are left for a check.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlacesUsed {
+    /// The first, the third and so on.
+    Odd,
+    /// The second, the fourth and so on.
+    Even,
+}
+
+impl PlacesUsed {
+    /// The answerable photos of these places with the number of their place. Photos without a place are not used.
+    fn of(self, scene: &Scene) -> Vec<(usize, &Shot)> {
+        let place = |shot: &Shot| shot.truth.place.clone();
+        let places: BTreeSet<String> = scene.shots.iter().filter_map(place).collect();
+        let places: Vec<String> = places.into_iter().collect();
+        scene
+            .shots
+            .iter()
+            .filter(|shot| shot.truth.is_answerable())
+            .filter_map(|shot| {
+                let number = places.binary_search(&place(shot)?).ok()?;
+                let is_used = number.is_multiple_of(2) == (self == Self::Odd);
+                is_used.then_some((number, shot))
+            })
+            .collect()
+    }
+}
+
+/// A data set whose photos are observed.
+pub struct RealScene<'a> {
+    /// Map and photos.
+    pub scene: &'a Scene,
+    /// The places that are used; `None` for the map alone, on which only photos taken elsewhere are localised.
+    pub places: Option<PlacesUsed>,
+    /// Pictures that are not on the map.
+    pub elsewhere: &'a [Source],
+    /// How often they are tried. The width of the map is that of `scene`.
+    pub trials: ElsewhereOptions,
+}
+
+impl RealScene<'_> {
+    /// How many photos [`RealScene::observe`] will localise.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        let own = self.places.map_or(0, |places| places.of(self.scene).len());
+        2 * own + self.trials.trials * self.elsewhere.len()
+    }
+
+    /// Localises the photos, each with its heading known and unknown, and the pictures that are not on the map. `first_scene` is
+    /// the first number of a scene that is not in use; each place and each source is one. The pack is written to `pack`.
+    ///
+    /// # Errors
+    /// The map, the pack or a photo is refused.
+    pub fn observe(
+        &self,
+        model: &Model,
+        first_scene: usize,
+        pack: &Path,
+        on_photo: &mut dyn FnMut(),
+    ) -> Result<Vec<Observation>, ObserveError> {
+        let localizer = localizer(model, self.scene, pack)?;
+        let mut observations = Vec::new();
+        let own = self.places.map_or(Vec::new(), |used| used.of(self.scene));
+        for (place, shot) in own {
+            for heading in [HeadingMode::Known, HeadingMode::Unknown] {
+                observations.push(Observation {
+                    // Places that follow each other among those used are on both sides of a check by halves.
+                    scene: first_scene + place / 2,
+                    elsewhere: false,
+                    heading_known: heading == HeadingMode::Known,
+                    real: true,
+                    answer: answer(&localizer, shot, heading)?,
+                });
+                on_photo();
+            }
+        }
+        observations.extend(self.observe_elsewhere(&localizer, first_scene, on_photo));
+        Ok(observations)
+    }
+
+    fn observe_elsewhere(
+        &self,
+        localizer: &Localizer,
+        first_scene: usize,
+        on_photo: &mut dyn FnMut(),
+    ) -> Vec<Observation> {
+        let trials = elsewhere::run(localizer, self.elsewhere, &self.trials, &mut |_| on_photo());
+        let number = |name: &str| self.elsewhere.iter().position(|source| source.name == name);
+        trials
+            .iter()
+            .map(|trial| Observation {
+                scene: first_scene + number(&trial.source).unwrap_or(0),
+                elsewhere: true,
+                heading_known: trial.heading_known,
+                real: true,
+                answer: trial.support.map(Answer::elsewhere),
+            })
+            .collect()
+    }
+}
+
+impl Answer {
+    /// The answer to a photo that is not on the map: any position is wrong.
+    fn elsewhere(support: Support) -> Self {
+        Self {
+            error_east_m: f64::INFINITY,
+            error_north_m: f64::INFINITY,
+            level_gsd_m: f64::NAN,
+            support,
+        }
+    }
+}

@@ -96,7 +96,6 @@ pub struct Confidence {
     /// many).
     pub log_lead: f64,
     /// Weight of the natural logarithm of the ratio of inliers to those that guided matching finds by chance.
-    #[serde(alias = "log_share")]
     pub log_excess: f64,
     /// Weight of the natural logarithm of the inliers' spread over the photo (short axis, in half sides).
     pub log_spread: f64,

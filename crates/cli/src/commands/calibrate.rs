@@ -13,7 +13,7 @@ use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
 use grimnet_eval::pictures::file_name;
 use grimnet_eval::scene::Scene;
 use grimnet_geo::MapOptions;
-use grimnet_net::{Calibration, Model};
+use grimnet_net::{Calibration, FittedOn, Model};
 
 use super::ModelChoice;
 use super::elsewhere::{source, width_m};
@@ -76,6 +76,10 @@ pub struct CalibrateArgs {
     #[arg(long, value_name = "SHARE", default_value_t = ELSEWHERE_ANSWERED, value_parser = values::inner_share, allow_hyphen_values = true)]
     elsewhere_answered: f64,
 
+    /// Description of the data in the model file, instead of the command's own
+    #[arg(long, value_name = "TEXT")]
+    data: Option<String>,
+
     /// Fit one part only and keep the other as the model has it
     #[arg(long, value_name = "PART", value_enum)]
     only: Option<PartChoice>,
@@ -107,7 +111,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     let (observations, data) = match &arguments.observed {
         Some(path) => (
             observation::read(path).with_context(|| format!("cannot read {}", path.display()))?,
-            format!("observations of an earlier run ({})", path.display()),
+            "observations of an earlier run".to_owned(),
         ),
         None => observe(arguments, &model)?,
     };
@@ -115,19 +119,9 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         observation::write(path, &observations)
             .with_context(|| format!("cannot write {}", path.display()))?;
     }
-    let fitted = calibration::fit(&observations, &data, arguments.elsewhere_answered)?;
-    let kept = model.calibration();
-    let calibration = match arguments.only {
-        None => fitted,
-        Some(PartChoice::Confidence) => Calibration {
-            position: kept.position,
-            ..fitted
-        },
-        Some(PartChoice::Position) => Calibration {
-            confidence: kept.confidence,
-            ..fitted
-        },
-    };
+    let data = arguments.data.as_ref().unwrap_or(&data);
+    let fitted = calibration::fit(&observations, data, arguments.elsewhere_answered)?;
+    let calibration = merged(model.calibration(), fitted, arguments.only);
     model
         .with_calibration(calibration.clone())?
         .save(&arguments.out)?;
@@ -148,6 +142,28 @@ enum PartChoice {
     Confidence,
     /// The stated radius
     Position,
+}
+
+/// The fitted calibration, with the other part of `kept` where only one is wanted.
+fn merged(kept: &Calibration, fitted: Calibration, only: Option<PartChoice>) -> Calibration {
+    match only {
+        None => fitted,
+        Some(PartChoice::Confidence) => {
+            let coverage = kept.fitted_on.as_ref().map(|on| on.held_out_coverage_95);
+            Calibration {
+                position: kept.position,
+                fitted_on: fitted.fitted_on.map(|on| FittedOn {
+                    held_out_coverage_95: coverage.unwrap_or(on.held_out_coverage_95),
+                    ..on
+                }),
+                ..fitted
+            }
+        }
+        Some(PartChoice::Position) => Calibration {
+            confidence: kept.confidence,
+            ..fitted
+        },
+    }
 }
 
 /// Which half of the places of a data set is used.

@@ -19,7 +19,7 @@ pub const ELSEWHERE_ANSWERED: f64 = 1e-3;
 /// Share of the answers to photos taken elsewhere that form the extrapolated tail.
 const TAIL_SHARE: f64 = 0.05;
 /// Least number of photos in that tail.
-const MIN_TAIL: usize = 20;
+const MIN_TAIL: usize = 60;
 
 /// Precision of the prior on each standardised weight (ridge): right and wrong answers may be separable, and the likelihood
 /// then has no maximum.

@@ -46,7 +46,7 @@ impl Chance {
             mutual_inliers: mutual.iter().filter(agrees).count(),
             ..Self::default()
         };
-        for point in &keypoints.query.points {
+        for point in keypoints.points {
             let from: Point2<f64> = point.cast();
             near.clear();
             index.near(transform, from, threshold_px, &mut near);
@@ -58,5 +58,36 @@ impl Chance {
             chance.expected_inliers += kept.min(1.0);
         }
         chance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+
+    use super::*;
+
+    #[test]
+    fn counts_of_a_case_done_by_hand() {
+        // Shifted by (5, -2): the first two keypoints land on one and on two keypoints of the tile, the third on none.
+        let shift = Matrix3::new(1.0, 0.0, 5.0, 0.0, 1.0, -2.0, 0.0, 0.0, 1.0);
+        let transform = Homography::from_matrix(shift).unwrap();
+        let points = [(10.0, 10.0), (50.0, 50.0), (90.0, 90.0)].map(|(x, y)| Point2::new(x, y));
+        let tile_points = [(15.0, 9.0), (54.0, 48.0), (56.0, 48.0), (200.0, 200.0)]
+            .map(|(x, y)| Point2::new(x, y));
+        let keypoints = KeypointPair {
+            points: &points,
+            scores: &[1.0; 3],
+            tile_points: &tile_points,
+        };
+        let mutual = [(0, 0), (1, 3), (2, 2)].map(|(query, tile): (usize, usize)| {
+            Correspondence::new(points[query].cast(), tile_points[tile])
+        });
+        let chance = Chance::along(&transform, &keypoints, &mutual, 3.0);
+        assert_eq!((chance.mutual_matches, chance.mutual_inliers), (3, 1));
+        assert_eq!(chance.visible, 2);
+        // Two of four ranks are kept for one keypoint nearby, all of them for two.
+        let by_hand = 2.0 * 1.0 / 4.0 + 1.0;
+        assert!((chance.expected_inliers - by_hand).abs() < 1e-12);
     }
 }

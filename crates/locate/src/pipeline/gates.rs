@@ -316,4 +316,32 @@ mod tests {
         assert_eq!(occupied_cells(everywhere.clone(), 256.0), 40);
         assert_eq!(gates.check_support(everywhere, 100, 256.0), Ok(()));
     }
+
+    #[test]
+    fn a_photo_that_lies_mostly_beside_the_map_is_refused() {
+        let gates = Gates::default();
+        assert!(gates.check_on_map(0.5).is_ok());
+        for share in [0.49, 0.0, f64::NAN] {
+            assert!(matches!(
+                gates.check_on_map(share),
+                Err(Rejection::OnMap { .. })
+            ));
+        }
+    }
+
+    #[test]
+    fn a_calibrated_confidence_takes_the_place_of_the_limits_on_support() {
+        let few = || (0..8).map(|i| Point2::new(f64::from(i) * 60.0, f64::from(i % 3) * 150.0));
+        let uncalibrated = Gates::default();
+        assert!(uncalibrated.check_support(few(), 100, 200.0).is_err());
+        assert!(uncalibrated.check_margin(20, 19).is_err());
+        let calibrated = uncalibrated.with_calibration();
+        assert!(calibrated.check_support(few(), 100, 200.0).is_ok());
+        assert!(calibrated.check_margin(20, 19).is_ok());
+        let without = Gates {
+            by_confidence: false,
+            ..uncalibrated
+        };
+        assert_eq!(without.with_calibration(), without);
+    }
 }

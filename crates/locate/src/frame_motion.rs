@@ -316,7 +316,9 @@ mod tests {
         assert_relative_eq!(motion.turn_deg, 45.0, epsilon = 1e-5);
         assert_relative_eq!(motion.height_ratio, 1.04, epsilon = 1e-5);
         let untold = motion_of(&pairs(tilts, [FrameTilt::default(); 2]), &PAIR, 1.0).unwrap();
-        assert!((untold.forward_px - motion.forward_px).abs() > 100.0);
+        let off_px =
+            (untold.forward_px - motion.forward_px).hypot(untold.right_px - motion.right_px);
+        assert!(off_px > 100.0, "{off_px}");
     }
 
     #[test]

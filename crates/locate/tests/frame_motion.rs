@@ -122,7 +122,7 @@ fn between(first: &Pose, second: &Pose, tilts: [FrameTilt; 2], sigma_deg: f64) -
     };
     let (first, second) = (frame(first).0, frame(second).0);
     let found = town().localizer.motion_between(&first, &second, &pair);
-    found.unwrap().expect("the photos overlap")
+    found.unwrap().unwrap()
 }
 
 fn pose(x_m: f64, y_m: f64, heading_deg: f64) -> Pose {

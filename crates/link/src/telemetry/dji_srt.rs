@@ -185,7 +185,8 @@ mod tests {
             assert_eq!(attitude.is_some(), gimbal.is_some(), "{body}");
             if let (Some(found), Some((yaw, pitch))) = (attitude, gimbal) {
                 let expected = Attitude::from_gimbal(62.5, yaw, pitch, 0.0);
-                assert!((found.yaw_deg - expected.yaw_deg).abs() < 1e-6, "{found:?}");
+                let turn_deg = (found.yaw_deg - expected.yaw_deg + 540.0).rem_euclid(360.0) - 180.0;
+                assert!(turn_deg.abs() < 1e-6, "{found:?}");
                 assert!(
                     (found.pitch_deg - expected.pitch_deg).abs() < 1e-6,
                     "{found:?}"

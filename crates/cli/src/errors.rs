@@ -3,6 +3,7 @@
 use std::io;
 
 use grimnet_eval::datasets::DataSetError;
+use grimnet_eval::datasets::anyvisloc::AnyVisLocError;
 use grimnet_geo::GeoError;
 use grimnet_locate::LocateError;
 use grimnet_output::OutputError;
@@ -50,6 +51,10 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
             DataSetError::OffMap { .. } => {
                 Some(("--crs", "--crs and --corners tell where the map lies"))
             }
+            DataSetError::AnyVisLoc(AnyVisLocError::NotBuilt { .. }) => Some((
+                "--features",
+                "cargo build --release -p grimnet-cli --features experiments builds one that can",
+            )),
             DataSetError::Map(error) => hint(error),
             _ => None,
         };

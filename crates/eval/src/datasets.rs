@@ -6,6 +6,7 @@
 pub mod anyvisloc;
 mod layout;
 pub mod msdi;
+#[cfg(feature = "anyvisloc")]
 pub mod npz;
 pub mod truth;
 pub mod visloc;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use grimnet_locate::{EvidenceUsed, Outcome, TimeMs};
+use grimnet_locate::{EvidenceUsed, Outcome, Reason, TimeMs};
 use grimnet_photo::Evidence;
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +33,8 @@ pub struct Answer {
     pub inliers: Option<usize>,
     /// Why there is no fix.
     pub reason: Option<String>,
+    /// Whether the photo's file is damaged or ends early.
+    pub damaged: bool,
     /// Milliseconds by stage, and `total`.
     pub time_ms: BTreeMap<String, f64>,
     /// Mutual matches before geometric verification.
@@ -116,6 +118,7 @@ impl Answer {
             },
             Outcome::NoFix(no_fix) => Self {
                 reason: Some(no_fix.reason.to_string()),
+                damaged: matches!(no_fix.reason, Reason::DamagedPhoto { .. }),
                 inliers: Some(no_fix.inliers),
                 matches: Some(no_fix.matches),
                 ..Self::told(photo, &no_fix.evidence, &no_fix.time_ms)

@@ -18,6 +18,7 @@ const HEADER: &[&str] = &[
     "inliers",
     "reason",
     "total_ms",
+    "damaged",
 ];
 
 /// Writes [`Answer`]s as comma-separated values.
@@ -52,6 +53,7 @@ impl AnswerFormat for Csv {
             answer.inliers.map(|i| i.to_string()).unwrap_or_default(),
             answer.reason.clone().unwrap_or_default(),
             text(answer.time_ms.get("total").copied(), 2),
+            answer.damaged.to_string(),
         ])?;
         let record = writer
             .into_inner()

@@ -13,6 +13,7 @@ pub mod eval_run;
 pub mod experiment;
 pub mod experiment_options;
 pub mod gallery;
+pub mod limits_choice;
 pub mod link;
 pub mod link_check;
 pub mod link_options;

@@ -8,6 +8,7 @@ use grimnet_geo::GeoError;
 use grimnet_locate::LocateError;
 use grimnet_output::OutputError;
 use grimnet_pack::PackError;
+use grimnet_photo::PhotoError;
 
 /// The error and its causes, each told once: many libraries repeat their cause in their own message.
 pub fn message(error: &anyhow::Error) -> String {
@@ -59,6 +60,15 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
             _ => None,
         };
     }
+    if let Some(error) = error.downcast_ref::<PhotoError>() {
+        return match error {
+            PhotoError::TooLarge { .. } | PhotoError::FileTooLarge { .. } => Some((
+                "--max-photo-memory",
+                "grim locate --max-photo-memory MIB raises it",
+            )),
+            _ => None,
+        };
+    }
     if let Some(error) = error.downcast_ref::<GeoError>() {
         return match error {
             GeoError::NoGeoreference { .. } => Some((
@@ -90,6 +100,16 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
         PackError::ModelMismatch { .. } => Some(("--model", "--model FILE chooses the model")),
         _ => None,
     }
+}
+
+/// Whether the error is that a photo is damaged or ends early.
+pub fn is_damaged_photo(error: &anyhow::Error) -> bool {
+    error.chain().any(|cause| {
+        matches!(
+            cause.downcast_ref(),
+            Some(PhotoError::Corrupt { .. } | PhotoError::Truncated { .. })
+        )
+    })
 }
 
 /// Whether the error is that the reader of our output went away.

@@ -3,18 +3,24 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use grimnet_limits::Limits;
 use grimnet_locate::{Localizer, Outcome, Prior};
-use grimnet_photo::Photo;
+use grimnet_photo::{Photo, QUERY_LONG_SIDE_PX};
 
 use crate::inputs;
 
-/// Opens a photo at the size that a query needs and localises it.
+/// Opens a photo within the limits, at the size that a query needs, and localises it.
 ///
 /// # Errors
 /// The photo cannot be read.
-pub fn locate_one(localizer: &Localizer, path: &Path, prior: &Prior) -> Result<(Photo, Outcome)> {
+pub fn locate_one(
+    localizer: &Localizer,
+    path: &Path,
+    prior: &Prior,
+    limits: &Limits,
+) -> Result<(Photo, Outcome)> {
     inputs::check_regular(path)?;
-    let photo = Photo::open(path)?;
+    let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), &limits.photo)?;
     let outcome = localizer.locate(&photo, prior)?;
     Ok((photo, outcome))
 }

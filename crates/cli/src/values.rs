@@ -52,6 +52,18 @@ pub fn count(text: &str) -> Result<usize, String> {
     }
 }
 
+/// An amount of memory in MiB, one at least.
+///
+/// # Errors
+/// What was expected, if the text is no whole number or out of range.
+pub fn memory_mib(text: &str) -> Result<u64, String> {
+    // So that the number of bytes fits 64 bits.
+    match text.trim().parse::<u64>() {
+        Ok(value) if (1..=u64::MAX >> 20).contains(&value) => Ok(value),
+        _ => Err("expected a whole number of MiB, at least 1".to_owned()),
+    }
+}
+
 /// A number of threads: more than cores is slower, and far more only takes memory.
 ///
 /// # Errors
@@ -91,6 +103,14 @@ mod tests {
         assert_eq!(probability("1"), Ok(1.0));
         assert!(probability("1.01").is_err());
         assert!(inner_share("1").is_err());
+    }
+
+    #[test]
+    fn memory_is_a_whole_number_whose_bytes_fit() {
+        assert_eq!(memory_mib("1024"), Ok(1024));
+        for bad in ["0", "-1", "1.5", "99999999999999", "1GiB"] {
+            assert!(memory_mib(bad).is_err(), "{bad}");
+        }
     }
 
     #[test]

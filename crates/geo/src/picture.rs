@@ -3,6 +3,7 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
+use grimnet_limits::MapLimits;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::GeoError;
@@ -10,7 +11,7 @@ use crate::block::{Block, BlockLayout, BlockSource, Validity};
 use crate::error::ADVICE_TILE_IT;
 
 /// Largest picture that is decoded, pixels (768 MiB as RGB): it must be in memory as a whole.
-const MAX_PIXELS: u64 = 1 << 28;
+const MAX_PIXELS: u64 = MapLimits::DEFAULT.max_picture_px;
 
 /// A picture. It cannot be decoded in parts, so it is one block.
 pub(crate) struct Picture {

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use grimnet_limits::MapLimits;
 use tiff_reader::{Ifd, OpenOptions, TiffError, TiffFile};
 
 use crate::GeoError;
@@ -17,7 +18,7 @@ const SUBFILE_MASK: u64 = 4;
 /// TIFF 6.0: PhotometricInterpretation of a mask.
 const PHOTOMETRIC_MASK: u16 = 4;
 /// Largest strip or tile that is decoded, bytes.
-const MAX_BLOCK_BYTES: usize = 256 << 20;
+const MAX_BLOCK_BYTES: usize = MapLimits::DEFAULT.max_block_bytes as usize;
 /// Overviews whose factors along x and y differ by more than this are some other picture.
 const MAX_ASPECT_CHANGE: f64 = 0.05;
 

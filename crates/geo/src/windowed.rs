@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use grimnet_limits::MapLimits;
 use image::{GrayImage, RgbImage};
 
 use crate::block::{Block, BlockLayout, BlockSource, Validity};
@@ -10,9 +11,9 @@ use crate::resample::{Axis, Resampler, SourceRows};
 use crate::{GeoError, RasterPatch, WindowPx};
 
 /// Maximum number of pixels of a patch.
-const MAX_OUTPUT_PX: u64 = 1 << 28;
+const MAX_OUTPUT_PX: u64 = MapLimits::DEFAULT.max_window_px;
 /// Longest side of a window, pixels: resampling evaluates the filter over all of it, also outside the map.
-const MAX_WINDOW_SIDE_PX: f64 = (1_u64 << 27) as f64;
+const MAX_WINDOW_SIDE_PX: f64 = MapLimits::DEFAULT.max_window_side_px as f64;
 /// An overview may be coarser than requested by this factor (rounding of its size).
 const OVERVIEW_SLACK: f64 = 1.01;
 /// Windows within this distance of whole pixels are copied, pixels.

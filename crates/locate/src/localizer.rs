@@ -193,9 +193,10 @@ impl Localizer {
         self.options.check()?;
         prior.check()?;
         let view = photo.view(&prior.view);
-        let mut located = match self.options.mode {
-            Mode::Paper => procedure::locate(context, photo, &view, prior)?,
-            Mode::Default => run::locate(context, photo, &view, prior, budget)?,
+        let mut located = match (photo.damage, self.options.mode) {
+            (Some(damage), _) => Located::damaged(damage, &view),
+            (None, Mode::Paper) => procedure::locate(context, photo, &view, prior)?,
+            (None, Mode::Default) => run::locate(context, photo, &view, prior, budget)?,
         };
         let mut time_ms = located.time_ms;
         time_ms.total = budget.elapsed_ms();
@@ -207,7 +208,7 @@ impl Localizer {
     }
 
     /// The same localiser with batch-normalisation statistics recomputed from the photos of a flight, without labels
-    /// ([`Adapt::Flight`]). Every answer then depends on these photos.
+    /// ([`Adapt::Flight`]). Every answer then depends on these photos. Damaged photos are left out.
     ///
     /// # Errors
     /// Returns an error if a photo cannot be resampled, or there is none.
@@ -217,6 +218,9 @@ impl Localizer {
     ) -> Result<Self> {
         let mut statistics = Vec::new();
         for (photo, prior) in photos {
+            if photo.damage.is_some() {
+                continue;
+            }
             let view = photo.view(&prior.view);
             let Some(hypothesis) = rounds(&view, &self.pack, &self.options)
                 .first()

@@ -3,7 +3,7 @@
 use std::{ops::AddAssign, time::Instant};
 
 use grimnet_geo::{MapPx, WindowPx};
-use grimnet_photo::{Evidence, PhotoPx, View};
+use grimnet_photo::{Damage, Evidence, PhotoPx, View};
 use serde::{Deserialize, Serialize};
 
 use crate::confidence::Support;
@@ -181,6 +181,12 @@ pub enum Reason {
     TooFewKeypoints {
         /// Number of keypoints.
         found: usize,
+    },
+    /// The compressed data of the photo contradict themselves: parts of it may be shifted, and a position with them.
+    #[error("the photo is damaged ({damage}): copy it again from the camera")]
+    DamagedPhoto {
+        /// What the decoder found.
+        damage: Damage,
     },
     /// No tile of the pack is in the given area.
     #[error("the pack has no tile in the given area")]

@@ -43,12 +43,12 @@ use self::recipe::Recipe;
 use self::resume::Resume;
 use self::summary::new_manifest;
 use crate::error::{PackError, Result};
-use crate::limits::BuildLimits;
 use crate::manifest::LevelManifest;
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 use crate::pack::Pack;
 use crate::paper::PaperTiles;
+use grimnet_limits::BuildLimits;
 
 /// Builds the pack `out` of a map, or continues an interrupted build. `on_progress` is called after each piece of work.
 ///

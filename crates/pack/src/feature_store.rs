@@ -10,8 +10,8 @@ use rayon::prelude::*;
 use crate::error::{PackError, Result};
 use crate::file::{AlignedBytes, PackFile};
 use crate::format::BLOCK_LEN;
-use crate::limits::PackLimits;
 use crate::manifest::Section;
+use grimnet_limits::PackLimits;
 
 /// Length of a block hash, bytes.
 const HASH_LEN: usize = blake3::OUT_LEN;

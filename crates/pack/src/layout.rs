@@ -5,8 +5,8 @@ use crate::file::{AlignedBytes, PackFile};
 use crate::format::{
     ALIGNMENT, BLOCK_LEN, FORMAT_VERSION, HEADER_LEN, Header, MAGIC, MAX_MANIFEST_LEN,
 };
-use crate::limits::PackLimits;
 use crate::manifest::{Manifest, Section};
+use grimnet_limits::PackLimits;
 
 /// Reads header and manifest.
 ///

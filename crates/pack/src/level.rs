@@ -14,10 +14,10 @@ use crate::format::{BlobLayout, TileEntry, UnitState};
 use crate::global_rows::GlobalRows;
 use crate::index::Index;
 use crate::level_tables::{Tables, features_of};
-use crate::limits::PackLimits;
 use crate::local_descriptors::DescriptorType;
 use crate::manifest::{LevelManifest, Manifest};
 use crate::search::ivf_pq::IvfPqView;
+use grimnet_limits::PackLimits;
 
 /// Side of a cell, level pixels: half a tile.
 pub const CELL_PX: u32 = 256;

@@ -10,11 +10,11 @@ use crate::error::{PackError, Result};
 use crate::file::PackFile;
 use crate::layout::{check_places, read_manifest};
 use crate::level::Level;
-use crate::limits::PackLimits;
 use crate::manifest::Manifest;
 use crate::manifest_check::check_manifest;
 use crate::mode::Mode;
 use crate::printable::Printable;
+use grimnet_limits::PackLimits;
 
 /// A map pack. Cheap to clone.
 ///

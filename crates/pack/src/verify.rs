@@ -4,8 +4,8 @@ use crate::error::{PackError, Result};
 use crate::feature_store::check_blocks;
 use crate::format::{BLOCK_LEN, blocks_name};
 use crate::layout::{check_places, copy_section, read_manifest};
-use crate::limits::PackLimits;
 use crate::pack::Pack;
+use grimnet_limits::PackLimits;
 
 /// Bytes that are read and checked at a time.
 const STEP_LEN: u64 = 64 * BLOCK_LEN;

@@ -44,10 +44,12 @@ pub enum PhotoError {
         /// What the decoder found.
         detail: String,
     },
-    /// The photo has more pixels than the limit. This is checked before allocation.
+    /// Decoding the photo would take more memory than the limit. This is checked before allocation.
     #[error(
-        "{path} has {width_px} x {height_px} px; the limit for a photo is {limit_px} px \
-         (an orthophoto is a map: build a pack from it)"
+        "{path} has {width_px} x {height_px} px and needs {} of memory; the limit for a photo is {} \
+         (an orthophoto is a map: build a pack from it)",
+        grimnet_limits::size(*.needed_bytes),
+        grimnet_limits::size(*.limit_bytes)
     )]
     TooLarge {
         /// The file.
@@ -56,19 +58,23 @@ pub enum PhotoError {
         width_px: u32,
         /// Height, px.
         height_px: u32,
-        /// Maximum number of pixels.
-        limit_px: u64,
+        /// Estimated memory to decode it.
+        needed_bytes: u64,
+        /// [`grimnet_limits::PhotoLimits::max_memory_bytes`].
+        limit_bytes: u64,
     },
-    /// The decoded photo takes more memory than the limit. This is checked before allocation.
+    /// The file alone is larger than the limit. This is checked before it is read.
     #[error(
-        "{path} takes {decoded_bytes} bytes when decoded; the limit is {limit_bytes} bytes: convert it to 8-bit RGB"
+        "{path} has {}; the limit for a photo is {} (an orthophoto is a map: build a pack from it)",
+        grimnet_limits::size(*.bytes),
+        grimnet_limits::size(*.limit_bytes)
     )]
-    TooManyBytes {
+    FileTooLarge {
         /// The file.
         path: PathBuf,
-        /// Size of the decoded picture, bytes.
-        decoded_bytes: u64,
-        /// The limit, bytes.
+        /// Its size, or how much of it was read.
+        bytes: u64,
+        /// [`grimnet_limits::PhotoLimits::max_memory_bytes`].
         limit_bytes: u64,
     },
     /// The photo is too small.

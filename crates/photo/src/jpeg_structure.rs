@@ -5,11 +5,99 @@ use std::path::Path;
 use crate::container::JpegSegments;
 use crate::error::PhotoError;
 
+/// What the frame header states (ITU-T T.81, B.2.2).
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Frame {
+    /// Width and height, px.
+    pub size_px: (u32, u32),
+    /// Whether coefficients come in several scans (SOF2).
+    pub is_progressive: bool,
+    /// The colour components.
+    pub components: Vec<FrameComponent>,
+}
+
+/// A colour component of a frame.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct FrameComponent {
+    /// Identifier, by which scans name it.
+    pub id: u8,
+    /// Horizontal sampling factor, 1 to 4.
+    pub h: u32,
+    /// Vertical sampling factor, 1 to 4.
+    pub v: u32,
+    /// Index of its quantisation table.
+    pub quantisation: u8,
+}
+
+impl Frame {
+    /// Reads the body of a frame header behind the sample precision; `None` if it is malformed.
+    fn read(is_progressive: bool, size_px: (u32, u32), components: &[u8]) -> Option<Self> {
+        let (&count, rest) = components.split_first()?;
+        let listed = rest.get(..3 * usize::from(count))?;
+        let components: Vec<FrameComponent> = listed
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .map(|&[id, sampling, quantisation]| FrameComponent {
+                id,
+                h: u32::from(sampling >> 4),
+                v: u32::from(sampling & 15),
+                quantisation,
+            })
+            .collect();
+        let are_valid = components
+            .iter()
+            .all(|c| (1..=4).contains(&c.h) && (1..=4).contains(&c.v) && c.quantisation < 4);
+        (matches!(count, 1..=4) && are_valid).then_some(Self {
+            size_px,
+            is_progressive,
+            components,
+        })
+    }
+
+    /// Largest sampling factors, horizontal and vertical.
+    fn max_sampling(&self) -> (u64, u64) {
+        let largest = |of: fn(&FrameComponent) -> u32| {
+            u64::from(self.components.iter().map(of).max().unwrap_or(1))
+        };
+        (largest(|c| c.h), largest(|c| c.v))
+    }
+
+    /// Number of MCUs of a scan of several components (A.2.3).
+    pub(crate) fn mcus(&self) -> u64 {
+        let (h, v) = self.max_sampling();
+        let (width, height) = self.size_px;
+        u64::from(width).div_ceil(8 * h) * u64::from(height).div_ceil(8 * v)
+    }
+
+    /// Number of blocks of a scan of one component (A.2.2).
+    pub(crate) fn blocks(&self, component: &FrameComponent) -> u64 {
+        let (h_max, v_max) = self.max_sampling();
+        let side = |px: u32, factor: u32, largest: u64| {
+            (u64::from(px) * u64::from(factor))
+                .div_ceil(largest)
+                .div_ceil(8)
+        };
+        let (width, height) = self.size_px;
+        side(width, component.h, h_max) * side(height, component.v, v_max)
+    }
+
+    /// Samples of all components for each pixel, at most: 3 without subsampling of the chrominance, 1.5 with one chrominance sample
+    /// for four pixels.
+    pub(crate) fn samples_per_px(&self) -> f64 {
+        let (h_max, v_max) = self.max_sampling();
+        let samples: u32 = self.components.iter().map(|c| c.h * c.v).sum();
+        f64::from(samples) / (h_max * v_max) as f64
+    }
+}
+
 /// Frame header and position of the first scan (ITU-T T.81, annex B).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct JpegStructure {
-    /// Width and height, px.
-    pub size_px: (u32, u32),
+    /// The frame header.
+    pub frame: Frame,
+    /// Number of components in the first scan.
+    pub first_scan_components: usize,
     /// Offset of the first scan's entropy-coded data.
     scan_at: usize,
 }
@@ -21,7 +109,7 @@ const MAX_PIXELS_PER_BYTE: u64 = 64 * 256;
 impl JpegStructure {
     /// Reads the segments up to the first scan.
     pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Self, PhotoError> {
-        let mut size_px = None;
+        let mut frame = None;
         let mut segments = JpegSegments::new(bytes);
         while let Some((marker, body)) = segments.next() {
             match marker {
@@ -39,15 +127,23 @@ impl JpegStructure {
                             ),
                         });
                     }
-                    size_px = Some((
+                    let size_px = (
                         u32::from(u16::from_be_bytes([w1, w0])),
                         u32::from(u16::from_be_bytes([h1, h0])),
-                    ));
+                    );
+                    frame = Frame::read(marker == 0xC2, size_px, &body[5..]);
+                    if frame.is_none() {
+                        return Err(PhotoError::Corrupt {
+                            path: path.into(),
+                            detail: "the frame header states impossible components".into(),
+                        });
+                    }
                 }
                 0xDA => {
-                    let Some(size_px) = size_px else { break };
+                    let Some(frame) = frame else { break };
                     return Ok(Self {
-                        size_px,
+                        frame,
+                        first_scan_components: body.first().map_or(0, |&count| count.into()),
                         scan_at: segments.position,
                     });
                 }
@@ -77,13 +173,12 @@ impl JpegStructure {
             path: path.into(),
             detail,
         };
-        let pixels = u64::from(self.size_px.0) * u64::from(self.size_px.1);
+        let (width_px, height_px) = self.frame.size_px;
+        let pixels = u64::from(width_px) * u64::from(height_px);
         if pixels > bytes.len() as u64 * MAX_PIXELS_PER_BYTE {
             return Err(truncated(format!(
-                "{} bytes cannot hold {} x {} px",
+                "{} bytes cannot hold {width_px} x {height_px} px",
                 bytes.len(),
-                self.size_px.0,
-                self.size_px.1
             )));
         }
         if bytes.ends_with(&[0xFF, 0xD9]) || self.has_end_marker(bytes) {

@@ -24,17 +24,22 @@
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod area;
+mod budget;
 mod camera;
 mod container;
+mod damage;
 mod decode;
 mod error;
 mod evidence;
 mod exif_fields;
 mod heading;
+mod jpeg;
+mod jpeg_scan;
 mod jpeg_structure;
 mod metadata;
 mod padded_image;
 mod photo;
+mod photo_file;
 mod points;
 mod query;
 mod read_metadata;
@@ -44,13 +49,16 @@ mod view;
 mod warp;
 mod xmp_fields;
 
+pub use budget::MIN_SIDE_PX;
 pub use camera::{
     EquivalentFocal, FULL_FRAME_DIAGONAL_MM, MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG,
     NativeFrame, Tilt, focal_px, focal_px_from_35mm, fov_deg,
 };
-pub use decode::{DecodeLimits, MAX_PIXELS, MIN_SIDE_PX};
+pub use damage::Damage;
+
 pub use error::PhotoError;
 pub use evidence::Evidence;
+pub use grimnet_limits::PhotoLimits;
 pub use metadata::{GpsPosition, ImageDirection, Metadata};
 pub use photo::{Photo, QUERY_LONG_SIDE_PX};
 pub use points::{PhotoPx, QueryPx};

@@ -2,12 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use grimnet_limits::PhotoLimits;
 use image::RgbImage;
 
 use crate::camera::Tilt;
-use crate::decode::{self, DecodeLimits};
+use crate::damage::Damage;
+use crate::decode;
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
+use crate::photo_file;
 use crate::query::{Query, QueryMaker, QueryOptions};
 use crate::view::{View, ViewPrior};
 
@@ -25,6 +28,8 @@ pub struct Photo {
     pub full_size_px: (u32, u32),
     /// EXIF and XMP metadata.
     pub metadata: Metadata,
+    /// Damage that was found while decoding: part of the picture is wrong or shifted. A position is not computed from it.
+    pub damage: Option<Damage>,
 }
 
 impl Photo {
@@ -32,8 +37,8 @@ impl Photo {
     /// [`QUERY_LONG_SIDE_PX`].
     ///
     /// # Errors
-    /// Returns a [`PhotoError`] that names the file if it is unreadable, not a picture, truncated, damaged, too large (checked
-    /// before allocation) or too small.
+    /// Returns a [`PhotoError`] that names the file if it is unreadable, not a picture, truncated, too large (checked before
+    /// allocation) or too small, or its headers are damaged. Damage of the compressed data is in [`Photo::damage`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
         Self::open_reduced(path, QUERY_LONG_SIDE_PX)
     }
@@ -43,7 +48,7 @@ impl Photo {
     /// # Errors
     /// As [`Photo::open`].
     pub fn open_full(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
-        Self::read(path.as_ref(), None)
+        Self::open_with(path, None, &PhotoLimits::DEFAULT)
     }
 
     /// Reads a photo with a long side of at most `max_long_side_px`; a smaller photo keeps its size. Pixels are averaged over
@@ -52,7 +57,21 @@ impl Photo {
     /// # Errors
     /// As [`Photo::open`].
     pub fn open_reduced(path: impl AsRef<Path>, max_long_side_px: u32) -> Result<Self, PhotoError> {
-        Self::read(path.as_ref(), Some(max_long_side_px))
+        Self::open_with(path, Some(max_long_side_px), &PhotoLimits::DEFAULT)
+    }
+
+    /// Reads a photo within other limits than the default ones, at full size if `max_long_side_px` is `None`.
+    ///
+    /// # Errors
+    /// As [`Photo::open`].
+    pub fn open_with(
+        path: impl AsRef<Path>,
+        max_long_side_px: Option<u32>,
+        limits: &PhotoLimits,
+    ) -> Result<Self, PhotoError> {
+        let path = path.as_ref();
+        let bytes = photo_file::read(path, limits)?;
+        Self::from_bytes_within(path, &bytes, max_long_side_px, limits)
     }
 
     /// Decodes the bytes of a photo file, at full size if `max_long_side_px` is `None`. `path` is used in errors only.
@@ -64,7 +83,7 @@ impl Photo {
         bytes: &[u8],
         max_long_side_px: Option<u32>,
     ) -> Result<Self, PhotoError> {
-        Self::from_bytes_within(path, bytes, max_long_side_px, &DecodeLimits::default())
+        Self::from_bytes_within(path, bytes, max_long_side_px, &PhotoLimits::DEFAULT)
     }
 
     /// As [`Photo::from_bytes`], within other limits: for photos of strangers.
@@ -75,7 +94,7 @@ impl Photo {
         path: impl AsRef<Path>,
         bytes: &[u8],
         max_long_side_px: Option<u32>,
-        limits: &DecodeLimits,
+        limits: &PhotoLimits,
     ) -> Result<Self, PhotoError> {
         let path = path.as_ref();
         let metadata = Metadata::from_bytes(bytes);
@@ -85,6 +104,7 @@ impl Photo {
             image: decoded.image,
             full_size_px: decoded.full_size_px,
             metadata,
+            damage: decoded.damage,
         })
     }
 
@@ -95,15 +115,8 @@ impl Photo {
             full_size_px: image.dimensions(),
             image,
             metadata,
+            damage: None,
         }
-    }
-
-    fn read(path: &Path, max_long_side_px: Option<u32>) -> Result<Self, PhotoError> {
-        let bytes = fs_err::read(path).map_err(|source| PhotoError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
-        Self::from_bytes(path, &bytes, max_long_side_px)
     }
 
     /// What is known of this photo's view, with the reasons. See [`View::resolve`].

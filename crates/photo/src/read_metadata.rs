@@ -2,23 +2,21 @@
 
 use std::path::Path;
 
+use grimnet_limits::PhotoLimits;
+
 use crate::container::Embedded;
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
-use crate::{exif_fields, xmp_fields};
+use crate::{exif_fields, photo_file, xmp_fields};
 
 impl Metadata {
     /// Reads the metadata of a photo without decoding its pixels.
     ///
     /// # Errors
-    /// Returns an error if the file cannot be read. Damaged metadata are no error: they are left out, with an entry in
+    /// Returns an error if the file cannot be read or is larger than the default limit. Damaged metadata are no error: they are left out, with an entry in
     /// [`Metadata::notes`].
     pub fn read(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
-        let path = path.as_ref();
-        let bytes = fs_err::read(path).map_err(|source| PhotoError::Read {
-            path: path.to_owned(),
-            source,
-        })?;
+        let bytes = photo_file::read(path.as_ref(), &PhotoLimits::DEFAULT)?;
         Ok(Self::from_bytes(&bytes))
     }
 

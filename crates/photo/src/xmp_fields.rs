@@ -2,6 +2,8 @@
 //!
 //! Both serialisations of RDF are read: properties as attributes of `rdf:Description`, and as elements in it.
 
+use std::collections::HashMap;
+
 use quick_xml::Reader;
 use quick_xml::events::Event;
 
@@ -37,11 +39,11 @@ pub(crate) fn read_into(packet: &[u8], metadata: &mut Metadata) {
 fn properties(text: &str) -> (Vec<Property>, Option<String>) {
     let mut reader = Reader::from_str(text);
     reader.config_mut().check_end_names = false;
-    let mut namespaces: Vec<(String, Maker)> = vec![
-        ("drone-dji".into(), Maker::Dji),
-        ("drone-parrot".into(), Maker::Parrot),
-        ("Camera".into(), Maker::Camera),
-    ];
+    let mut namespaces = HashMap::from([
+        ("drone-dji".to_owned(), Maker::Dji),
+        ("drone-parrot".to_owned(), Maker::Parrot),
+        ("Camera".to_owned(), Maker::Camera),
+    ]);
     let mut properties = Vec::new();
     let mut open: Option<(Maker, String)> = None;
     loop {
@@ -57,7 +59,7 @@ fn properties(text: &str) -> (Vec<Property>, Option<String>) {
                     if let Some(prefix) = attribute.key.0.strip_prefix("xmlns:")
                         && let Some(maker) = maker_of(&attribute.value)
                     {
-                        namespaces.insert(0, (prefix.to_owned(), maker));
+                        namespaces.insert(prefix.to_owned(), maker);
                     }
                 }
                 for attribute in start.attributes().with_checks(false).flatten() {
@@ -94,10 +96,9 @@ fn maker_of(address: &str) -> Option<Maker> {
     }
 }
 
-fn known(namespaces: &[(String, Maker)], qualified: &str) -> Option<(Maker, String)> {
+fn known(namespaces: &HashMap<String, Maker>, qualified: &str) -> Option<(Maker, String)> {
     let (prefix, name) = qualified.split_once(':')?;
-    let (_, maker) = namespaces.iter().find(|(known, _)| known == prefix)?;
-    Some((*maker, name.to_owned()))
+    Some((*namespaces.get(prefix)?, name.to_owned()))
 }
 
 /// A number as XMP writers format it: `+12.30`, `12.3`, `123/10`, with spaces around.

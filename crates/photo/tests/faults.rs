@@ -11,7 +11,7 @@ mod photo_files;
 use std::path::Path;
 
 use exif::Tag;
-use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo, PhotoError};
+use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo, PhotoError, PhotoLimits};
 use image::{DynamicImage, GrayImage, ImageFormat, RgbImage, RgbaImage};
 use photo_files::{encoded, exif_app1, gradient, jpeg, short, with_app1};
 use rstest::rstest;
@@ -141,7 +141,7 @@ fn a_bomb_is_refused_before_it_is_allocated() {
     );
     // Within the limit, but more than so few bytes can hold.
     assert!(matches!(
-        fault(&claiming(&small, 20_000, 19_000)),
+        fault(&claiming(&small, 16_000, 16_000)),
         PhotoError::Truncated { .. }
     ));
     // PNG: the size stands in the first chunk, which has a checksum.
@@ -151,6 +151,67 @@ fn a_bomb_is_refused_before_it_is_allocated() {
     let crc = crc32(&png[12..29]).to_be_bytes();
     png[29..33].copy_from_slice(&crc);
     assert!(matches!(fault(&png), PhotoError::TooLarge { .. }));
+    // 34 bytes of lossless WebP that state 16383 x 16383 pixels (RFC 9649, 3.4: 14 bits each, less one).
+    let mut webp = b"RIFF\x1a\0\0\0WEBPVP8L\x0d\0\0\0\x2f".to_vec();
+    webp.extend((0x3FFE_u32 | 0x3FFE << 14).to_le_bytes());
+    webp.resize(34, 0);
+    assert!(matches!(
+        fault(&webp),
+        PhotoError::TooLarge {
+            height_px: 16_383,
+            ..
+        }
+    ));
+}
+
+#[rstest]
+fn memory_is_limited_by_size_of_file_and_picture(
+    #[values(
+        ImageFormat::Jpeg,
+        ImageFormat::Png,
+        ImageFormat::Tiff,
+        ImageFormat::WebP
+    )]
+    format: ImageFormat,
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("DJI_0042");
+    let bytes = encoded(&gradient(200, 150), format);
+    std::fs::write(&path, &bytes).unwrap();
+    let open = |max_memory_bytes: u64| {
+        let mut limits = PhotoLimits::default();
+        limits.max_memory_bytes = max_memory_bytes;
+        Photo::open_with(&path, None, &limits)
+    };
+    let file_bytes = bytes.len() as u64;
+    let error = open(file_bytes - 1).unwrap_err();
+    assert!(
+        matches!(error, PhotoError::FileTooLarge { .. }),
+        "{error:?}"
+    );
+    let error = open(file_bytes + 3 * 200 * 150 - 1).unwrap_err();
+    assert!(matches!(error, PhotoError::TooLarge { .. }), "{error:?}");
+    assert!(error.to_string().contains("DJI_0042"), "{error}");
+    // Never more than three copies of the file and of the picture.
+    assert!(open(3 * (file_bytes + 3 * 200 * 150)).is_ok());
+}
+
+#[test]
+fn a_file_beyond_the_limit_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.tif");
+    // Sparse: 2.5 GB that take no room.
+    let file = std::fs::File::create(&path).unwrap();
+    file.set_len(2_500_000_000).unwrap();
+    let error = Photo::open(&path).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        format!(
+            "{} has 2.3 GiB; the limit for a photo is 1 GiB (an orthophoto is a map: build a pack from it)",
+            path.display()
+        )
+    );
+    assert!(Metadata::read(&path).is_err());
 }
 
 /// CRC-32 of PNG (ISO 3309), bit by bit.

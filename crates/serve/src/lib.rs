@@ -54,7 +54,7 @@ mod track_store;
 mod upload;
 
 pub use error::ServeError;
-pub use grimnet_photo::DecodeLimits;
+pub use grimnet_photo::PhotoLimits;
 pub use limits::Limits;
 pub use maps::ServedMap;
 pub use service::{Access, Service, StopHandle};

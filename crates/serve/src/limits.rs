@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use grimnet_photo::DecodeLimits;
+use grimnet_photo::PhotoLimits;
 
 /// Limits of the service. The defaults suit photos of drones and a machine on the same network.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Limits {
     /// Largest request body, bytes.
     pub max_body_bytes: usize,
-    /// Limits of decoding a photo.
-    pub decode: DecodeLimits,
+    /// Limits on one photo.
+    pub photo: PhotoLimits,
     /// Localisations that run at the same time.
     pub at_once: usize,
     /// Requests that may wait for a localisation; more are refused with status 503.
@@ -39,10 +39,7 @@ impl Default for Limits {
         Self {
             max_body_bytes: 64 << 20,
             // The largest sensors of survey cameras have 150 million pixels, of small drones 50 million.
-            decode: DecodeLimits {
-                max_pixels: 160_000_000,
-                max_decoded_bytes: 512 << 20,
-            },
+            photo: PhotoLimits::of_memory(512 << 20),
             at_once: cores,
             queue: 8,
             locate_time: Duration::from_secs(60),

@@ -182,7 +182,7 @@ impl Question {
 
 /// Decodes a photo at the size that localisation needs.
 pub(crate) fn decode(name: &str, bytes: &[u8], limits: &Limits) -> Result<Photo, Problem> {
-    Photo::from_bytes_within(name, bytes, Some(QUERY_LONG_SIDE_PX), &limits.decode)
+    Photo::from_bytes_within(name, bytes, Some(QUERY_LONG_SIDE_PX), &limits.photo)
         .map_err(|error| problem_of_photo(&error))
 }
 
@@ -225,7 +225,7 @@ fn detail(map: &ServedMap, photo: &Photo, prior: &Prior, outcome: &Outcome) -> D
 fn problem_of_photo(error: &PhotoError) -> Problem {
     match error {
         PhotoError::Unsupported { .. } => Problem::unsupported(error),
-        PhotoError::TooLarge { .. } | PhotoError::TooManyBytes { .. } => Problem::too_large(error),
+        PhotoError::TooLarge { .. } | PhotoError::FileTooLarge { .. } => Problem::too_large(error),
         PhotoError::Empty { .. }
         | PhotoError::Truncated { .. }
         | PhotoError::Corrupt { .. }

@@ -14,6 +14,7 @@ use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
 use super::ModelChoice;
+use super::limits_choice::LimitsChoice;
 pub use super::locate_options::{AdaptChoice, LocateOptions};
 use super::map_place::{MapPlace, check_built_from};
 use crate::drawings::Drawings;
@@ -51,6 +52,9 @@ pub struct LocateArgs {
 
     #[command(flatten)]
     model: ModelChoice,
+
+    #[command(flatten)]
+    limits: LimitsChoice,
 
     /// How to write the answers [default: table on a terminal, jsonl in a pipe or file]
     #[arg(long, value_enum, help_heading = OUTPUT)]
@@ -178,7 +182,7 @@ fn locate_all(
 ) -> Result<Exit> {
     let stop = Arc::new(AtomicBool::new(false));
     interrupt::stop_on_interrupt(&stop)?;
-    let prior = arguments.locate.prior();
+    let (prior, limits) = (arguments.locate.prior(), arguments.limits.limits());
     let bar = progress::bar(paths.len() as u64, "locating", "photos");
     let (mut unreadable, mut without_fix) = (0, 0);
     for (number, path) in paths.iter().enumerate() {
@@ -187,7 +191,7 @@ fn locate_all(
             tracing::warn!("interrupted after {number} of {} photos", paths.len());
             return Ok(Exit::Interrupted);
         }
-        let answer = match locate_one(localizer, path, &prior) {
+        let answer = match locate_one(localizer, path, &prior, &limits) {
             Ok((photo, outcome)) => {
                 if let Some(drawings) = drawings {
                     drawings.draw(number, &photo, &outcome);
@@ -201,7 +205,11 @@ fn locate_all(
             }
             Err(error) => {
                 unreadable += 1;
-                Answer::no_fix(&path.display().to_string(), errors::message(&error))
+                let message = errors::message_with_hint(&error);
+                Answer {
+                    damaged: errors::is_damaged_photo(&error),
+                    ..Answer::no_fix(&path.display().to_string(), message)
+                }
             }
         };
         bar.suspend(|| stream.write(&answer))?;

@@ -7,12 +7,10 @@ use std::io::{BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use fs_err::File;
+use grimnet_limits::ArrayLimits;
 use npyz::{DType, NpyFile, Order, TypeChar};
 use zip::ZipArchive;
 use zip::result::ZipError;
-
-/// Largest array that is read unless told otherwise, bytes after decompression.
-pub const DEFAULT_MAX_ARRAY_BYTES: u64 = 1 << 30;
 
 /// An array: its values in C order, and its shape.
 #[derive(Debug, Clone, PartialEq)]
@@ -87,7 +85,7 @@ pub struct Npz {
 }
 
 impl Npz {
-    /// Opens a file; arrays larger than [`DEFAULT_MAX_ARRAY_BYTES`] are refused.
+    /// Opens a file; arrays larger than [`ArrayLimits::DEFAULT`] are refused.
     ///
     /// # Errors
     /// The file cannot be read, or is not a zip archive.
@@ -100,7 +98,7 @@ impl Npz {
         })?;
         Ok(Self {
             archive,
-            max_array_bytes: DEFAULT_MAX_ARRAY_BYTES,
+            max_array_bytes: ArrayLimits::DEFAULT.max_bytes,
         })
     }
 

@@ -1,6 +1,6 @@
 //! The whole search in default mode: round after round until an answer is clear, then a second matching of the best one.
 
-use grimnet_photo::{Photo, View};
+use grimnet_photo::{Damage, Photo, View};
 use nalgebra::Point2;
 
 use crate::{
@@ -30,6 +30,19 @@ pub(crate) struct Located {
     pub features: Option<FrameFeatures>,
     pub trace: Trace,
     pub time_ms: TimeMs,
+}
+
+impl Located {
+    /// The answer for a damaged photo: parts of it may be shifted, which a homography can fit with many inliers.
+    pub(crate) fn damaged(damage: Damage, view: &View) -> Self {
+        let reason = Reason::DamagedPhoto { damage };
+        Self {
+            outcome: no_fix(reason, None, EvidenceUsed::of(view)),
+            features: None,
+            trace: Trace::default(),
+            time_ms: TimeMs::default(),
+        }
+    }
 }
 
 /// Localises one photo.

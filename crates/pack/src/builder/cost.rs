@@ -6,8 +6,8 @@ use grimnet_net::NetSpec;
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
-use crate::limits::BuildLimits;
 use crate::options::BuildOptions;
+use grimnet_limits::BuildLimits;
 
 /// Checks that the pixels of a map have a plausible size on the ground.
 ///

@@ -2,6 +2,7 @@
 """Makes the golden files of grimnet-photo. Needs numpy, opencv-python-headless and pillow.
 
 palette.png, cmyk.jpg, progressive.jpg, subsampled.jpg: red, green, blue and white quarters, 64 x 64.
+restart.jpg: the same in 256 x 256, with a restart marker after each row of MCUs.
 warp.json: one smooth synthetic picture sampled by OpenCV's warpAffine and warpPerspective (double-checked against the
            formula, which has no quantised coordinates).
 """
@@ -29,6 +30,7 @@ q.quantize(4).save(here / "palette.png")
 q.convert("CMYK").save(here / "cmyk.jpg", quality=95)
 q.save(here / "progressive.jpg", quality=95, progressive=True)
 q.save(here / "subsampled.jpg", quality=95, subsampling=2)
+q.resize((256, 256)).save(here / "restart.jpg", quality=90, subsampling=2, restart_marker_rows=1)
 
 
 def smooth(width, height):

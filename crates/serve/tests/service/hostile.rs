@@ -3,7 +3,7 @@
 use std::io::{Cursor, Write as _};
 use std::time::Duration;
 
-use grimnet_serve::{DecodeLimits, Limits};
+use grimnet_serve::{Limits, PhotoLimits};
 use image::{DynamicImage, ImageFormat, RgbImage};
 
 use crate::area::{Running, area, shared};
@@ -15,10 +15,7 @@ const PHOTO: &str = "content-type: image/jpeg";
 fn strict() -> Limits {
     Limits {
         max_body_bytes: 1 << 20,
-        decode: DecodeLimits {
-            max_pixels: 1_000_000,
-            max_decoded_bytes: 3_000_000,
-        },
+        photo: PhotoLimits::of_memory(4_000_000),
         body_pause: Duration::from_millis(300),
         body_time: Duration::from_millis(1500),
         head_time: Duration::from_millis(300),
@@ -74,7 +71,7 @@ fn decompression_bombs_are_refused_by_their_header() {
     // Few pixels of many bytes.
     let deep = DynamicImage::new_rgba16(900, 900);
     let detail = post(&png(&deep)).problem(413, "too-large");
-    assert!(detail.contains("6480000 bytes"), "{detail}");
+    assert!(detail.contains("900 x 900"), "{detail}");
     // A JPEG that claims to be huge.
     let mut jpeg = area().photo.clone();
     let frame = jpeg.windows(2).rposition(|w| w == [0xFF, 0xC0]).unwrap();

@@ -1,0 +1,36 @@
+//! Reading the bytes of a photo file, at most as many as the limits allow.
+
+use std::io::Read as _;
+use std::path::Path;
+
+use grimnet_limits::PhotoLimits;
+
+use crate::error::PhotoError;
+
+/// Reads a whole file. The limit is checked before and while reading: the size that a file states may be wrong (`/proc`, growing
+/// files).
+pub(crate) fn read(path: &Path, limits: &PhotoLimits) -> Result<Vec<u8>, PhotoError> {
+    let limit_bytes = limits.max_memory_bytes;
+    let too_large = |bytes| PhotoError::FileTooLarge {
+        path: path.to_owned(),
+        bytes,
+        limit_bytes,
+    };
+    let unreadable = |source| PhotoError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    let file = fs_err::File::open(path).map_err(unreadable)?;
+    let stated = file.metadata().map_err(unreadable)?.len();
+    if stated > limit_bytes {
+        return Err(too_large(stated));
+    }
+    let mut bytes = Vec::with_capacity(stated as usize + 1);
+    file.take(limit_bytes.saturating_add(1))
+        .read_to_end(&mut bytes)
+        .map_err(unreadable)?;
+    if bytes.len() as u64 > limit_bytes {
+        return Err(too_large(bytes.len() as u64));
+    }
+    Ok(bytes)
+}

@@ -2,6 +2,8 @@
 #![allow(dead_code)] // each test file uses its part
 #![allow(clippy::unwrap_used)] // helpers outside of test functions fail the test that calls them
 
+pub mod forged;
+
 use std::path::Path;
 
 use grimnet_geo::{Affine, Crs, GeoError, Georeference, Raster, RasterPatch, WindowPx};

@@ -9,6 +9,7 @@ pub mod elsewhere;
 pub mod eval;
 pub mod eval_pictures;
 pub mod eval_run;
+mod eval_track;
 #[cfg(feature = "experiments")]
 pub mod experiment;
 pub mod experiment_options;

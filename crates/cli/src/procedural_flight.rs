@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
+use grimnet_eval::tracks::town::Town;
 use grimnet_output::OutputFolder;
 use grimnet_world::{
     Camera, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World, WorldConfig,
@@ -11,6 +12,9 @@ use grimnet_world::{
 use image::RgbImage;
 
 use crate::progress;
+
+/// Name of the map in its folder.
+pub const MAP: &str = "map.tif";
 
 /// Ground resolution of the map, metres per pixel: that of a good aerial orthophoto.
 pub const MAP_GSD_M: f64 = 0.3;
@@ -40,11 +44,44 @@ pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
     let names: Vec<String> = (1..=count)
         .map(|number| format!("flight_{number:03}.jpg"))
         .collect();
-    out.check(["map.tif", "truth.csv"])?;
+    out.check([MAP, "truth.csv"])?;
     photos.check(&names)?;
+    let town = draw_town(out, seed)?;
     // The renderer writes to paths.
     let scratch = tempfile::tempdir()?;
     let scratch = scratch.path();
+    let Town { world, placement } = &town;
+    let flight = Flight::plan(world, count, seed);
+    let bar = progress::bar(
+        flight.frames.len() as u64,
+        "flying over the town",
+        "pictures",
+    );
+    let look = Look::drone(Season::Autumn);
+    let mut rows = Vec::with_capacity(flight.frames.len());
+    for (frame, name) in flight.frames.iter().zip(&names) {
+        let photo: RgbImage = world.render_photo(&frame.pose, &CAMERA, &look);
+        let tags = PhotoTags::for_pose(&frame.reported, &CAMERA, placement, GROUND_ALTITUDE_M)?;
+        write_jpeg_with_exif(&scratch.join(name), &photo, JPEG_QUALITY, &tags)?;
+        move_into(&photos, name, scratch)?;
+        rows.push(TruthRow::new(name, &frame.pose, &CAMERA, placement)?);
+        bar.inc(1);
+    }
+    write_truth_csv(&scratch.join("truth.csv"), &rows)?;
+    move_into(out, "truth.csv", scratch)?;
+    // Photos of an earlier, longer flight have no truth any more.
+    photos.prune(|_| true)?;
+    bar.finish_and_clear();
+    Ok(())
+}
+
+/// Makes the town of a seed and renders its map, `map.tif`.
+///
+/// # Errors
+/// As [`make_flight`].
+pub fn draw_town(out: &OutputFolder, seed: u64) -> Result<Town> {
+    out.check([MAP])?;
+    let scratch = tempfile::tempdir()?;
     let world = World::new(WorldConfig {
         seed,
         ..WorldConfig::default()
@@ -52,13 +89,7 @@ pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
     let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
     let placement = Placement::at(lon_deg, lat_deg)?;
     let size_m = world.size_m();
-    let flight = Flight::plan(&world, count, seed);
-
-    let bar = progress::bar(
-        flight.frames.len() as u64 + 1,
-        "drawing the town",
-        "pictures",
-    );
+    let bar = progress::bar(1, "drawing the town", "maps");
     let whole = RegionM {
         x_min_m: 0.0,
         y_min_m: 0.0,
@@ -68,31 +99,15 @@ pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
     let map = world.render_map(whole, MAP_GSD_M, &Look::satellite(Season::Summer));
     let north_west_m = placement.utm_from_world([0.0, size_m]);
     write_geotiff(
-        &scratch.join("map.tif"),
+        &scratch.path().join(MAP),
         &map,
         MAP_GSD_M,
         north_west_m,
         placement.epsg(),
     )?;
-    move_into(out, "map.tif", scratch)?;
-    bar.inc(1);
-
-    let look = Look::drone(Season::Autumn);
-    let mut rows = Vec::with_capacity(flight.frames.len());
-    for (frame, name) in flight.frames.iter().zip(&names) {
-        let photo: RgbImage = world.render_photo(&frame.pose, &CAMERA, &look);
-        let tags = PhotoTags::for_pose(&frame.reported, &CAMERA, &placement, GROUND_ALTITUDE_M)?;
-        write_jpeg_with_exif(&scratch.join(name), &photo, JPEG_QUALITY, &tags)?;
-        move_into(&photos, name, scratch)?;
-        rows.push(TruthRow::new(name, &frame.pose, &CAMERA, &placement)?);
-        bar.inc(1);
-    }
-    write_truth_csv(&scratch.join("truth.csv"), &rows)?;
-    move_into(out, "truth.csv", scratch)?;
-    // Photos of an earlier, longer flight have no truth any more.
-    photos.prune(|_| true)?;
+    move_into(out, MAP, scratch.path())?;
     bar.finish_and_clear();
-    Ok(())
+    Ok(Town { world, placement })
 }
 
 /// Moves a file from a scratch folder to where it belongs.

@@ -36,6 +36,10 @@ numbers! {
     duration_ms: "a number of milliseconds, above 0" if |v| v > 0.0;
     /// A duration in seconds, above zero, at most a day.
     duration_s: "a number of seconds, above 0 and at most 86400" if |v| v > 0.0 && v <= 86_400.0;
+    /// A duration in minutes, above zero, ten hours at most.
+    minutes: "a number of minutes, above 0 and at most 600" if |v| v > 0.0 && v <= 600.0;
+    /// A frame rate, at most 30 frames a second.
+    frame_rate_hz: "frames a second, above 0 and at most 30" if |v| v > 0.0 && v <= 30.0;
     /// A share above 0 and below 1.
     #[cfg_attr(not(feature = "experiments"), allow(dead_code, reason = "an option of `grim calibrate`"))]
     inner_share: "a share above 0 and below 1" if |v| v > 0.0 && v < 1.0;

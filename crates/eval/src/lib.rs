@@ -3,7 +3,8 @@
 //! Data flow: [`datasets::DataSet`] reads a folder into a [`scene::Scene`], a map with photos and their truth;
 //! [`evaluation::evaluate`] localises each photo and compares the answer with the truth; [`metrics::Summary`] and its neighbours
 //! make figures of the comparisons; [`report`] shows them. [`elsewhere`] localises photos that are not on the map, which must get
-//! no fix. [`calibration`] fits the stated radius and confidence of a model to answers whose truth is known.
+//! no fix. [`tracks`] does the same for flights: rendered, simulated, and
+//! real ones with hidden fixes. [`calibration`] fits the stated radius and confidence of a model to answers whose truth is known.
 
 pub mod calibration;
 pub mod datasets;
@@ -14,3 +15,4 @@ pub mod pictures;
 pub mod report;
 pub mod retrieval;
 pub mod scene;
+pub mod tracks;

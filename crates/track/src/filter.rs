@@ -111,6 +111,11 @@ impl Filter {
         self.lose_if_too_wide(options);
         self.keep_open(options);
         let measured_m = plane.en_from_lonlat(fix.lonlat);
+        // The hypotheses know the ground resolution straight below, which tilt does not change.
+        let fix = &PositionFix {
+            gsd_m: fix.gsd_m / self.sensors.gsd_over_nadir(fix.time_s),
+            ..*fix
+        };
         let effect = self
             .bank
             .fix(fix, measured_m, &self.rate, &self.sensors, options);

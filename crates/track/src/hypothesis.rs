@@ -54,6 +54,7 @@ pub(crate) struct Hypothesis {
     pub(crate) position_of: PositionOf,
     pub heading: Option<HeadingFilter>,
     pub(crate) heading_time_s: f64,
+    /// Ground resolution straight below.
     pub gsd: Option<GsdFilter>,
     /// Fixes that were accepted.
     pub fixes: u32,

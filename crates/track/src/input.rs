@@ -20,7 +20,7 @@ pub struct PositionFix {
     pub map_error_m: f64,
     /// Bearing of the photo's top, degrees clockwise from true north. `None` if unknown.
     pub heading_deg: Option<f64>,
-    /// Ground metres per pixel of the full-size photo.
+    /// Ground metres per pixel of the full-size photo, at its centre.
     pub gsd_m: f64,
     /// Calibrated probability in `[0, 1]` that the fix is right and not another place that looks alike.
     pub confidence: f64,
@@ -37,9 +37,10 @@ pub struct RelativeMotion {
     pub from_time_s: f64,
     /// Exposure time of the second frame, seconds.
     pub time_s: f64,
-    /// Displacement towards the top of the first photo, pixels of the full-size photo.
+    /// Displacement towards the top of the first photo, pixels that the full-size photo has straight below the camera (focal
+    /// length over height).
     pub forward_px: f64,
-    /// Displacement towards the right of the first photo, pixels of the full-size photo.
+    /// Displacement towards the right of the first photo, the same pixels.
     pub right_px: f64,
     /// Turn of the photo's top from the first frame to the second, degrees clockwise.
     pub turn_deg: f64,

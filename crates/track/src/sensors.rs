@@ -6,7 +6,7 @@ use crate::{
     input::{Attitude, Height, Input, PositionFix, Velocity},
     options::TrackOptions,
     scalar::signed_turn_deg,
-    tilt::CentreOffset,
+    tilt::{CentreOffset, gsd_over_nadir},
 };
 
 /// An attitude older than this says nothing of a photo, seconds.
@@ -101,7 +101,16 @@ impl Sensors {
             .map(|attitude| attitude.yaw_deg)
     }
 
-    /// How a photo taken at `time_s` with this ground resolution was directed.
+    /// Ground resolution at the centre of a photo taken at `time_s` over that straight below; 1 if no attitude is known.
+    pub fn gsd_over_nadir(&self, time_s: f64) -> f64 {
+        self.attitude
+            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
+            .map_or(1.0, |attitude| {
+                gsd_over_nadir(&self.extrapolated(attitude, time_s))
+            })
+    }
+
+    /// How a photo taken at `time_s` with this ground resolution straight below was directed.
     pub fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
         let from_gsd_m = || Some(gsd_m? * options.focal_length_px?);
         let Some(height_agl_m) = self.agl_m(time_s).or_else(from_gsd_m) else {

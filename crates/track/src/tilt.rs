@@ -59,6 +59,13 @@ impl CentreOffset {
     }
 }
 
+/// Ground resolution at the photo's centre over that straight below a camera at the same height. A photo's pixel there covers a
+/// cone that meets the ground `1 / cos` as far away and at an angle: `1 / cos^3` the area. It is bounded near the horizon.
+pub(crate) fn gsd_over_nadir(attitude: &Attitude) -> f64 {
+    let cos = attitude.pitch_deg.to_radians().cos() * attitude.roll_deg.to_radians().cos();
+    cos.max(LARGEST_TILT_COS).powf(-1.5)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -99,6 +106,22 @@ mod tests {
             ahead.offset_en_m.y,
             120.0 * 9f64.to_radians().tan(),
             epsilon = 1e-9
+        );
+    }
+
+    #[test]
+    fn ground_resolution_falls_with_tilt() {
+        // Half a degree to each side of a view tilted by 20 degrees, on the ground, and across it.
+        let at = |deg: f64| deg.to_radians().tan();
+        let along = (at(20.5) - at(19.5)) / (at(0.5) - at(-0.5));
+        let across = 1.0 / 20f64.to_radians().cos();
+        let expected = (along * across).sqrt();
+        let tilted = gsd_over_nadir(&attitude(30.0, 0.0, 20.0));
+        assert_relative_eq!(tilted, expected, max_relative = 1e-4);
+        assert_relative_eq!(
+            gsd_over_nadir(&attitude(0.0, 20.0, 0.0)),
+            tilted,
+            epsilon = 1e-12
         );
     }
 

@@ -123,7 +123,8 @@ fn window(
         let factor = (HEADING_SIGMAS * gsd.variance.sqrt())
             .max((1.0 + LEAST_GSD_RANGE).ln())
             .exp();
-        (gsd.gsd_m() / factor, gsd.gsd_m() * factor)
+        let at_centre_m = gsd.gsd_m() * filter.sensors.gsd_over_nadir(time_s);
+        (at_centre_m / factor, at_centre_m * factor)
     });
     Some(SearchWindow {
         centre: filter.lonlat_from_en(centre_m)?,

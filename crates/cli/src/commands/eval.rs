@@ -9,6 +9,7 @@ use grimnet_eval::report::Run;
 use grimnet_eval::report::results::{self, About, FILE_NAMES, peak_memory_mib};
 use grimnet_eval::retrieval::RetrievalSummary;
 use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_eval::tracks::results::{HIDDEN_FILES, TRACK_FILES, TrackAbout};
 use grimnet_geo::{MapPx, Raster};
 use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Options, Prior};
 use grimnet_net::Model;
@@ -18,6 +19,7 @@ use grimnet_pack::{BuildOptions, Pack};
 use super::elsewhere::{self, ElsewhereOptions};
 use super::eval_pictures;
 use super::eval_run::evaluate_all;
+use super::eval_track::{self, TrackEvalOptions};
 #[cfg(feature = "experiments")]
 use super::experiment::{self, Subject};
 use super::experiment_options::ExperimentOptions;
@@ -29,7 +31,7 @@ use super::results::{print_retrieval, print_summary};
 use super::{ModeChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
-use crate::procedural_flight::make_flight;
+use crate::procedural_flight::{MAP, draw_town, make_flight};
 use crate::values;
 
 /// Photos of the procedural flight of `--world`.
@@ -140,6 +142,9 @@ pub struct EvalArgs {
     min_confidence: Option<f64>,
 
     #[command(flatten)]
+    track: TrackEvalOptions,
+
+    #[command(flatten)]
     elsewhere: ElsewhereOptions,
 
     #[command(flatten)]
@@ -177,6 +182,9 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     policy.check_file(&pack_path, OWN_MAGICS)?;
     if arguments.elsewhere.is_asked() {
         return run_elsewhere(arguments, policy, &pack_path);
+    }
+    if arguments.track.is_asked() {
+        return run_track(arguments, policy, &pack_path);
     }
     OutputFolder::open(&arguments.out, &policy)?.check(FILE_NAMES.into_iter().chain([RECALL]))?;
     // AnyVisLoc's photos are written there.
@@ -265,6 +273,41 @@ fn run_elsewhere(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -
     let model = arguments.model.open()?;
     let localizer = localizer(arguments, &model, map.as_ref(), pack_path)?;
     elsewhere::run(&arguments.elsewhere, map.as_ref(), &localizer, &folder)
+}
+
+/// `grim eval --track`: flights instead of single photos.
+fn run_track(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Result<Exit> {
+    let model = arguments.model.open()?;
+    let about = |data: String| TrackAbout {
+        data,
+        model_hash: model.hash().to_string(),
+        commit: arguments.commit.clone(),
+        version: env!("CARGO_PKG_VERSION"),
+        threads: rayon::current_num_threads(),
+    };
+    if let Some(seed) = arguments.world {
+        let folder = OutputFolder::open(&arguments.out, &policy)?;
+        folder.check(TRACK_FILES)?;
+        let town = draw_town(&folder, seed)?;
+        let map = grimnet_geo::open_map(&arguments.out.join(MAP), &arguments.place.options())?;
+        let localizer = localizer(arguments, &model, map.as_ref(), pack_path)?;
+        let about = about(format!("procedural world {seed}"));
+        return eval_track::fly(&arguments.track, seed, &town, &localizer, &folder, about);
+    }
+    let scratch = tempfile::tempdir()?;
+    let data = data_set(arguments, &policy, scratch.path())?;
+    let policy = policy
+        .protect(&data.map)
+        .protect_all(data.frames.iter().map(|(_, path)| path));
+    let folder = OutputFolder::open(&arguments.out, &policy)?;
+    folder.check(HIDDEN_FILES)?;
+    let map = data.open_map()?;
+    let mut scene = data.into_scene(map)?;
+    for shot in &mut scene.shots {
+        shot.footprint_width_m = arguments.footprint_width.or(shot.footprint_width_m);
+    }
+    let localizer = localizer(arguments, &model, scene.map.as_ref(), pack_path)?;
+    eval_track::hide(&scene, &localizer, &folder, about(scene.name.clone()))
 }
 
 /// The data set that was asked for: a folder, or a procedural flight.

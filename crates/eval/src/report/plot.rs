@@ -30,11 +30,11 @@ const AXIS_M: f64 = 30.0;
 pub type Chart<'s> = ChartContext<'s, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
 
 /// Ranges and labels of the axes.
-struct Axes {
-    x: Range<f64>,
-    y: Range<f64>,
-    x_desc: &'static str,
-    y_desc: &'static str,
+pub(crate) struct Axes {
+    pub x: Range<f64>,
+    pub y: Range<f64>,
+    pub x_desc: &'static str,
+    pub y_desc: &'static str,
 }
 
 /// An SVG picture of `size_px`; `draw` fills the chart; `below_px` is the height of the labels below the horizontal axis.
@@ -58,7 +58,8 @@ pub fn svg_chart(
     Ok(svg)
 }
 
-fn curves(
+/// A chart of the usual size with labelled axes.
+pub(crate) fn curves(
     axes: Axes,
     draw: impl FnOnce(&mut Chart<'_>) -> Result<(), PlotError>,
 ) -> Result<String, PlotError> {

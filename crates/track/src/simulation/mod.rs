@@ -4,14 +4,20 @@
 //! but also what they do not describe: banked turns, gusts, fixes of other places that repeat from frame to frame, late and
 //! swapped fixes, and being put elsewhere.
 
+mod delivered;
 mod errors;
+mod fixes;
+mod flight;
+mod options;
 mod path;
-mod report;
 mod runs;
+mod telemetry;
 
+pub use delivered::Delivered;
 pub use errors::Confidence;
+pub use flight::{Flight, TruePose};
+pub use options::{FixSample, FlightArea, FlightOptions, Gaps};
 pub use path::Camera;
-pub use report::{Delivered, Flight, FlightOptions, Gaps};
 pub use runs::{Runs, fixes_only, motion_only, run_filter};
 
 #[cfg(test)]

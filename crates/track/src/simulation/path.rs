@@ -1,10 +1,12 @@
 //! Where a simulated aircraft is, how it moves and how it leans.
 
+use std::f64::consts::{PI, TAU};
+
 use nalgebra::Vector2;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::errors::Drift;
+use super::{errors::Drift, options::FlightOptions};
 use crate::options::Vehicle;
 
 /// How the camera is carried.
@@ -31,17 +33,27 @@ pub(super) struct Truth {
 
 /// Step of the integration, seconds.
 pub(super) const STEP_S: f64 = 0.05;
+/// Beyond this part of its area's half side an aircraft that flies outward turns back.
+const EDGE: f64 = 0.7;
 /// Metres per square second.
 const GRAVITY_M_S2: f64 = 9.81;
 
-/// Flies legs and coordinated turns in wind and gusts.
-pub(super) fn fly(
-    vehicle: Vehicle,
-    camera: Camera,
-    duration_s: f64,
-    height_agl_m: f64,
-    rng: &mut ChaCha8Rng,
-) -> Vec<Truth> {
+/// The truth at a time, in steps of [`STEP_S`].
+pub(super) fn truth_at(path: &[Truth], time_s: f64) -> &Truth {
+    let index = (time_s / STEP_S).round().max(0.0) as usize;
+    &path[index.min(path.len() - 1)]
+}
+
+/// Flies legs and coordinated turns in wind and gusts. In an area it turns back at the edge, and being put elsewhere is part of
+/// the path.
+pub(super) fn fly(options: &FlightOptions, rng: &mut ChaCha8Rng) -> Vec<Truth> {
+    let FlightOptions {
+        vehicle,
+        camera,
+        duration_s,
+        height_agl_m,
+        ..
+    } = *options;
     let (air_speed_m_s, bank_deg): (f64, f64) = match vehicle {
         Vehicle::Multirotor => (rng.random_range(6.0..12.0), rng.random_range(8.0..15.0)),
         Vehicle::Plane => (rng.random_range(17.0..24.0), rng.random_range(15.0..30.0)),
@@ -63,7 +75,24 @@ pub(super) fn fly(
     let (mut leg_left_s, mut turn_left_rad): (f64, f64) = (rng.random_range(10.0..50.0), 0.0);
     let steps = (duration_s / STEP_S).round() as usize;
     let mut path = Vec::with_capacity(steps + 1);
+    let mut jump_s = options.put_elsewhere_s.filter(|_| options.area.is_some());
     for step in 0..=steps {
+        if let Some(area) = options.area {
+            if jump_s.is_some_and(|jump_s| step as f64 * STEP_S >= jump_s) {
+                jump_s = None;
+                // Across the centre, so that it is another place.
+                let side_m = rng.random_range(0.3..0.7) * area.half_side_m;
+                position_m = -position_m.try_normalize(1.0).unwrap_or_else(Vector2::x) * side_m;
+            }
+            let ahead = Vector2::new(heading_rad.sin(), heading_rad.cos());
+            let leaves =
+                position_m.amax() > EDGE * area.half_side_m && position_m.dot(&ahead) > 0.0;
+            if leaves && leg_left_s > 0.0 {
+                let back_rad = (-position_m.x).atan2(-position_m.y) + rng.random_range(-0.5..0.5);
+                let turn = (back_rad - heading_rad + PI).rem_euclid(TAU) - PI;
+                (leg_left_s, turn_left_rad) = (0.0, turn);
+            }
+        }
         let wanted_rad = if leg_left_s > 0.0 {
             leg_left_s -= STEP_S;
             if leg_left_s <= 0.0 {

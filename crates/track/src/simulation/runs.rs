@@ -3,7 +3,7 @@
 use grimnet_geo::{LonLat, destination_en_m, offset_en_m};
 use nalgebra::{Matrix2, Vector2};
 
-use super::report::Flight;
+use super::flight::Flight;
 use crate::{
     error::OptionsError,
     input::{Attitude, Input},
@@ -131,7 +131,7 @@ pub fn motion_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
                     }
                     Input::Attitude(attitude) => yaw_deg = attitude.yaw_deg,
                     Input::Motion(motion) if !flight.options.velocity => {
-                        let gsd_m = flight.options.height_agl_m / 2800.0;
+                        let gsd_m = flight.options.height_agl_m / flight.options.focal_length_px;
                         let (sin, cos) = (yaw_deg - motion.turn_deg).to_radians().sin_cos();
                         let step_m = Vector2::new(
                             motion.forward_px * sin + motion.right_px * cos,

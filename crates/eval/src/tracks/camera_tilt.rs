@@ -1,0 +1,122 @@
+//! The same tilt of a camera as the track and as a photo's metadata write it.
+//!
+//! The track has yaw, pitch and roll about axes that turn with the aircraft (Z-Y-X). Metadata have the angle between the optical
+//! axis and straight down and a turn about that axis (Z-Y-Z), as a gimbal has. Equating the third columns and rows of
+//! `Ry(pitch) Rx(roll)` and `Rz(d) Ry(from nadir) Rz(turn)` gives one from the other.
+
+use grimnet_locate::FrameTilt;
+use grimnet_photo::{Metadata, Tilt};
+use grimnet_track::Attitude;
+
+/// Gimbal angles of a camera that looks down.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct GimbalAngles {
+    /// Angle between the optical axis and straight down, degrees.
+    pub from_nadir_deg: f64,
+    /// Turn about the optical axis, degrees.
+    pub roll_deg: f64,
+    /// Bearing of the photo's top, at its centre on the ground, from the attitude's yaw, degrees clockwise.
+    pub top_from_yaw_deg: f64,
+}
+
+impl GimbalAngles {
+    /// The gimbal's angles for an attitude.
+    #[must_use]
+    pub fn of(attitude: &Attitude) -> Self {
+        let (sin_p, cos_p) = attitude.pitch_deg.to_radians().sin_cos();
+        let (sin_r, cos_r) = attitude.roll_deg.to_radians().sin_cos();
+        let from_nadir_deg = (cos_p * cos_r).clamp(-1.0, 1.0).acos().to_degrees();
+        let roll_deg = (cos_p * sin_r).atan2(sin_p).to_degrees();
+        let yaw_deg = (-sin_r).atan2(sin_p * cos_r).to_degrees();
+        let top_deg = yaw_deg + Tilt::top_from_yaw_deg(from_nadir_deg, roll_deg);
+        Self {
+            from_nadir_deg,
+            roll_deg,
+            top_from_yaw_deg: (top_deg + 180.0).rem_euclid(360.0) - 180.0,
+        }
+    }
+
+    /// Metadata with these angles.
+    #[must_use]
+    pub fn metadata(&self) -> Metadata {
+        Metadata {
+            gimbal_pitch_deg: Some(self.from_nadir_deg - 90.0),
+            gimbal_roll_deg: Some(self.roll_deg),
+            orientation: 1,
+            ..Metadata::default()
+        }
+    }
+}
+
+/// Pitch and roll as motion between frames takes them.
+#[must_use]
+pub fn frame_tilt(attitude: &Attitude) -> FrameTilt {
+    FrameTilt {
+        pitch_deg: attitude.pitch_deg,
+        roll_deg: attitude.roll_deg,
+    }
+}
+
+/// Standard deviation of the change of a first-order Gauss-Markov error of `sigma_deg` per axis over `interval_s`, degrees.
+#[must_use]
+pub fn tilt_change_sigma_deg(sigma_deg: f64, correlation_s: f64, interval_s: f64) -> f64 {
+    let decay = (-interval_s.max(0.0) / correlation_s).exp();
+    sigma_deg * (2.0 * (1.0 - decay)).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use approx::assert_relative_eq;
+
+    fn attitude(pitch_deg: f64, roll_deg: f64) -> Attitude {
+        Attitude {
+            time_s: 0.0,
+            yaw_deg: 0.0,
+            pitch_deg,
+            roll_deg,
+        }
+    }
+
+    #[test]
+    fn pitch_alone_is_the_gimbals_pitch_and_a_bank_is_a_turned_tilt() {
+        let ahead = GimbalAngles::of(&attitude(9.0, 0.0));
+        assert_relative_eq!(ahead.from_nadir_deg, 9.0, epsilon = 1e-9);
+        assert_relative_eq!(ahead.roll_deg, 0.0, epsilon = 1e-9);
+        assert_relative_eq!(ahead.top_from_yaw_deg, 0.0, epsilon = 1e-9);
+        // Right side down looks to the left: the axis is yawed by -90 degrees and the picture turned back by 90.
+        let left = GimbalAngles::of(&attitude(0.0, 25.0));
+        assert_relative_eq!(left.from_nadir_deg, 25.0, epsilon = 1e-9);
+        assert_relative_eq!(left.roll_deg, 90.0, epsilon = 1e-9);
+        assert_relative_eq!(left.top_from_yaw_deg, 0.0, epsilon = 1e-9);
+    }
+
+    /// The top's bearing from the ground points just above and below the picture's centre, each from its ray.
+    #[test]
+    fn the_tops_bearing_is_that_of_the_ground() {
+        let (pitch_deg, roll_deg) = (11.0, -24.0);
+        let ground = |forward: f64| {
+            let rotation = nalgebra::Rotation3::from_euler_angles(
+                f64::to_radians(roll_deg),
+                f64::to_radians(pitch_deg),
+                0.0,
+            );
+            let ray = rotation * nalgebra::Vector3::new(forward, 0.0, 1.0);
+            (ray.y / ray.z, ray.x / ray.z)
+        };
+        let (ahead, behind) = (ground(1e-4), ground(-1e-4));
+        let bearing_deg = (ahead.0 - behind.0).atan2(ahead.1 - behind.1).to_degrees();
+        let angles = GimbalAngles::of(&attitude(pitch_deg, roll_deg));
+        assert_relative_eq!(angles.top_from_yaw_deg, bearing_deg, epsilon = 1e-6);
+    }
+
+    #[test]
+    fn errors_of_neighbouring_attitudes_are_alike() {
+        assert_relative_eq!(tilt_change_sigma_deg(0.5, 2.0, 0.0), 0.0);
+        assert_relative_eq!(
+            tilt_change_sigma_deg(0.5, 2.0, 100.0),
+            0.5 * 2f64.sqrt(),
+            epsilon = 1e-9
+        );
+    }
+}

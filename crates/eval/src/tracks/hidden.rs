@@ -1,0 +1,426 @@
+//! Photos of a real flight in order of time: one to four fixes in a row are hidden from the filter and predicted from the motion
+//! between the photos.
+
+use grimnet_geo::{LonLat, distance_m};
+use grimnet_locate::{FrameFeatures, FramePair, Localizer, LocateError, Outcome, Prior};
+use grimnet_photo::Photo;
+use grimnet_track::measure::Instant;
+use grimnet_track::{
+    Input, Miss, OptionsError, PositionFix, RelativeMotion, TrackOptions, TrackPoint, Tracker,
+};
+use serde::Serialize;
+
+use super::figures::Consistency;
+use super::rendered::without_map_error;
+use crate::metrics::statistics::percentile;
+
+/// The most fixes that are hidden in a row.
+pub const MOST_HIDDEN: usize = 4;
+/// Fixes before the first one that is hidden: the filter must have found itself.
+const FIXES_BEFORE: usize = 5;
+
+/// Why a flight cannot be evaluated.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum HiddenError {
+    /// A photo cannot be searched.
+    #[error(transparent)]
+    Locate(#[from] LocateError),
+    /// The filter's options.
+    #[error(transparent)]
+    Options(#[from] OptionsError),
+    /// A photo has no time.
+    #[error(
+        "{photo}: no time in its EXIF (DateTimeOriginal); photos must have one to be put in order"
+    )]
+    NoTime {
+        /// Name of the photo.
+        photo: String,
+    },
+    /// Too few photos.
+    #[error("{found} photos; at least {needed} are needed to hide fixes of a flight")]
+    TooFew {
+        /// Photos.
+        found: usize,
+        /// The least number.
+        needed: usize,
+    },
+}
+
+/// A photo of the flight, its place and when it was taken.
+#[derive(Debug, Clone)]
+pub struct TimedShot {
+    /// Name.
+    pub name: String,
+    /// Exposure time, seconds.
+    pub time_s: f64,
+    /// True image centre.
+    pub truth: LonLat,
+    /// What is known of the view.
+    pub known: Prior,
+}
+
+/// A photo that was searched, and the motion from the one before.
+#[derive(Debug, Clone)]
+struct Searched {
+    time_s: f64,
+    truth: LonLat,
+    fix: Option<PositionFix>,
+    motion: Option<RelativeMotion>,
+}
+
+/// A prediction of a hidden fix.
+#[derive(Debug, Clone, Serialize)]
+pub struct Prediction {
+    /// The photo whose fix is predicted.
+    pub photo: String,
+    /// Fixes hidden up to it, its own included.
+    pub hidden: usize,
+    /// Time since the last fix that was told, seconds.
+    pub since_fix_s: f64,
+    /// Distance flown since, metres, as the straight line between the true places.
+    pub distance_m: f64,
+    /// Whether all photos since were joined by motion between them.
+    pub joined: bool,
+    /// Error of the filter, metres; `None` where it gives no usable position.
+    pub filter_m: Option<f64>,
+    /// Its stated 95 % radius, metres.
+    pub radius95_m: Option<f64>,
+    /// Squared normalised error.
+    #[serde(skip)]
+    nees: Option<f64>,
+    /// Error of the last fix held, metres.
+    pub last_fix_m: Option<f64>,
+    /// Error of the motion added up from the true place of the last told fix, metres; `None` where a photo was not joined.
+    pub motion_only_m: Option<f64>,
+}
+
+/// Figures for one number of hidden fixes.
+#[derive(Debug, Clone, Serialize)]
+pub struct HiddenFigures {
+    /// Fixes hidden in a row.
+    pub hidden: usize,
+    /// Predictions.
+    pub predictions: usize,
+    /// Predictions over photos that were all joined by motion.
+    pub joined: usize,
+    /// Median distance flown, metres.
+    pub distance_median_m: Option<f64>,
+    /// Median error of the last fix held, metres.
+    pub fixes_only_median_m: Option<f64>,
+    /// Median error of the motion alone, where all photos were joined, metres.
+    pub motion_only_median_m: Option<f64>,
+    /// Share of predictions with a usable position of the filter.
+    pub answered: f64,
+    /// Median error of the filter, metres.
+    pub filter_median_m: Option<f64>,
+    /// Median error of the filter where all photos were joined, metres.
+    pub filter_joined_median_m: Option<f64>,
+    /// 90th percentile of it where all photos were joined, metres.
+    pub filter_joined_p90_m: Option<f64>,
+    /// Median stated radius, metres.
+    pub radius95_median_m: Option<f64>,
+    /// Squared normalised errors of the filter.
+    pub nees: Option<Consistency>,
+}
+
+/// Seconds of a time as EXIF writes it, `YYYY:MM:DD hh:mm:ss`; only differences mean something. `None` if it is not of that form.
+#[must_use]
+pub fn seconds_of_exif_time(text: &str) -> Option<f64> {
+    let (date, time) = text.trim().split_once(' ')?;
+    let numbers = |part: &str| -> Option<[i64; 3]> {
+        let mut parts = part.split(':').map(|number| number.parse().ok());
+        let three = [parts.next()??, parts.next()??, parts.next()??];
+        parts.next().is_none().then_some(three)
+    };
+    let ([year, month, day], [hour, minute, second]) = (numbers(date)?, numbers(time)?);
+    // Days from civil (Hinnant 2013): years begin in March, so that the leap day is the last.
+    let (year, month) = if month > 2 {
+        (year, month - 3)
+    } else {
+        (year - 1, month + 9)
+    };
+    let days = 365 * year + year.div_euclid(4) - year.div_euclid(100)
+        + year.div_euclid(400)
+        + (153 * month + 2) / 5
+        + day;
+    Some((days * 86_400 + hour * 3600 + minute * 60 + second) as f64)
+}
+
+/// Hides fixes and predicts them. `open` reads a photo; `done` is called after each.
+///
+/// # Errors
+/// [`HiddenError`], or what `open` returns.
+pub fn predict_hidden<E: From<HiddenError>>(
+    localizer: &Localizer,
+    shots: &[TimedShot],
+    options: &TrackOptions,
+    open: &mut dyn FnMut(usize) -> Result<Photo, E>,
+) -> Result<Vec<Prediction>, E> {
+    let needed = FIXES_BEFORE + MOST_HIDDEN;
+    if shots.len() < needed {
+        let found = shots.len();
+        return Err(HiddenError::TooFew { found, needed }.into());
+    }
+    let mut searched: Vec<Searched> = Vec::with_capacity(shots.len());
+    let mut before: Option<FrameFeatures> = None;
+    for (index, shot) in shots.iter().enumerate() {
+        let photo = open(index)?;
+        let last_s = searched.last().map(|last| last.time_s);
+        let (found, features) = search(localizer, shot, &photo, before.as_ref().zip(last_s))
+            .map_err(HiddenError::from)?;
+        before = features;
+        searched.push(found);
+    }
+    let mut predictions = Vec::new();
+    for first in FIXES_BEFORE..shots.len() {
+        for hidden in 1..=MOST_HIDDEN.min(shots.len() - first) {
+            let prediction = predict(
+                &searched,
+                first,
+                hidden,
+                &shots[first + hidden - 1],
+                options,
+            )
+            .map_err(HiddenError::from)?;
+            predictions.extend(prediction);
+        }
+    }
+    Ok(predictions)
+}
+
+/// Searches a photo and measures the motion from the one before.
+fn search(
+    localizer: &Localizer,
+    shot: &TimedShot,
+    photo: &Photo,
+    before: Option<(&FrameFeatures, f64)>,
+) -> Result<(Searched, Option<FrameFeatures>), LocateError> {
+    let (outcome, features) = localizer.locate_with_features(photo, &shot.known)?;
+    // Neither attitude nor height is told, so places are those of image centres, and the motion is that of the centres: it needs
+    // no focal length.
+    let pair = FramePair {
+        focal_length_px: f64::from(photo.full_size_px.0),
+        tilts: None,
+        tilt_change_sigma_deg: 0.0,
+    };
+    let motion = match (before, &features) {
+        (Some((before, from_time_s)), Some(features)) => localizer
+            .motion_between(before, features, &pair)?
+            .filter(|_| from_time_s < shot.time_s)
+            .map(|motion| RelativeMotion {
+                from_time_s,
+                time_s: shot.time_s,
+                forward_px: motion.forward_px,
+                right_px: motion.right_px,
+                turn_deg: motion.turn_deg,
+                sigma_px: motion.sigma_px(),
+            }),
+        _ => None,
+    };
+    let map_error_m = localizer.options().map_error_m;
+    let fix = match outcome {
+        Outcome::Fix(fix) => Some(PositionFix {
+            time_s: shot.time_s,
+            lonlat: LonLat::new(fix.lon_deg, fix.lat_deg),
+            covariance_en_m2: without_map_error(&fix, map_error_m),
+            map_error_m,
+            heading_deg: fix.heading_deg,
+            gsd_m: fix.gsd_m,
+            confidence: fix.confidence.unwrap_or(0.5),
+        }),
+        Outcome::NoFix(_) => None,
+    };
+    let searched = Searched {
+        time_s: shot.time_s,
+        truth: shot.truth,
+        fix,
+        motion,
+    };
+    Ok((searched, features))
+}
+
+/// Predicts the fix of photo `first + hidden - 1` from all photos, without the fixes from `first` on. `None` if the photo before
+/// has no fix itself.
+fn predict(
+    searched: &[Searched],
+    first: usize,
+    hidden: usize,
+    shot: &TimedShot,
+    options: &TrackOptions,
+) -> Result<Option<Prediction>, OptionsError> {
+    let Some(last) = searched[first - 1].fix else {
+        return Ok(None);
+    };
+    let mut tracker = Tracker::new(options.clone())?;
+    let until = first + hidden;
+    for (index, photo) in searched[..until].iter().enumerate() {
+        let fix = photo.fix.filter(|_| index < first);
+        let inputs = [
+            photo.motion.map(Input::Motion),
+            Some(match fix {
+                Some(fix) => Input::Fix(fix),
+                None => Input::Miss(Miss {
+                    time_s: photo.time_s,
+                }),
+            }),
+        ];
+        for input in inputs.into_iter().flatten() {
+            // What is refused is counted by the tracker.
+            let _ = tracker.push(input);
+        }
+    }
+    let at = &searched[until - 1];
+    let point: Option<TrackPoint> = tracker.point_at(at.time_s);
+    let answer = Instant::of(point.as_ref(), at.time_s, at.truth).answer;
+    let path = &searched[first..until];
+    Ok(Some(Prediction {
+        photo: shot.name.clone(),
+        hidden,
+        since_fix_s: at.time_s - last.time_s,
+        distance_m: distance_m(searched[first - 1].truth, at.truth),
+        joined: path.iter().all(|photo| photo.motion.is_some()),
+        filter_m: answer.map(|answer| answer.error_m()),
+        radius95_m: answer.map(|answer| answer.radius95_m),
+        nees: answer.and_then(|answer| answer.nees()),
+        last_fix_m: Some(distance_m(last.lonlat, at.truth)),
+        motion_only_m: motion_only(&last, searched[first - 1].truth, path)
+            .map(|place| distance_m(place, at.truth)),
+    }))
+}
+
+/// The place after all motions of `path`, from a true place; heading and scale are those of the last fix.
+fn motion_only(last: &PositionFix, from: LonLat, path: &[Searched]) -> Option<LonLat> {
+    let mut heading_deg = last.heading_deg?;
+    let (mut east_m, mut north_m) = (0.0, 0.0);
+    for photo in path {
+        let motion = photo.motion?;
+        let (sin, cos) = heading_deg.to_radians().sin_cos();
+        east_m += (motion.forward_px * sin + motion.right_px * cos) * last.gsd_m;
+        north_m += (motion.forward_px * cos - motion.right_px * sin) * last.gsd_m;
+        heading_deg += motion.turn_deg;
+    }
+    Some(grimnet_geo::destination_en_m(from, east_m, north_m))
+}
+
+/// The figures by number of hidden fixes.
+#[must_use]
+pub fn figures(predictions: &[Prediction]) -> Vec<HiddenFigures> {
+    (1..=MOST_HIDDEN)
+        .map(|hidden| {
+            let of: Vec<&Prediction> = predictions.iter().filter(|p| p.hidden == hidden).collect();
+            let values = |value: &dyn Fn(&Prediction) -> Option<f64>| -> Vec<f64> {
+                of.iter().filter_map(|p| value(p)).collect()
+            };
+            let median =
+                |value: &dyn Fn(&Prediction) -> Option<f64>| percentile(&values(value), 0.5);
+            let joined = |p: &Prediction| p.filter_m.filter(|_| p.joined);
+            let answers = values(&|p| p.filter_m);
+            HiddenFigures {
+                hidden,
+                predictions: of.len(),
+                joined: of.iter().filter(|p| p.joined).count(),
+                distance_median_m: median(&|p| Some(p.distance_m)),
+                fixes_only_median_m: median(&|p| p.last_fix_m),
+                motion_only_median_m: median(&|p| p.motion_only_m),
+                answered: answers.len() as f64 / of.len().max(1) as f64,
+                filter_median_m: percentile(&answers, 0.5),
+                filter_joined_median_m: median(&joined),
+                filter_joined_p90_m: percentile(&values(&joined), 0.9),
+                radius95_median_m: median(&|p| p.radius95_m),
+                nees: Consistency::of(&values(&|p| p.nees)),
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn exif_times_are_seconds_apart() {
+        let at = |text| seconds_of_exif_time(text).unwrap();
+        assert_eq!(at("2024:02:29 00:00:05") - at("2024:02:28 23:59:58"), 7.0);
+        assert_eq!(
+            at("2023:03:01 00:00:00") - at("2023:02:28 00:00:00"),
+            86_400.0
+        );
+        assert_eq!(
+            at("2024:01:01 00:00:00") - at("2023:12:31 23:00:00"),
+            3600.0
+        );
+        for text in [
+            "",
+            "2024-01-01 00:00:00",
+            "2024:01:01",
+            "2024:01:01 00:00:00:00",
+        ] {
+            assert_eq!(seconds_of_exif_time(text), None, "{text}");
+        }
+    }
+
+    /// Photos every 20 s, 60 m to the north each, told by exact motions.
+    fn photos() -> Vec<Searched> {
+        let start = LonLat::new(120.7, 24.2);
+        (0..12)
+            .map(|index| {
+                let time_s = 20.0 * f64::from(index);
+                let truth = grimnet_geo::destination_en_m(start, 0.0, 60.0 * f64::from(index));
+                Searched {
+                    time_s,
+                    truth,
+                    fix: Some(PositionFix {
+                        time_s,
+                        lonlat: truth,
+                        covariance_en_m2: [0.25, 0.0, 0.25],
+                        map_error_m: 1.0,
+                        heading_deg: Some(90.0),
+                        gsd_m: 0.05,
+                        confidence: 0.99,
+                    }),
+                    // North is to the left of a photo whose top is east: 60 m are 1200 px.
+                    motion: (index > 0).then_some(RelativeMotion {
+                        from_time_s: time_s - 20.0,
+                        time_s,
+                        forward_px: 0.0,
+                        right_px: -1200.0,
+                        turn_deg: 0.0,
+                        sigma_px: 2.0,
+                    }),
+                }
+            })
+            .collect()
+    }
+
+    #[test]
+    fn hidden_fixes_are_predicted_by_motion() {
+        let photos = photos();
+        let shot = TimedShot {
+            name: "x".into(),
+            time_s: 0.0,
+            truth: photos[0].truth,
+            known: Prior::none(),
+        };
+        let at = |photos: &[Searched]| {
+            predict(photos, 8, 2, &shot, &TrackOptions::default())
+                .unwrap()
+                .unwrap()
+        };
+        let told = at(&photos);
+        assert!(told.joined && told.motion_only_m.unwrap() < 0.1, "{told:?}");
+        assert!(told.filter_m.unwrap() < 3.0, "{told:?}");
+        assert!((told.last_fix_m.unwrap() - 120.0).abs() < 0.1);
+        assert_eq!(told.since_fix_s, 40.0);
+        // A photo that could not be joined leaves its step to the filter's velocity, and its radius says so.
+        let mut broken = photos;
+        broken[9].motion = None;
+        let lost = at(&broken);
+        assert!(!lost.joined && lost.motion_only_m.is_none());
+        assert!(
+            lost.radius95_m
+                .is_none_or(|radius| radius > 2.0 * told.radius95_m.unwrap()),
+            "{lost:?}"
+        );
+    }
+}

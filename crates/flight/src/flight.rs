@@ -3,13 +3,14 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use grimnet_locate::{Localizer, LocateError, Outcome, Reason};
+use grimnet_locate::{FrameFeatures, Localizer, LocateError, Outcome, Prior, Reason};
 use grimnet_photo::{Photo, Tilt, View, focal_px};
 use grimnet_track::{
     Attitude, Height, Input, InputError, Miss, OptionsError, Taken, TrackOptions, TrackPoint,
     Tracker,
 };
 
+use crate::between_frames::{SearchedFrame, motion_between};
 use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 use crate::position_fix::position_fix;
 use crate::recent::Recent;
@@ -49,6 +50,8 @@ pub struct Flight {
     misses_in_row: u32,
     /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
     last_gsd_m: Option<f64>,
+    /// The frame before.
+    last_frame: Option<SearchedFrame>,
 }
 
 impl Flight {
@@ -72,6 +75,7 @@ impl Flight {
             recent: Recent::default(),
             misses_in_row: 0,
             last_gsd_m: None,
+            last_frame: None,
         })
     }
 
@@ -130,8 +134,22 @@ impl Flight {
         };
         let searches = plan(&search, &steering);
         let locating = Instant::now();
-        let (outcome, searched, count) = self.search(photo, &searches);
+        let (outcome, features, searched, count) = self.search(photo, &searches);
         let locate_ms = elapsed_ms(locating);
+        if let Some(features) = features {
+            let attitude = known.attitude.or_else(|| self.recent.attitude_at(time_s));
+            let searched = SearchedFrame {
+                time_s,
+                features,
+                attitude: attitude.or_else(|| recorded_attitude(&view, time_s)),
+                focal_length_px: view
+                    .hfov_deg
+                    .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg)),
+                height_is_known: self.recent.height_agl_m_at(time_s).is_some(),
+                px_per_reference_px,
+            };
+            self.give_motion(searched, &mut given);
+        }
         self.give_outcome(time_s, &outcome, px_per_reference_px, &mut given);
         FrameAnswer {
             time_s,
@@ -153,12 +171,22 @@ impl Flight {
         &self,
         photo: &Photo,
         searches: &[PlannedSearch],
-    ) -> (Result<Outcome, LocateError>, Searched, u32) {
+    ) -> (
+        Result<Outcome, LocateError>,
+        Option<FrameFeatures>,
+        Searched,
+        u32,
+    ) {
         let mut count = 0;
         let mut last = None;
+        let mut first_features = None;
         for planned in searches {
             count += 1;
-            let outcome = self.localizer.locate(photo, &planned.prior);
+            let (outcome, features) = self.locate(photo, &planned.prior);
+            // Those of the fix, else of the first search, whose heading is the most probable.
+            if matches!(outcome, Ok(Outcome::Fix(_))) || first_features.is_none() {
+                first_features = features;
+            }
             let ends = match &outcome {
                 Ok(Outcome::Fix(_)) | Err(_) => true,
                 Ok(Outcome::NoFix(no_fix)) => is_without_texture(&no_fix.reason),
@@ -170,10 +198,37 @@ impl Flight {
         }
         // A plan has one search at least.
         let (outcome, searched) = last.unwrap_or_else(|| {
-            let outcome = self.localizer.locate(photo, &grimnet_locate::Prior::none());
+            let (outcome, features) = self.locate(photo, &Prior::none());
+            first_features = features;
             (outcome, Searched::WholeMap)
         });
-        (outcome, searched, count)
+        (outcome, first_features, searched, count)
+    }
+
+    fn locate(
+        &self,
+        photo: &Photo,
+        prior: &Prior,
+    ) -> (Result<Outcome, LocateError>, Option<FrameFeatures>) {
+        match self.localizer.locate_with_features(photo, prior) {
+            Ok((outcome, features)) => (Ok(outcome), features),
+            Err(error) => (Err(error), None),
+        }
+    }
+
+    /// Gives the filter the motion from the frame before, and keeps this one.
+    fn give_motion(&mut self, frame: SearchedFrame, given: &mut Given) {
+        let options = self.tracker.options();
+        let motion = self.last_frame.as_ref().and_then(|last| {
+            // Keypoints of one localiser are always comparable.
+            motion_between(&self.localizer, last, &frame, options)
+                .ok()
+                .flatten()
+        });
+        if let Some(motion) = motion {
+            given.push(&mut self.tracker, Input::Motion(motion));
+        }
+        self.last_frame = Some(frame);
     }
 
     fn give_outcome(

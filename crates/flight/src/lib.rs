@@ -20,6 +20,9 @@
 //! Telemetry (attitude, height, velocity) goes in with [`Flight::push`], in any order and up to 30 s late. A frame's own metadata
 //! give its attitude where none is told.
 //!
+//! The motion between frames is measured from the keypoints of the searches, and bridges frames without a fix where no velocity is
+//! told.
+//!
 //! # What is searched
 //! A tracked frame is searched in one small window, with heading and ground resolution from the track, so that it costs one
 //! hypothesis. Frames without a fix open the window. Where the position is unknown, lost or doubtful, or after a few frames
@@ -28,6 +31,7 @@
 //! # Times
 //! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure.
 
+mod between_frames;
 mod flight;
 mod frame;
 mod position_fix;

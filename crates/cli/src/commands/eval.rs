@@ -1,6 +1,7 @@
 //! `grim eval`: measure accuracy on photos with a known position.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, ValueEnum};
@@ -290,7 +291,7 @@ fn run_track(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Re
         folder.check(TRACK_FILES)?;
         let town = draw_town(&folder, seed)?;
         let map = grimnet_geo::open_map(&arguments.out.join(MAP), &arguments.place.options())?;
-        let localizer = localizer(arguments, &model, map.as_ref(), pack_path)?;
+        let localizer = Arc::new(localizer(arguments, &model, map.as_ref(), pack_path)?);
         let about = about(format!("procedural world {seed}"));
         return eval_track::fly(&arguments.track, seed, &town, &localizer, &folder, about);
     }

@@ -1,6 +1,7 @@
 //! `grim eval --track`: flights over a procedural town, simulated hours, and hidden fixes of a real flight.
 
 use std::io::Write;
+use std::sync::Arc;
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -158,7 +159,7 @@ pub fn fly(
     options: &TrackEvalOptions,
     seed: u64,
     town: &Town,
-    localizer: &Localizer,
+    localizer: &Arc<Localizer>,
     folder: &OutputFolder,
     about: TrackAbout,
 ) -> Result<Exit> {
@@ -167,16 +168,14 @@ pub fn fly(
     let bar = progress::bar(frames, "flying", "frames");
     let mut rendered: Vec<(RenderedFlight, FlightRuns)> = Vec::new();
     let mut runs = ThreeRuns::default();
-    let track_options = |vehicle| TrackOptions {
-        vehicle,
-        focal_length_px: Some(CAMERA.focal_px()),
-        ..TrackOptions::default()
-    };
     for plan in plans {
-        let track = track_options(plan.flight.vehicle);
+        let track = TrackOptions {
+            vehicle: plan.flight.vehicle,
+            ..TrackOptions::default()
+        };
         let flown = plan.fly(town, localizer, &track, &mut || bar.inc(1))?;
-        let of_flight = FlightRuns::new(&flown.flight, &track)?;
-        runs.add_runs(&flown.flight, &of_flight, &track)?;
+        let of_flight = FlightRuns::new(&flown.flight, &flown.options)?;
+        runs.add_runs(&flown.flight, &of_flight, &flown.options)?;
         rendered.push((flown, of_flight));
     }
     bar.finish_and_clear();

@@ -4,7 +4,6 @@
 //! axis and straight down and a turn about that axis (Z-Y-Z), as a gimbal has. Equating the third columns and rows of
 //! `Ry(pitch) Rx(roll)` and `Rz(d) Ry(from nadir) Rz(turn)` gives one from the other.
 
-use grimnet_locate::FrameTilt;
 use grimnet_photo::{Metadata, Tilt};
 use grimnet_track::Attitude;
 
@@ -46,22 +45,6 @@ impl GimbalAngles {
             ..Metadata::default()
         }
     }
-}
-
-/// Pitch and roll as motion between frames takes them.
-#[must_use]
-pub fn frame_tilt(attitude: &Attitude) -> FrameTilt {
-    FrameTilt {
-        pitch_deg: attitude.pitch_deg,
-        roll_deg: attitude.roll_deg,
-    }
-}
-
-/// Standard deviation of the change of a first-order Gauss-Markov error of `sigma_deg` per axis over `interval_s`, degrees.
-#[must_use]
-pub fn tilt_change_sigma_deg(sigma_deg: f64, correlation_s: f64, interval_s: f64) -> f64 {
-    let decay = (-interval_s.max(0.0) / correlation_s).exp();
-    sigma_deg * (2.0 * (1.0 - decay)).sqrt()
 }
 
 #[cfg(test)]
@@ -108,15 +91,5 @@ mod tests {
         let bearing_deg = (ahead.0 - behind.0).atan2(ahead.1 - behind.1).to_degrees();
         let angles = GimbalAngles::of(&attitude(pitch_deg, roll_deg));
         assert_relative_eq!(angles.top_from_yaw_deg, bearing_deg, epsilon = 1e-6);
-    }
-
-    #[test]
-    fn errors_of_neighbouring_attitudes_are_alike() {
-        assert_relative_eq!(tilt_change_sigma_deg(0.5, 2.0, 0.0), 0.0);
-        assert_relative_eq!(
-            tilt_change_sigma_deg(0.5, 2.0, 100.0),
-            0.5 * 2f64.sqrt(),
-            epsilon = 1e-9
-        );
     }
 }

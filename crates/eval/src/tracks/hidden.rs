@@ -1,6 +1,7 @@
 //! Photos of a real flight in order of time: one to four fixes in a row are hidden from the filter and predicted from the motion
 //! between the photos.
 
+use grimnet_flight::position_fix;
 use grimnet_geo::{LonLat, distance_m};
 use grimnet_locate::{FrameFeatures, FramePair, Localizer, LocateError, Outcome, Prior};
 use grimnet_photo::Photo;
@@ -11,7 +12,6 @@ use grimnet_track::{
 use serde::Serialize;
 
 use super::figures::Consistency;
-use super::rendered::without_map_error;
 use crate::metrics::statistics::percentile;
 
 /// The most fixes that are hidden in a row.
@@ -220,15 +220,7 @@ fn search(
     };
     let map_error_m = localizer.options().map_error_m;
     let fix = match outcome {
-        Outcome::Fix(fix) => Some(PositionFix {
-            time_s: shot.time_s,
-            lonlat: LonLat::new(fix.lon_deg, fix.lat_deg),
-            covariance_en_m2: without_map_error(&fix, map_error_m),
-            map_error_m,
-            heading_deg: fix.heading_deg,
-            gsd_m: fix.gsd_m,
-            confidence: fix.confidence.unwrap_or(0.5),
-        }),
+        Outcome::Fix(fix) => Some(position_fix(&fix, shot.time_s, map_error_m)),
         Outcome::NoFix(_) => None,
     };
     let searched = Searched {

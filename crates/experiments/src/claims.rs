@@ -1,7 +1,8 @@
 //! EVALUATION.md: the published figures of accuracy, made from stored `summary.json` files.
 //!
 //! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
-//! `experiments/`, with the tables of `grim eval --experiment`, and `paper.md`, the table of what follows the publication and what differs. The page is made by
+//! `tracks/` ([`crate::track_claims`]), `experiments/`, with the tables of `grim eval --experiment`, and `paper.md`, the table of
+//! what follows the publication and what differs. The page is made by
 //! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
 
 use std::fmt::Write as _;
@@ -11,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::experiment_table::ExperimentTable;
+use crate::track_claims::{self, TrackClaimError};
 
 /// The description of a stored `summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -63,6 +65,9 @@ pub enum ClaimError {
         /// What is wrong with it.
         source: serde_json::Error,
     },
+    /// The sections on tracks cannot be made.
+    #[error(transparent)]
+    Tracks(#[from] TrackClaimError),
     /// An experiment's table cannot be read.
     #[error(transparent)]
     Table(#[from] crate::experiment_table::TableError),
@@ -94,6 +99,10 @@ pub fn page(folder: &Path) -> Result<String, ClaimError> {
         let claim: Claim = read(&folder.join("claim.json"))?;
         let summary: Value = read(&folder.join("summary.json"))?;
         section(&mut page, &claim, &summary);
+    }
+    let tracks = folder.join("tracks");
+    if tracks.is_dir() {
+        page.push_str(&track_claims::sections(&tracks)?);
     }
     let paper = folder.join(PAPER_TABLE);
     if paper.is_file() {

@@ -19,6 +19,7 @@ pub mod sift_map;
 pub mod sweep;
 pub mod tables;
 pub mod told;
+pub mod track_claims;
 #[cfg(feature = "train")]
 pub mod training;
 pub mod training_flight;

@@ -104,7 +104,7 @@ fn section(page: &mut String, claim: &TrackClaim, summary: &Value) {
 fn runs(page: &mut String, what: &str, figures: &Value) {
     let _ = write!(
         page,
-        "\n{what}: {} flights, {:.1} hours.\n\n\
+        "\n{what}: {} flights, {:.2} hours.\n\n\
          | | answered | median | 90 % | 99 % | radius < 5 m | < 10 m | < 25 m | longest gap | first fix | relocalised | confidently wrong | \
          95 % ellipse holds | NEES | NIS |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
         figures["flights"],

@@ -4,6 +4,7 @@
 //! but also what they do not describe: banked turns, gusts, fixes of other places that repeat from frame to frame, late and
 //! swapped fixes, and being put elsewhere.
 
+mod camera;
 mod delivered;
 mod errors;
 mod fixes;
@@ -13,11 +14,11 @@ mod path;
 mod runs;
 mod telemetry;
 
+pub use camera::Camera;
 pub use delivered::Delivered;
 pub use errors::Confidence;
 pub use flight::{Flight, TruePose};
 pub use options::{FixSample, FlightArea, FlightOptions, Gaps};
-pub use path::Camera;
 pub use runs::{Runs, fixes_only, motion_only, run_filter};
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use grimnet_geo::LonLat;
 
-use super::{errors::Confidence, path::Camera};
+use super::{camera::Camera, errors::Confidence};
 use crate::options::Vehicle;
 
 /// A square in which the aircraft stays, but for the room that a turn needs.

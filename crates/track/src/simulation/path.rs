@@ -6,17 +6,8 @@ use nalgebra::Vector2;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::{errors::Drift, options::FlightOptions};
+use super::{camera::Camera, errors::Drift, options::FlightOptions};
 use crate::options::Vehicle;
-
-/// How the camera is carried.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Camera {
-    /// Fixed to the aircraft: it leans with it.
-    Fixed,
-    /// Kept level by a gimbal, but for small errors.
-    Gimbal,
-}
 
 /// The truth at one time.
 #[derive(Debug, Clone, Copy)]

@@ -149,7 +149,7 @@ impl Answer {
 }
 
 /// Rounds to `decimals`: 8 decimals of a degree are a millimetre.
-fn rounded(value: f64, decimals: i32) -> f64 {
+pub fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale
 }

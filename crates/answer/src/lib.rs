@@ -15,7 +15,7 @@ mod kml;
 mod printable;
 mod xml;
 
-pub use answer::{Answer, State};
+pub use answer::{Answer, State, rounded};
 pub use csv::Csv;
 pub use error::AnswerError;
 pub use format::{AnswerFormat, or_dash, text_of};

@@ -9,7 +9,9 @@ use clap::{ArgAction, Parser, Subcommand};
 use crate::commands::absent;
 #[cfg(feature = "experiments")]
 use crate::commands::calibrate;
-use crate::commands::{completions, demo, eval, link, locate, man, map, model, serve, train};
+use crate::commands::{
+    completions, demo, eval, link, locate, man, map, model, serve, track, train,
+};
 use crate::exit::Exit;
 use crate::values;
 
@@ -69,6 +71,9 @@ enum Command {
     /// Find where photos were taken
     #[command(after_help = locate::EXAMPLES)]
     Locate(locate::LocateArgs),
+    /// Follow a flight: position, velocity and covariance over its frames
+    #[command(after_help = track::EXAMPLES)]
+    Track(Box<track::TrackArgs>),
     /// Answer photos over HTTP, with a page that shows them on the map
     #[command(after_help = serve::EXAMPLES)]
     Serve(serve::ServeArgs),
@@ -134,6 +139,7 @@ impl Cli {
         match command {
             Command::Map(command) => map::run(command),
             Command::Locate(arguments) => locate::run(&arguments),
+            Command::Track(arguments) => track::run(&arguments),
             Command::Serve(arguments) => serve::run(&arguments),
             Command::Link(command) => link::run(command),
             Command::Eval(arguments) => eval::run(&arguments),

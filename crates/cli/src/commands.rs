@@ -5,6 +5,7 @@ pub mod absent;
 pub mod calibrate;
 pub mod completions;
 pub mod demo;
+pub mod demo_flight;
 pub mod elsewhere;
 pub mod eval;
 pub mod eval_pictures;
@@ -28,6 +29,9 @@ pub mod map_place;
 pub mod model;
 pub mod results;
 pub mod serve;
+pub mod track;
+pub mod track_options;
+pub mod track_report;
 pub mod train;
 
 use std::path::PathBuf;

@@ -6,7 +6,8 @@ mod table;
 use anyhow::Result;
 use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
-pub use stream::AnswerStream;
+pub use grimnet_answer::or_dash;
+pub use stream::{AnswerStream, TextFormat, TextStream};
 
 /// How answers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -14,6 +14,7 @@ mod photos;
 mod procedural_flight;
 mod progress;
 mod terminal;
+mod tracking;
 mod values;
 
 use clap::Parser as _;

@@ -80,7 +80,8 @@ pub fn picture_names(photos: &[PathBuf]) -> Vec<String> {
     photos.iter().zip(&stems).map(name_of).collect()
 }
 
-fn has_photo_ending(path: &Path) -> bool {
+/// Whether a file is a picture by its ending.
+pub fn has_photo_ending(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| PHOTO_ENDINGS.contains(&e.to_string_lossy().to_lowercase().as_str()))
 }

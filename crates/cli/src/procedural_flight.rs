@@ -6,8 +6,8 @@ use anyhow::Result;
 use grimnet_eval::tracks::town::Town;
 use grimnet_output::OutputFolder;
 use grimnet_world::{
-    Camera, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World, WorldConfig,
-    write_geotiff, write_jpeg_with_exif, write_truth_csv,
+    Camera, Crossing, Flight, Look, PhotoTags, Placement, RegionM, Season, TruthRow, World,
+    WorldConfig, write_geotiff, write_jpeg_with_exif, write_truth_csv,
 };
 use image::RgbImage;
 
@@ -108,6 +108,67 @@ pub fn draw_town(out: &OutputFolder, seed: u64) -> Result<Town> {
     move_into(out, MAP, scratch.path())?;
     bar.finish_and_clear();
     Ok(Town { world, placement })
+}
+
+/// Frames of the flight that is followed, and metres between them: half a kilometre.
+const CROSSING_FRAMES: usize = 36;
+const CROSSING_SPACING_M: f64 = 14.0;
+
+/// The camera of the flight that is followed.
+const CROSSING_CAMERA: Camera = Camera {
+    width_px: 800,
+    height_px: 600,
+    ..CAMERA
+};
+
+/// Renders a flight over the town of [`make_flight`], a frame a second: `flight/` with the photos, and their true positions in
+/// `flight_truth.csv`. Gives the shares of town, countryside and water below it.
+///
+/// # Errors
+/// As [`make_flight`].
+pub fn make_crossing(out: &OutputFolder, seed: u64) -> Result<[f64; 3]> {
+    let photos = out.subfolder("flight")?;
+    let names: Vec<String> = (1..=CROSSING_FRAMES)
+        .map(|number| format!("frame_{number:03}.jpg"))
+        .collect();
+    out.check(["flight_truth.csv"])?;
+    photos.check(&names)?;
+    let scratch = tempfile::tempdir()?;
+    let scratch = scratch.path();
+    let world = World::new(WorldConfig {
+        seed,
+        ..WorldConfig::default()
+    });
+    let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
+    let placement = Placement::at(lon_deg, lat_deg)?;
+    let crossing = Crossing::plan(&world, CROSSING_FRAMES, CROSSING_SPACING_M, seed);
+    let look = Look::drone(Season::Autumn);
+    let bar = progress::bar(CROSSING_FRAMES as u64, "drawing the flight", "frames");
+    let mut truth = String::from("photo,gps_lat,gps_lon,height_agl_m\n");
+    for (number, (frame, name)) in crossing.frames.iter().zip(&names).enumerate() {
+        let photo: RgbImage = world.render_photo(&frame.pose, &CROSSING_CAMERA, &look);
+        let tags = PhotoTags {
+            taken: format!("2026:06:21 10:{:02}:{:02}.00", number / 60, number % 60),
+            ..PhotoTags::for_pose(
+                &frame.reported,
+                &CROSSING_CAMERA,
+                &placement,
+                GROUND_ALTITUDE_M,
+            )?
+        };
+        write_jpeg_with_exif(&scratch.join(name), &photo, JPEG_QUALITY, &tags)?;
+        move_into(&photos, name, scratch)?;
+        let [lon_deg, lat_deg] = placement.lonlat_from_world([frame.pose.x_m, frame.pose.y_m])?;
+        truth += &format!(
+            "{name},{lat_deg:.9},{lon_deg:.9},{:.3}\n",
+            frame.pose.height_agl_m
+        );
+        bar.inc(1);
+    }
+    out.write_bytes("flight_truth.csv", truth.as_bytes())?;
+    photos.prune(|_| true)?;
+    bar.finish_and_clear();
+    Ok(crossing.shares)
 }
 
 /// Moves a file from a scratch folder to where it belongs.

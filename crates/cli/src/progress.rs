@@ -18,7 +18,6 @@ pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
 }
 
 /// A spinner, for work whose steps are not counted.
-#[cfg(feature = "experiments")]
 pub fn spinner(what: &str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
     spinner.enable_steady_tick(Duration::from_millis(250));

@@ -5,5 +5,6 @@ pub mod map_picture;
 mod page;
 pub mod plot;
 pub mod results;
+pub mod track_page;
 
 pub use page::{Picture, Report, Run};

@@ -2,6 +2,7 @@
 
 use exif::{Exif, In, Tag, Value};
 
+use crate::exposure_time::ExposureTime;
 use crate::metadata::{ImageDirection, Metadata};
 
 /// Reads an EXIF structure. A structure that cannot be parsed gives a note only.
@@ -33,6 +34,7 @@ pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) {
     metadata.model = text(&exif, Tag::Model);
     metadata.captured_at =
         text(&exif, Tag::DateTimeOriginal).or_else(|| text(&exif, Tag::DateTime));
+    metadata.exposure_time = exposure_time(&exif);
     metadata.focal_length_mm = positive(&exif, Tag::FocalLength, "FocalLength", 2000.0, metadata);
     metadata.focal_35mm = positive(
         &exif,
@@ -56,6 +58,20 @@ pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) {
     metadata.original_size_px = side(Tag::PixelXDimension).zip(side(Tag::PixelYDimension));
     metadata.focal_plane_px = focal_plane_px(&exif, metadata.focal_length_mm);
     read_gps(&exif, metadata);
+}
+
+/// When the photo was taken: `DateTimeOriginal` with its fraction and zone, else `DateTime` with those.
+fn exposure_time(exif: &Exif) -> Option<ExposureTime> {
+    let at = |date, fraction, zone| {
+        let (fraction, zone) = (text(exif, fraction), text(exif, zone));
+        ExposureTime::from_exif(&text(exif, date)?, fraction.as_deref(), zone.as_deref())
+    };
+    at(
+        Tag::DateTimeOriginal,
+        Tag::SubSecTimeOriginal,
+        Tag::OffsetTimeOriginal,
+    )
+    .or_else(|| at(Tag::DateTime, Tag::SubSecTime, Tag::OffsetTime))
 }
 
 fn read_gps(exif: &Exif, metadata: &mut Metadata) {

@@ -25,6 +25,7 @@
 
 mod area;
 mod budget;
+pub mod calendar;
 mod camera;
 mod container;
 mod damage;
@@ -32,6 +33,7 @@ mod decode;
 mod error;
 mod evidence;
 mod exif_fields;
+mod exposure_time;
 mod heading;
 mod jpeg;
 mod jpeg_scan;
@@ -59,6 +61,7 @@ pub use damage::Damage;
 pub use error::PhotoError;
 pub use evidence::Evidence;
 pub use grimnet_limits::PhotoLimits;
+pub use exposure_time::ExposureTime;
 pub use metadata::{GpsPosition, ImageDirection, Metadata};
 pub use photo::{Photo, QUERY_LONG_SIDE_PX};
 pub use points::{PhotoPx, QueryPx};

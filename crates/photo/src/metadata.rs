@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use crate::evidence::Evidence;
+use crate::exposure_time::ExposureTime;
 
 /// Position recorded by a GNSS receiver. It is never used to localise a photo, only to check an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -70,6 +71,8 @@ pub struct Metadata {
     pub model: Option<String>,
     /// When it was taken, as EXIF writes it (`YYYY:MM:DD hh:mm:ss`, the camera's clock).
     pub captured_at: Option<String>,
+    /// The same as a number, with fractions of a second and the time zone where the camera recorded them.
+    pub exposure_time: Option<ExposureTime>,
     /// Fields that could not be read, and why.
     pub notes: Vec<Evidence>,
 }

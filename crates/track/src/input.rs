@@ -4,11 +4,12 @@ use std::cmp::Ordering;
 
 use grimnet_geo::LonLat;
 use nalgebra::{Rotation3, Vector3};
+use serde::{Deserialize, Serialize};
 
 use crate::error::InputError;
 
 /// A position measured from one photo: the ground point at the photo's centre.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct PositionFix {
     /// Exposure time, seconds on the clock that all inputs share.
     pub time_s: f64,
@@ -31,7 +32,7 @@ pub struct PositionFix {
 /// The displacement is that of the camera, not of the image centre: whoever measures it removes the change of tilt, if it is
 /// known. Scale is not part of it, because scales chained over frames drift: the filter takes the ground resolution from the
 /// last fix and the height.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RelativeMotion {
     /// Exposure time of the first frame, seconds.
     pub from_time_s: f64,
@@ -52,7 +53,7 @@ pub struct RelativeMotion {
 ///
 /// Rotations in the order yaw, pitch, roll (Z-Y-X) from north-east-down. With pitch and roll 0 the camera looks straight down
 /// and the photo's top points to `yaw_deg`.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Attitude {
     /// Seconds.
     pub time_s: f64,
@@ -92,7 +93,7 @@ impl Attitude {
 }
 
 /// Height of the aircraft.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Height {
     /// Seconds.
     pub time_s: f64,
@@ -103,7 +104,7 @@ pub struct Height {
 }
 
 /// Velocity over ground as the autopilot estimates it.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Velocity {
     /// Seconds.
     pub time_s: f64,
@@ -116,14 +117,15 @@ pub struct Velocity {
 }
 
 /// A frame that was searched and gave no fix. It opens the search window.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Miss {
     /// Exposure time, seconds.
     pub time_s: f64,
 }
 
 /// One input of the filter.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Input {
     /// See [`Attitude`].

@@ -1,11 +1,13 @@
 //! Options of the filter: what is known of the vehicle, of the sensors and of the errors of fixes.
 
 use grimnet_geo::LonLat;
+use serde::{Deserialize, Serialize};
 
 use crate::error::OptionsError;
 
 /// What kind of vehicle carries the camera. It says how fast the velocity may change when nothing measures it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Vehicle {
     /// Can stop and turn at any time.
@@ -35,7 +37,7 @@ impl Vehicle {
 }
 
 /// Where the aircraft is when the filter starts.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The place.
     pub lonlat: LonLat,
@@ -44,7 +46,8 @@ pub struct Start {
 }
 
 /// Options of a [`crate::Tracker`]. The defaults suit a small drone at 50-500 m above ground.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct TrackOptions {
     /// The vehicle.
     pub vehicle: Vehicle,

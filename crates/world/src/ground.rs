@@ -142,6 +142,17 @@ impl Ground {
         colour_of(&meadow, &at, p)
     }
 
+    /// What covers a point, roads apart.
+    pub(crate) fn cover(&self, p: V2) -> Option<Cover> {
+        let parcel = || {
+            let q = self.warp.layout_from_world(p);
+            Self::topmost(&self.parcels, self.parcel_grid.at(q), q)
+        };
+        Self::topmost(&self.patches, self.patch_grid.at(p), p)
+            .or_else(parcel)
+            .map(|(patch, _)| patch.cover)
+    }
+
     /// Whether the point lies on a carriageway or pavement.
     pub(crate) fn on_road(&self, p: V2, margin_m: f32) -> bool {
         let q = self.warp.layout_from_world(p);

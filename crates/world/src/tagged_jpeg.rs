@@ -39,7 +39,7 @@ pub struct PhotoTags {
     pub make: String,
     /// Model of the camera.
     pub model: String,
-    /// Local time, `YYYY:MM:DD HH:MM:SS`.
+    /// Local time, `YYYY:MM:DD HH:MM:SS`, with a fraction of a second if it has one: `YYYY:MM:DD HH:MM:SS.25`.
     pub taken: String,
 }
 
@@ -183,7 +183,11 @@ fn degrees_minutes_seconds(degrees: f64) -> [(f64, u32); 3] {
 
 fn exif_block(tags: &PhotoTags, width: u32, height: u32) -> Vec<u8> {
     let mut camera = Directory::default();
-    camera.ascii(0x9003, &tags.taken);
+    let (taken, fraction) = tags.taken.split_once('.').unwrap_or((&tags.taken, ""));
+    camera.ascii(0x9003, taken);
+    if !fraction.is_empty() {
+        camera.ascii(0x9291, fraction);
+    }
     camera.byte(0x9000, b"0230");
     camera.rationals(0x829a, &[(0.001, 1_000_000)]);
     camera.rationals(0x829d, &[(2.8, 10)]);
@@ -212,7 +216,7 @@ fn exif_block(tags: &PhotoTags, width: u32, height: u32) -> Vec<u8> {
     main.ascii(0x0110, &tags.model);
     main.short(0x0112, 1);
     main.ascii(0x0131, "grimnet-world");
-    main.ascii(0x0132, &tags.taken);
+    main.ascii(0x0132, taken);
     main.long(0x8769, 0);
     main.long(0x8825, 0);
     let camera_at = 8 + main.size();

@@ -4,6 +4,7 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::camera::View;
 use crate::config::WorldConfig;
+use crate::cover::Cover;
 use crate::ground::Ground;
 use crate::look::{Look, Season};
 use crate::objects::Objects;
@@ -30,6 +31,17 @@ pub struct SurfaceHit {
     pub y_m: f64,
     /// Above the ground, metres; 0 on it.
     pub height_m: f64,
+}
+
+/// What kind of land a place is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Land {
+    /// Houses, gardens, streets, works.
+    Town,
+    /// Fields, meadows, orchards, forest.
+    Countryside,
+    /// A river or a pond.
+    Water,
 }
 
 impl World {
@@ -77,6 +89,17 @@ impl World {
             .albedo
             .0
             .map(|v| (v.max(0.0).sqrt() * 255.0).min(255.0) as u8)
+    }
+
+    /// What kind of land a place is.
+    pub fn land_at(&self, x_m: f64, y_m: f64) -> Land {
+        match self.ground.cover(Vector2::new(x_m as f32, y_m as f32)) {
+            Some(Cover::Water) => Land::Water,
+            None | Some(Cover::Meadow | Cover::Crop | Cover::Orchard | Cover::ForestFloor) => {
+                Land::Countryside
+            }
+            Some(_) => Land::Town,
+        }
     }
 
     /// The surface (ground, roof, wall, tree) at a photo pixel; `None` if the pixel is above the horizon.

@@ -1,4 +1,4 @@
-//! `grim demo`: a procedural town, a flight over it, every photo located. Nothing to download.
+//! `grim demo`: a procedural town, photos of a survey, every one located, and a flight that is followed. Nothing to download.
 
 use std::io::Write;
 use std::net::SocketAddr;
@@ -19,6 +19,7 @@ use grimnet_pack::{BuildOptions, Pack};
 use grimnet_world::WorldConfig;
 
 use super::ModelChoice;
+use super::demo_flight::follow_crossing;
 use super::eval_pictures::matches_jpeg;
 use super::eval_run::{answers, evaluate_all};
 use super::map::build_with_bar;
@@ -35,13 +36,17 @@ use grimnet_answer::printable;
 const PICTURES: usize = 6;
 
 /// Files in the folder, beside the pack.
-const FILES: [&str; 6] = [
+const FILES: [&str; 10] = [
     "map.tif",
     "truth.csv",
     "fixes.jsonl",
     "fixes_unknown_heading.jsonl",
     "summary.json",
     "report.html",
+    "flight_truth.csv",
+    "track.jsonl",
+    "track.gpx",
+    "track.html",
 ];
 
 /// The pack in the folder.
@@ -153,9 +158,10 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     folder.write_bytes("report.html", report.to_html()?.as_bytes())?;
 
     print_summary(&runs)?;
+    let tracked = follow_crossing(&folder, arguments.seed, localizer, scene.map.as_ref())?;
     writeln!(
         std::io::stdout(),
-        "\n{:.0} s in all. The report is {}, pictures of matches are in {}",
+        "\n{tracked}\n\n{:.0} s in all. The report is {}, pictures of matches are in {}",
         started.elapsed().as_secs_f64(),
         printable(&out.join("report.html").display().to_string()),
         printable(&matches.path().display().to_string())

@@ -9,12 +9,57 @@ use grimnet_output::{AtomicFile, OutputPolicy};
 
 use super::Format;
 
+/// The text of rows of one kind, in pieces: opening, rows, closing.
+pub trait TextFormat<R> {
+    /// What stands before the first row.
+    fn opening(&self) -> String {
+        String::new()
+    }
+
+    /// One row.
+    ///
+    /// # Errors
+    /// The row cannot be written in this format.
+    fn row(&mut self, row: &R) -> Result<String>;
+
+    /// What has to follow the last row for the text to be well-formed.
+    fn closing(&self) -> &'static str {
+        ""
+    }
+
+    /// What is said at the end of a whole run.
+    fn summary(&self) -> String {
+        String::new()
+    }
+}
+
+impl TextFormat<Answer> for Box<dyn AnswerFormat> {
+    fn opening(&self) -> String {
+        self.as_ref().opening()
+    }
+
+    fn row(&mut self, answer: &Answer) -> Result<String> {
+        Ok(self.as_mut().answer(answer)?)
+    }
+
+    fn closing(&self) -> &'static str {
+        self.as_ref().closing()
+    }
+
+    fn summary(&self) -> String {
+        self.as_ref().summary()
+    }
+}
+
 /// Where answers go as they come.
+pub type AnswerStream = TextStream<Answer>;
+
+/// Where rows go as they come.
 ///
-/// In a file, the text is well-formed after every answer: the closing is written behind each answer and overwritten by
+/// In a file, the text is well-formed after every row: the closing is written behind each row and overwritten by
 /// the next one. The file is `FILE.partial` until the run ends.
-pub struct AnswerStream {
-    format: Box<dyn AnswerFormat>,
+pub struct TextStream<R> {
+    format: Box<dyn TextFormat<R>>,
     out: Out,
     opened: bool,
 }
@@ -27,26 +72,45 @@ enum Out {
 impl AnswerStream {
     /// Answers go to standard output.
     pub fn to_stdout(format: Format) -> Self {
-        Self {
-            format: format.start(),
-            out: Out::Stdout(std::io::stdout()),
-            opened: false,
-        }
+        Self::rows_to_stdout(Box::new(format.start()))
     }
 
     /// Answers go to a file.
     ///
     /// # Errors
-    /// The file may not be replaced, or nothing can be written there.
+    /// As [`TextStream::rows_to_file`].
     pub fn to_file(format: Format, path: &Path, policy: &OutputPolicy) -> Result<Self> {
+        Self::rows_to_file(Box::new(format.start()), path, policy)
+    }
+}
+
+impl<R> TextStream<R> {
+    /// Rows go to standard output.
+    pub fn rows_to_stdout(format: Box<dyn TextFormat<R>>) -> Self {
+        Self {
+            format,
+            out: Out::Stdout(std::io::stdout()),
+            opened: false,
+        }
+    }
+
+    /// Rows go to a file.
+    ///
+    /// # Errors
+    /// The file may not be replaced, or nothing can be written there.
+    pub fn rows_to_file(
+        format: Box<dyn TextFormat<R>>,
+        path: &Path,
+        policy: &OutputPolicy,
+    ) -> Result<Self> {
         Ok(Self {
-            format: format.start(),
+            format,
             out: Out::File(policy.create_partial(path)?),
             opened: false,
         })
     }
 
-    /// Where the answers are until the run ends; `None` if they are written through.
+    /// Where the rows are until the run ends; `None` if they are written through.
     pub fn partial_path(&self) -> Option<PathBuf> {
         match &self.out {
             Out::Stdout(_) => None,
@@ -54,13 +118,13 @@ impl AnswerStream {
         }
     }
 
-    /// Writes one answer.
+    /// Writes one row.
     ///
     /// # Errors
     /// The output cannot be written.
-    pub fn write(&mut self, answer: &Answer) -> Result<()> {
+    pub fn write(&mut self, row: &R) -> Result<()> {
         let mut text = self.opening();
-        text += &self.format.answer(answer)?;
+        text += &self.format.row(row)?;
         let closing = self.format.closing();
         match &mut self.out {
             // What was written to a pipe cannot be taken back: the closing waits for the end.

@@ -5,6 +5,7 @@
 mod damage;
 mod interruptions;
 mod outputs;
+mod track;
 mod words;
 
 use std::path::{Path, PathBuf};

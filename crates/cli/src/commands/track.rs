@@ -1,0 +1,350 @@
+//! `grim track`: follows a flight over its frames.
+
+use std::io::{BufReader, IsTerminal as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context as _, Result, bail};
+use grimnet_flight::Flight;
+use grimnet_locate::Localizer;
+use grimnet_output::OutputPolicy;
+use grimnet_pack::Pack;
+use grimnet_track::TrackOptions;
+use indicatif::ProgressBar;
+
+pub use super::track_options::TrackArgs;
+use super::track_report::{ReportFolder, Scored};
+use crate::exit::Exit;
+use crate::formats::TextStream;
+use crate::tracking::following::Following;
+use crate::tracking::formats::TrackFormat;
+use crate::tracking::frames::Frames;
+use crate::tracking::line::{TrackLine, state_text};
+use crate::tracking::photo_list::PhotoList;
+use crate::tracking::recording::{Recorder, Replay};
+use crate::tracking::session::{Session, Tracked};
+use crate::tracking::smoothed::smoothed_lines;
+use crate::tracking::standard_input::StreamedFrames;
+use crate::tracking::truth::Truth;
+use crate::tracking::video::{DEFAULT_FRAMES_PER_S, Video, is_video};
+use crate::{inputs, interrupt, photos, progress};
+use grimnet_answer::printable;
+
+/// Examples under the help of `grim track`.
+pub const EXAMPLES: &str = "\
+Examples:
+  grim track --pack town.grim flight/ -o flight.gpx
+  grim track --pack town.grim incoming/ --follow --start 24.26,120.72,200
+  grim track --pack town.grim flight/ --smooth --report report --map town.tif --truth truth.csv
+  grim track --pack town.grim DJI_0001.MP4 --fps 2 --hfov 73
+  camera | grim track --pack town.grim - --fps 5 --record recorded
+  grim track --replay recorded
+
+Exit status: 0 the aircraft was found, 1 it was not, or some frames could not be used, or a replay gave another track, 2 wrong \
+use or input that cannot be read, 130 stopped by Ctrl-C (the track so far is written).";
+
+/// A step of time beyond which the clock of a live source has jumped, seconds. Recorded photos are sorted by time: a long pause is
+/// one.
+const LONGEST_PAUSE_S: f64 = 1e9;
+
+/// Runs the command.
+///
+/// # Errors
+/// Unreadable pack, model or source; a track that cannot be written. A frame that cannot be used is told and stops nothing.
+pub fn run(arguments: &TrackArgs) -> Result<Exit> {
+    if let Some(folder) = &arguments.output.replay {
+        return replay(arguments, folder);
+    }
+    let Some(pack) = &arguments.pack else {
+        bail!("expected a map pack, --pack AREA.grim");
+    };
+    let source = Source::of(arguments)?;
+    let policy = policy(arguments, pack, &source);
+    let output = &arguments.output;
+    if let Some(path) = &output.out {
+        policy.check_file(path, &[])?;
+    }
+    let truth = output.truth.as_deref().map(Truth::read).transpose()?;
+    inputs::check_regular(pack)?;
+    let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
+        .with_options(arguments.known.options());
+    let report = match &output.report {
+        Some(folder) => {
+            let map = output.map.as_deref();
+            Some(ReportFolder::open(folder, &policy, map, &output.place)?)
+        }
+        None => None,
+    };
+    let clock_jump_s = if source.is_live() {
+        TrackOptions::default().clock_jump_s
+    } else {
+        LONGEST_PAUSE_S
+    };
+    let flight = Flight::new(localizer, arguments.known.flight_options(clock_jump_s))?;
+    let recorder = match &output.record {
+        Some(folder) => Some(Recorder::create(folder, &policy)?),
+        None => None,
+    };
+    let mut stream = open_stream(arguments, &policy)?;
+    let mut frames = source.open(arguments)?;
+    let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);
+    let mut followed = Followed {
+        session,
+        truth,
+        scored: Vec::new(),
+        lines: Vec::new(),
+        keeps_lines: output.smooth || report.is_some(),
+    };
+    let partial = stream.partial_path();
+    let interrupted = follow(&mut followed, frames.as_mut(), &mut stream, output.smooth)
+        .and_then(|interrupted| {
+            if output.smooth {
+                let options = followed.session.flight().tracker().options();
+                let inputs = followed.session.inputs();
+                for line in smoothed_lines(&followed.lines, inputs, frames.epoch(), options)? {
+                    stream.write(&line)?;
+                }
+            }
+            stream.finish()?;
+            Ok(interrupted)
+        })
+        .map_err(|error| match partial {
+            Some(path) => error.context(format!(
+                "stopped; the track so far is in {}",
+                path.display()
+            )),
+            None => error,
+        })?;
+    if let Some(report) = report {
+        report.write(&followed.scored)?;
+    }
+    let exit = summarise(&followed, frames.as_ref(), interrupted)?;
+    followed.session.finish()?;
+    Ok(exit)
+}
+
+/// Where frames come from, as the command line names it.
+enum Source {
+    Photos(Vec<PathBuf>),
+    Folder(PathBuf),
+    Video(PathBuf),
+    StandardInput,
+}
+
+impl Source {
+    fn of(arguments: &TrackArgs) -> Result<Self> {
+        let source = arguments.source.as_slice();
+        if arguments.frames.follow {
+            return match source {
+                [folder] => Ok(Self::Folder(folder.clone())),
+                _ => bail!("--follow expects one folder"),
+            };
+        }
+        match source {
+            [only] if only == Path::new("-") => Ok(Self::StandardInput),
+            [only] if is_video(only) => Ok(Self::Video(only.clone())),
+            several if several.iter().any(|path| is_video(path)) => {
+                bail!("expected one video, or photos; not several sources together")
+            }
+            _ => Ok(Self::Photos(photos::expand(source)?)),
+        }
+    }
+
+    /// Whether frames come while the aircraft flies.
+    fn is_live(&self) -> bool {
+        matches!(self, Self::Folder(_) | Self::StandardInput)
+    }
+
+    /// What no output may replace.
+    fn files(&self) -> &[PathBuf] {
+        match self {
+            Self::Photos(paths) => paths,
+            Self::Folder(path) | Self::Video(path) => std::slice::from_ref(path),
+            Self::StandardInput => &[],
+        }
+    }
+
+    fn open(self, arguments: &TrackArgs) -> Result<Box<dyn Frames>> {
+        let frames = &arguments.frames;
+        let timing = frames.timing();
+        Ok(match self {
+            Self::Photos(paths) => Box::new(PhotoList::new(paths, &timing)?),
+            Self::Folder(folder) => Box::new(Following::new(
+                &folder,
+                timing,
+                frames.idle.map(Duration::from_secs_f64),
+                Duration::from_secs_f64(frames.most_wait),
+            )?),
+            Self::Video(path) => Box::new(Video::open(
+                &path,
+                frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S),
+            )?),
+            Self::StandardInput => Box::new(StreamedFrames::new(
+                BufReader::new(std::io::stdin()),
+                timing,
+            )?),
+        })
+    }
+}
+
+/// What may be replaced: nothing that this run reads.
+fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
+    let output = &arguments.output;
+    output
+        .overwrite
+        .policy()
+        .protect(pack)
+        .protect_all(source.files())
+        .protect_all(&arguments.model.model)
+        .protect_all(&output.map)
+        .protect_all(&output.truth)
+}
+
+fn open_stream(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<TextStream<TrackLine>> {
+    let output = &arguments.output;
+    let by_ending = || output.out.as_deref().and_then(TrackFormat::of);
+    let format = output.format.or_else(by_ending).unwrap_or_else(|| {
+        if output.out.is_none() && std::io::stdout().is_terminal() {
+            TrackFormat::Table
+        } else {
+            TrackFormat::Jsonl
+        }
+    });
+    match &output.out {
+        Some(path) => TextStream::rows_to_file(format.start(), path, policy),
+        None => Ok(TextStream::rows_to_stdout(format.start())),
+    }
+}
+
+/// A flight while it is followed.
+struct Followed {
+    session: Session,
+    truth: Option<Truth>,
+    scored: Vec<Scored>,
+    /// The lines, where they are needed at the end.
+    lines: Vec<(f64, TrackLine)>,
+    keeps_lines: bool,
+}
+
+/// Takes frame after frame until the last one or Ctrl-C. Gives whether it was interrupted.
+fn follow(
+    followed: &mut Followed,
+    frames: &mut dyn Frames,
+    stream: &mut TextStream<TrackLine>,
+    only_at_end: bool,
+) -> Result<bool> {
+    let stop = Arc::new(AtomicBool::new(false));
+    interrupt::stop_on_interrupt(&stop)?;
+    let bar = match frames.count() {
+        Some(count) => progress::bar(count as u64, "following", "frames"),
+        None => progress::spinner("waiting for the first frame"),
+    };
+    let since = Instant::now();
+    while let Some(frame) = frames.next(&stop)? {
+        let tracked = bar.suspend(|| followed.session.frame(frame, frames.epoch()))?;
+        show(&bar, &tracked, followed.session.counts().frames, since);
+        if !only_at_end {
+            bar.suspend(|| stream.write(&tracked.line))?;
+        }
+        if followed.truth.is_some() || followed.keeps_lines {
+            let truth = followed.truth.as_ref();
+            followed.scored.push(Scored::of(&tracked, truth));
+            followed.lines.push((tracked.time_s, tracked.line));
+        }
+    }
+    bar.finish_and_clear();
+    Ok(stop.load(Ordering::Relaxed))
+}
+
+/// The live line: state, position, radius, age of the last fix, frames per second.
+fn show(bar: &ProgressBar, tracked: &Tracked, frames: usize, since: Instant) {
+    let line = &tracked.line;
+    let mut text = state_text(line.state).to_owned();
+    if let (Some(lat_deg), Some(lon_deg), Some(radius_m)) =
+        (line.lat_deg, line.lon_deg, line.radius95_m)
+    {
+        text += &format!(" {lat_deg:.6} {lon_deg:.6} ±{radius_m:.1} m");
+    }
+    if let Some(age_s) = line.age_of_last_fix_s {
+        text += &format!(", last fix {age_s:.1} s ago");
+    }
+    let per_s = frames as f64 / since.elapsed().as_secs_f64().max(1e-3);
+    bar.set_message(format!("{text}, {per_s:.1} frames/s"));
+    bar.inc(1);
+}
+
+/// Tells what became of the frames.
+fn summarise(followed: &Followed, frames: &dyn Frames, interrupted: bool) -> Result<Exit> {
+    let counts = followed.session.counts();
+    if frames.dropped() > 0 {
+        tracing::warn!(
+            "{} frames were dropped for newer ones, because frames came faster than they were processed",
+            frames.dropped()
+        );
+    }
+    if counts.unusable > 0 {
+        tracing::warn!(
+            "{} of {} frames could not be used",
+            counts.unusable,
+            counts.frames
+        );
+    }
+    let refused = followed.session.flight().tracker().counts();
+    tracing::info!(
+        "{} frames, {} with a position on the map, {} with a usable track; inputs: {refused:?}",
+        counts.frames,
+        counts.fixes,
+        counts.usable
+    );
+    if let Some(text) = super::track_report::figures_text(&followed.scored) {
+        let mut out = std::io::stderr();
+        writeln!(out, "{text}").context("cannot write to standard error")?;
+    }
+    let left_out = counts.unusable + frames.without_time();
+    Ok(if interrupted {
+        Exit::Interrupted
+    } else if counts.usable == 0 || left_out > 0 {
+        Exit::SomeWithoutFix
+    } else {
+        Exit::Done
+    })
+}
+
+/// Runs a recording again.
+fn replay(arguments: &TrackArgs, folder: &Path) -> Result<Exit> {
+    let policy = arguments
+        .output
+        .overwrite
+        .policy()
+        .protect(folder.join("flight.jsonl"));
+    if let Some(path) = &arguments.output.out {
+        policy.check_file(path, &[])?;
+    }
+    let mut stream = open_stream(arguments, &policy)?;
+    let mut recorded = Replay::open(folder)?;
+    let (mut frames, mut others) = (0, 0);
+    while let Some(frame) = recorded.next_frame()? {
+        frames += 1;
+        if !frame.is_same {
+            others += 1;
+            if others == 1 {
+                let photo = frame.line.photo();
+                tracing::warn!(
+                    "{}: frame {frames} ({}) gives another position than when it was recorded",
+                    folder.display(),
+                    printable(photo)
+                );
+            }
+        }
+        stream.write(&frame.line)?;
+    }
+    stream.finish()?;
+    if others > 0 {
+        tracing::warn!("{others} of {frames} frames give another track than the recorded one");
+        return Ok(Exit::SomeWithoutFix);
+    }
+    tracing::info!("{frames} frames, all as they were recorded");
+    Ok(Exit::Done)
+}

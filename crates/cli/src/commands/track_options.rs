@@ -1,0 +1,228 @@
+//! Arguments of `grim track`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use grimnet_flight::{FlightOptions, Known};
+use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, Options, Prior};
+use grimnet_photo::ViewPrior;
+use grimnet_track::{Start, TrackOptions, Vehicle};
+
+use super::ModelChoice;
+use super::map_place::MapPlace;
+use crate::outputs::OverwriteChoice;
+use crate::tracking::formats::TrackFormat;
+use crate::tracking::frame_time::TimeSource;
+use crate::tracking::frames::Timing;
+use crate::values;
+
+/// Heading of the options about frames.
+const FRAMES: &str = "Frames";
+/// Heading of the options that state what is known.
+const KNOWN: &str = "What you know about the flight";
+/// Heading of the options about output.
+const OUTPUT: &str = "Output";
+
+/// What kind of aircraft carries the camera.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum VehicleChoice {
+    /// Can stop and turn at any time
+    #[default]
+    Multirotor,
+    /// Flies on, faster, and turns by banking
+    Plane,
+}
+
+/// Arguments of `grim track`.
+#[derive(Debug, Args)]
+pub struct TrackArgs {
+    /// Photos, folders of photos or patterns; a video; `-` for standard input
+    ///
+    /// Photos are taken in order of time. Standard input holds JPEG pictures one after the other, or lines with the names of
+    /// photo files. Videos and addresses such as rtsp:// are decoded by an `ffmpeg` process.
+    #[arg(required_unless_present = "replay")]
+    pub source: Vec<PathBuf>,
+
+    /// The map pack (made by `grim map build`)
+    #[arg(
+        short,
+        long,
+        value_name = "AREA.grim",
+        required_unless_present = "replay"
+    )]
+    pub pack: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub frames: FrameArgs,
+
+    #[command(flatten)]
+    pub known: KnownArgs,
+
+    #[command(flatten)]
+    pub model: ModelChoice,
+
+    #[command(flatten)]
+    pub output: OutputArgs,
+}
+
+/// How frames come and when they were taken.
+#[derive(Debug, Args)]
+pub struct FrameArgs {
+    /// Follow a folder into which photos are being written, until Ctrl-C
+    ///
+    /// Only complete files are taken: those whose size does not change any more, or that were renamed into the folder.
+    #[arg(long, help_heading = FRAMES)]
+    pub follow: bool,
+
+    /// With --follow: end after so many seconds without a new photo
+    #[arg(long, value_name = "S", requires = "follow", value_parser = values::duration_s, allow_hyphen_values = true, help_heading = FRAMES)]
+    pub idle: Option<f64>,
+
+    /// With --follow: a photo that waited longer than this is left out for a newer one, and counted
+    #[arg(long, value_name = "S", requires = "follow", value_parser = values::duration_s, allow_hyphen_values = true, default_value_t = 2.0, help_heading = FRAMES)]
+    pub most_wait: f64,
+
+    /// Where the times of photos come from; a clock without time zone is taken for UTC
+    #[arg(long, value_enum, default_value_t, help_heading = FRAMES)]
+    pub time_from: TimeSource,
+
+    /// Frames per second: of photos that are numbered in order and have no times; of a video, how many are taken [default: 2]
+    #[arg(long, value_name = "N", value_parser = values::rate_per_s, allow_hyphen_values = true, help_heading = FRAMES)]
+    pub fps: Option<f64>,
+}
+
+impl FrameArgs {
+    /// How photos get their times.
+    pub fn timing(&self) -> Timing {
+        Timing {
+            source: self.time_from,
+            frames_per_s: self.fps,
+        }
+    }
+}
+
+/// What the user knows.
+#[derive(Debug, Args)]
+pub struct KnownArgs {
+    /// Where the aircraft is at the beginning, to 95 % within the radius [default: anywhere on the map]
+    #[arg(long, value_name = "LAT,LON,RADIUS_M", allow_hyphen_values = true, help_heading = KNOWN)]
+    pub start: Option<Near>,
+
+    /// What kind of aircraft it is
+    #[arg(long, value_enum, default_value_t, help_heading = KNOWN)]
+    pub vehicle: VehicleChoice,
+
+    /// Height above ground, metres; overrides metadata [default: from the photos]
+    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true, help_heading = KNOWN)]
+    pub height_agl: Option<f64>,
+
+    /// Horizontal field of view, degrees; overrides metadata [default: from the photos]
+    #[arg(long, value_name = "DEG", value_parser = values::fov_deg, allow_hyphen_values = true, help_heading = KNOWN)]
+    pub hfov: Option<f64>,
+
+    /// Do not use headings and attitudes of the photos' metadata
+    #[arg(long, help_heading = KNOWN)]
+    pub no_heading: bool,
+
+    /// Position error of the map itself, metres (1 sigma per axis); the stated radius includes it
+    #[arg(long, value_name = "M", value_parser = values::sigma_m, allow_hyphen_values = true, default_value_t = DEFAULT_MAP_ERROR_M, help_heading = KNOWN)]
+    pub map_error: f64,
+}
+
+impl KnownArgs {
+    /// What is known of every frame.
+    pub fn known(&self) -> Known {
+        let heading = if self.no_heading {
+            HeadingPrior::Unknown
+        } else {
+            HeadingPrior::FromMetadata
+        };
+        Known {
+            prior: Prior {
+                view: ViewPrior {
+                    heading,
+                    height_agl_m: self.height_agl,
+                    hfov_deg: self.hfov,
+                    gsd_m: None,
+                },
+                near: None,
+            },
+            attitude: None,
+        }
+    }
+
+    /// How single frames are localised.
+    pub fn options(&self) -> Options {
+        Options {
+            map_error_m: self.map_error,
+            ..Options::default()
+        }
+    }
+
+    /// How the flight is followed; with `clock_jump_s` between two inputs the clock has jumped.
+    pub fn flight_options(&self, clock_jump_s: f64) -> FlightOptions {
+        let vehicle = match self.vehicle {
+            VehicleChoice::Multirotor => Vehicle::Multirotor,
+            VehicleChoice::Plane => Vehicle::Plane,
+        };
+        let start = self.start.map(|start| Start {
+            lonlat: start.centre,
+            radius95_m: start.radius_m,
+        });
+        FlightOptions {
+            track: TrackOptions {
+                vehicle,
+                start,
+                clock_jump_s,
+                ..TrackOptions::default()
+            },
+            ..FlightOptions::default()
+        }
+    }
+}
+
+/// Where the track goes.
+#[derive(Debug, Args)]
+pub struct OutputArgs {
+    /// How to write the track [default: by the file's ending; table on a terminal, jsonl in a pipe]
+    #[arg(long, value_enum, help_heading = OUTPUT)]
+    pub format: Option<TrackFormat>,
+
+    /// Write the track to this file [default: standard output]
+    ///
+    /// During the flight it is in FILE.partial, which is well-formed after every frame.
+    #[arg(short, long, value_name = "FILE", help_heading = OUTPUT)]
+    pub out: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub overwrite: OverwriteChoice,
+
+    /// For recorded flights: write the track at the end, each point with what came before and after it (RTS smoother)
+    #[arg(long, conflicts_with_all = ["follow", "replay"], help_heading = OUTPUT)]
+    pub smooth: bool,
+
+    /// True positions by photo, to state how far the track is from them
+    ///
+    /// A table with a column `photo`, and `gps_lat`,`gps_lon` (aircraft) or `lat_deg`,`lon_deg` (image centre).
+    #[arg(long, value_name = "TRUTH.csv", conflicts_with = "replay", help_heading = OUTPUT)]
+    pub truth: Option<PathBuf>,
+
+    /// Write a page with a map of the track, its ellipses and, with --truth, its error over time into this folder
+    #[arg(long, value_name = "DIR", conflicts_with = "replay", help_heading = OUTPUT)]
+    pub report: Option<PathBuf>,
+
+    /// The map, as background of --report
+    #[arg(long, value_name = "MAP", requires = "report", help_heading = OUTPUT)]
+    pub map: Option<PathBuf>,
+
+    #[command(flatten)]
+    pub place: MapPlace,
+
+    /// Record the flight into this folder: all inputs, times and answers
+    #[arg(long, value_name = "DIR", conflicts_with = "replay", help_heading = OUTPUT)]
+    pub record: Option<PathBuf>,
+
+    /// Run a recorded flight again, without its photos, and say whether the track is the same
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["source", "pack"], help_heading = OUTPUT)]
+    pub replay: Option<PathBuf>,
+}

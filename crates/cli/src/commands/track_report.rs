@@ -1,0 +1,143 @@
+//! The page of `grim track --report`, and the figures against the truth.
+
+use std::path::Path;
+
+use anyhow::Result;
+use grimnet_eval::report::track_page::{TrackMark, TrackPage};
+use grimnet_geo::{LonLat, Raster, open_map};
+use grimnet_output::{OutputFolder, OutputPolicy};
+
+use super::map_place::MapPlace;
+use crate::inputs;
+use crate::tracking::line::FrameResult;
+use crate::tracking::session::Tracked;
+use crate::tracking::truth::{Compared, Truth, summary};
+
+/// The page in the folder.
+const PAGE: &str = "report.html";
+
+/// A frame for the report.
+#[derive(Debug, Clone, Copy)]
+pub struct Scored {
+    mark: TrackMark,
+    compared: Option<Compared>,
+}
+
+impl Scored {
+    /// Of a frame, with its truth if that is known.
+    pub fn of(tracked: &Tracked, truth: Option<&Truth>) -> Self {
+        let line = &tracked.line;
+        let compared = truth
+            .and_then(|truth| truth.compare(line.photo(), tracked.time_s, tracked.point.as_ref()));
+        let place = line.lon_lat_deg().map(|[lon, lat]| LonLat::new(lon, lat));
+        let is_fix = line
+            .note
+            .as_ref()
+            .is_some_and(|note| note.frame == FrameResult::Fix);
+        Self {
+            mark: TrackMark {
+                time_s: tracked.time_s,
+                place,
+                covariance_en_m2: line.covariance_en_m2.unwrap_or_default(),
+                radius95_m: line.radius95_m.unwrap_or_default(),
+                is_fix,
+                truth: compared.map(|compared| compared.truth),
+            },
+            compared,
+        }
+    }
+}
+
+/// Names and values of the figures; empty without truth.
+fn figures(scored: &[Scored]) -> Vec<(String, String)> {
+    let compared: Vec<Compared> = scored.iter().filter_map(|scored| scored.compared).collect();
+    if compared.is_empty() {
+        return Vec::new();
+    }
+    let summary = summary(&compared);
+    let metres = |value: Option<f64>| value.map_or("-".to_owned(), |v| format!("{v:.1} m"));
+    let percent = |value: f64| format!("{:.0} %", 100.0 * value);
+    [
+        ("frames with truth", summary.instants.to_string()),
+        ("median error", metres(summary.median_m)),
+        ("90th percentile", metres(summary.p90_m)),
+        ("99th percentile", metres(summary.p99_m)),
+        (
+            "stated radius below 10 m",
+            percent(summary.availability_10m),
+        ),
+        (
+            "stated radius below 25 m",
+            percent(summary.availability_25m),
+        ),
+        ("longest gap", format!("{:.1} s", summary.longest_gap_s)),
+        ("confidently wrong", summary.confidently_wrong.to_string()),
+        (
+            "95 % ellipse holds",
+            summary.ellipse95_holds.map_or("-".to_owned(), percent),
+        ),
+    ]
+    .map(|(name, value)| (name.to_owned(), value))
+    .into()
+}
+
+/// The figures in one line; `None` without truth.
+pub fn figures_text(scored: &[Scored]) -> Option<String> {
+    let figures = figures(scored);
+    let parts: Vec<String> = figures
+        .iter()
+        .map(|(name, value)| format!("{name} {value}"))
+        .collect();
+    (!parts.is_empty()).then(|| parts.join(", "))
+}
+
+/// The page of a flight.
+pub fn page(title: &str, description: Vec<String>, scored: &[Scored]) -> TrackPage {
+    TrackPage {
+        title: title.to_owned(),
+        description,
+        figures: figures(scored),
+        marks: scored.iter().map(|scored| scored.mark).collect(),
+    }
+}
+
+/// Where the report goes, checked before the flight.
+pub struct ReportFolder {
+    folder: OutputFolder,
+    map: Option<Box<dyn Raster>>,
+}
+
+impl ReportFolder {
+    /// Opens the folder and the map.
+    ///
+    /// # Errors
+    /// The folder may not be written, or the map cannot be read.
+    pub fn open(
+        folder: &Path,
+        policy: &OutputPolicy,
+        map: Option<&Path>,
+        place: &MapPlace,
+    ) -> Result<Self> {
+        let map = match map {
+            Some(path) => {
+                inputs::check_regular(path)?;
+                Some(open_map(path, &place.options())?)
+            }
+            None => None,
+        };
+        let folder = OutputFolder::open(folder, policy)?;
+        folder.check([PAGE])?;
+        Ok(Self { folder, map })
+    }
+
+    /// Writes the page.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn write(&self, scored: &[Scored]) -> Result<()> {
+        let description = vec![format!("{} frames", scored.len())];
+        let page = page("Track of a flight", description, scored);
+        let html = page.to_html(self.map.as_deref())?;
+        Ok(self.folder.write_bytes(PAGE, html.as_bytes())?)
+    }
+}

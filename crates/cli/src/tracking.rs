@@ -1,0 +1,15 @@
+//! Following a flight: where frames come from, the track as it is written, recordings.
+
+pub mod following;
+pub mod formats;
+pub mod frame_time;
+pub mod frames;
+pub mod jpeg_stream;
+pub mod line;
+pub mod photo_list;
+pub mod recording;
+pub mod session;
+pub mod smoothed;
+pub mod standard_input;
+pub mod truth;
+pub mod video;

@@ -1,0 +1,254 @@
+//! A folder into which a camera or another program writes photos during the flight.
+
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant, SystemTime};
+
+use anyhow::{Result, bail};
+use grimnet_photo::Metadata;
+
+use super::frame_time::Epoch;
+use super::frames::{Frame, Frames, NO_TIME_HINT, Timing, frame_from_file};
+use crate::photos;
+use grimnet_answer::printable;
+
+/// How often the folder is looked at.
+const POLL: Duration = Duration::from_millis(50);
+/// A file whose size and time of change stayed the same for this long is complete.
+const COMPLETE_AFTER: Duration = Duration::from_millis(150);
+
+/// See the module.
+pub struct Following {
+    folder: PathBuf,
+    timing: Timing,
+    /// Ends after so long without a new file.
+    idle: Option<Duration>,
+    /// A frame that waited longer than this is left out if there is a newer one.
+    most_wait: Duration,
+    /// Files that are being written: what they looked like, and since when.
+    growing: HashMap<PathBuf, (Look, Instant)>,
+    seen: HashSet<PathBuf>,
+    ready: Vec<Ready>,
+    epoch: Option<Epoch>,
+    last_new: Instant,
+    taken: usize,
+    dropped: usize,
+    without_time: usize,
+}
+
+/// What a file looks like from outside.
+type Look = (u64, Option<SystemTime>);
+
+struct Ready {
+    path: PathBuf,
+    time_s: f64,
+    since: Instant,
+}
+
+impl Following {
+    /// Follows the folder from now on; photos that are there already are the first frames.
+    ///
+    /// # Errors
+    /// It is no folder.
+    pub fn new(
+        folder: &Path,
+        timing: Timing,
+        idle: Option<Duration>,
+        most_wait: Duration,
+    ) -> Result<Self> {
+        if !folder.is_dir() {
+            bail!(
+                "{}: expected a folder into which photos are being written",
+                folder.display()
+            );
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            timing,
+            idle,
+            most_wait,
+            growing: HashMap::new(),
+            seen: HashSet::new(),
+            ready: Vec::new(),
+            epoch: None,
+            last_new: Instant::now(),
+            taken: 0,
+            dropped: 0,
+            without_time: 0,
+        })
+    }
+
+    /// Looks for new complete files.
+    fn look(&mut self, now: Instant) -> Result<()> {
+        let mut complete = Vec::new();
+        for entry in fs_err::read_dir(&self.folder)? {
+            let path = entry?.path();
+            if self.seen.contains(&path) || !photos::has_photo_ending(&path) {
+                continue;
+            }
+            // A file may be renamed between listing and looking.
+            let Ok(metadata) = path.metadata() else {
+                continue;
+            };
+            if !metadata.is_file() {
+                continue;
+            }
+            let look = (metadata.len(), metadata.modified().ok());
+            match self.growing.get(&path) {
+                Some((before, since)) if *before == look => {
+                    if now.duration_since(*since) >= COMPLETE_AFTER && look.0 > 0 {
+                        complete.push(path);
+                    }
+                }
+                _ => {
+                    self.last_new = now;
+                    self.growing.insert(path, (look, now));
+                }
+            }
+        }
+        // Names are in order of time more often than the order of a folder is.
+        complete.sort();
+        for path in complete {
+            self.growing.remove(&path);
+            self.seen.insert(path.clone());
+            self.take(path, now);
+        }
+        Ok(())
+    }
+
+    /// Puts a complete file among those that are ready, if it has a time.
+    fn take(&mut self, path: PathBuf, now: Instant) {
+        let metadata = Metadata::read(&path).unwrap_or_default();
+        let time = self
+            .timing
+            .of(self.taken, &path.to_string_lossy(), &metadata);
+        let name = path.display().to_string();
+        let Some(time) = time else {
+            self.without_time += 1;
+            tracing::warn!("{}: left out: {NO_TIME_HINT}", printable(&name));
+            return;
+        };
+        if *self.epoch.get_or_insert(time.epoch) != time.epoch {
+            self.without_time += 1;
+            tracing::warn!(
+                "{}: left out: its time is not on the clock of the photos before it",
+                printable(&name)
+            );
+            return;
+        }
+        self.taken += 1;
+        self.ready.push(Ready {
+            path,
+            time_s: time.time_s,
+            since: now,
+        });
+    }
+
+    /// The next frame by time; those that waited for too long are dropped for newer ones.
+    fn next_ready(&mut self, now: Instant) -> Option<Ready> {
+        self.ready.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        while self.ready.len() > 1 && now.duration_since(self.ready[0].since) > self.most_wait {
+            let late = self.ready.remove(0);
+            self.dropped += 1;
+            tracing::info!("{}: dropped for a newer one", late.path.display());
+        }
+        (!self.ready.is_empty()).then(|| self.ready.remove(0))
+    }
+}
+
+impl Frames for Following {
+    fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
+        loop {
+            if stop.load(Ordering::Relaxed) {
+                return Ok(None);
+            }
+            let now = Instant::now();
+            self.look(now)?;
+            if let Some(ready) = self.next_ready(now) {
+                let frame = frame_from_file(&ready.path, ready.time_s);
+                // What is being processed is no idleness.
+                self.last_new = self.last_new.max(now);
+                return Ok(Some(frame));
+            }
+            let waits = !self.growing.is_empty();
+            if !waits && self.idle.is_some_and(|idle| now - self.last_new >= idle) {
+                return Ok(None);
+            }
+            std::thread::sleep(POLL);
+        }
+    }
+
+    fn epoch(&self) -> Epoch {
+        self.epoch.unwrap_or(Epoch::Unix)
+    }
+
+    fn dropped(&self) -> usize {
+        self.dropped
+    }
+
+    fn without_time(&self) -> usize {
+        self.without_time
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::frame_time::TimeSource;
+    use super::*;
+
+    fn following(folder: &Path, most_wait: Duration) -> Following {
+        let timing = Timing {
+            source: TimeSource::Auto,
+            frames_per_s: None,
+        };
+        Following::new(folder, timing, Some(Duration::from_millis(1)), most_wait).unwrap()
+    }
+
+    #[test]
+    fn only_complete_files_are_taken_and_each_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::from_secs(9));
+        let begin = Instant::now();
+        let at = |ms: u64| begin + Duration::from_millis(ms);
+        let path = folder.path().join("frame_1.5.jpg");
+        fs_err::write(&path, "a").unwrap();
+        fs_err::write(folder.path().join("notes.txt"), "a").unwrap();
+        following.look(at(0)).unwrap();
+        fs_err::write(&path, "ab").unwrap();
+        following.look(at(200)).unwrap();
+        assert!(following.next_ready(at(200)).is_none(), "it grew");
+        following.look(at(400)).unwrap();
+        assert_eq!(following.next_ready(at(400)).unwrap().time_s, 1.5);
+        following.look(at(800)).unwrap();
+        assert!(following.next_ready(at(800)).is_none());
+    }
+
+    #[test]
+    fn the_newest_wins_and_the_others_are_counted() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::from_secs(1));
+        let begin = Instant::now();
+        for name in ["f_1.0.jpg", "f_2.0.jpg", "f_3.0.jpg"] {
+            following.take(folder.path().join(name), begin);
+        }
+        let in_time = following.next_ready(begin).unwrap();
+        assert_eq!(in_time.time_s, 1.0);
+        let later = begin + Duration::from_secs(2);
+        assert_eq!(following.next_ready(later).unwrap().time_s, 3.0);
+        assert_eq!(following.dropped, 1);
+        following.take(folder.path().join("no time.jpg"), later);
+        assert_eq!(following.without_time, 1);
+    }
+
+    #[test]
+    fn it_ends_when_nothing_comes_and_when_it_is_told_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::ZERO);
+        assert!(following.next(&AtomicBool::new(false)).unwrap().is_none());
+        following.idle = None;
+        assert!(following.next(&AtomicBool::new(true)).unwrap().is_none());
+        let gone = Following::new(&folder.path().join("no"), following.timing, None, POLL);
+        assert!(gone.is_err());
+    }
+}

@@ -1,0 +1,66 @@
+//! Comma-separated values with a header.
+
+use anyhow::Result;
+
+use super::super::line::{FrameResult, TrackLine, state_text};
+use crate::formats::TextFormat;
+
+const HEADER: &[&str] = &[
+    "time",
+    "photo",
+    "state",
+    "lat_deg",
+    "lon_deg",
+    "heading_deg",
+    "radius95_m",
+    "covariance_ee_m2",
+    "covariance_en_m2",
+    "covariance_nn_m2",
+    "age_of_last_fix_s",
+    "velocity_east_m_s",
+    "velocity_north_m_s",
+    "frame",
+    "reason",
+];
+
+pub struct Csv;
+
+impl TextFormat<TrackLine> for Csv {
+    fn opening(&self) -> String {
+        HEADER.join(",") + "\n"
+    }
+
+    fn row(&mut self, line: &TrackLine) -> Result<String> {
+        let text = |value: Option<f64>, decimals: usize| {
+            value.map(|v| format!("{v:.decimals$}")).unwrap_or_default()
+        };
+        let covariance = |i: usize| text(line.covariance_en_m2.map(|c| c[i]), 4);
+        let note = line.note.as_ref();
+        let frame = match note.map(|note| note.frame) {
+            Some(FrameResult::Fix) => "fix",
+            Some(FrameResult::NoFix) => "no_fix",
+            Some(FrameResult::Unusable) => "unusable",
+            None => "",
+        };
+        let mut writer = ::csv::Writer::from_writer(Vec::new());
+        writer.write_record([
+            line.time.to_string(),
+            line.photo().to_owned(),
+            state_text(line.state).to_owned(),
+            text(line.lat_deg, 8),
+            text(line.lon_deg, 8),
+            text(line.heading_deg, 2),
+            text(line.radius95_m, 3),
+            covariance(0),
+            covariance(1),
+            covariance(2),
+            text(line.age_of_last_fix_s, 3),
+            text(line.velocity_east_m_s, 3),
+            text(line.velocity_north_m_s, 3),
+            frame.to_owned(),
+            note.and_then(|note| note.reason.clone())
+                .unwrap_or_default(),
+        ])?;
+        Ok(String::from_utf8(writer.into_inner()?)?)
+    }
+}

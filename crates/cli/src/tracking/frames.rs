@@ -1,0 +1,103 @@
+//! Frames of a flight, one after the other.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context as _, Result};
+use grimnet_photo::{Metadata, Photo, QUERY_LONG_SIDE_PX};
+
+use super::frame_time::{Epoch, FrameTime, TimeSource, frame_time};
+use crate::inputs;
+
+/// One frame.
+pub struct Frame {
+    /// Its name as it is written: the path as given, or a number.
+    pub name: String,
+    /// When it was exposed, seconds.
+    pub time_s: f64,
+    /// BLAKE3 of the file, as hexadecimal digits; empty if it could not be read.
+    pub hash: String,
+    /// The decoded photo; an error if it is damaged.
+    pub photo: Result<Photo>,
+}
+
+/// Where frames come from.
+pub trait Frames {
+    /// The next frame; `None` at the end, and once `stop` is set.
+    ///
+    /// # Errors
+    /// No frame can come any more.
+    fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>>;
+
+    /// What the times of the frames count from.
+    fn epoch(&self) -> Epoch;
+
+    /// Number of all frames, if it is known.
+    fn count(&self) -> Option<usize> {
+        None
+    }
+
+    /// Frames that were left out because newer ones came while others were processed.
+    fn dropped(&self) -> usize {
+        0
+    }
+
+    /// Frames that were left out because they have no time.
+    fn without_time(&self) -> usize {
+        0
+    }
+}
+
+/// How frames get their times.
+#[derive(Debug, Clone, Copy)]
+pub struct Timing {
+    /// From what the photo tells.
+    pub source: TimeSource,
+    /// Frames per second of frames that are numbered in order: overrides what photos tell.
+    pub frames_per_s: Option<f64>,
+}
+
+impl Timing {
+    /// The time of the frame `number`, counted from 0.
+    pub fn of(&self, number: usize, name: &str, metadata: &Metadata) -> Option<FrameTime> {
+        match self.frames_per_s {
+            Some(frames_per_s) => Some(FrameTime {
+                time_s: number as f64 / frames_per_s,
+                epoch: Epoch::Start,
+                has_fraction: true,
+            }),
+            None => frame_time(name, metadata.exposure_time, self.source),
+        }
+    }
+}
+
+/// What to do about a frame without time, for messages.
+pub const NO_TIME_HINT: &str = "neither its EXIF data nor its name tell when it was taken; --fps N takes \
+    frames in order, N a second";
+
+/// Reads and decodes a photo file as a frame.
+pub fn frame_from_file(path: &Path, time_s: f64) -> Frame {
+    let name = path.display().to_string();
+    let read = inputs::check_regular(path).and_then(|()| Ok(fs_err::read(path)?));
+    match read {
+        Ok(bytes) => frame_from_bytes(name, time_s, &bytes),
+        Err(error) => Frame {
+            name,
+            time_s,
+            hash: String::new(),
+            photo: Err(error),
+        },
+    }
+}
+
+/// Decodes the bytes of a photo as a frame.
+pub fn frame_from_bytes(name: String, time_s: f64, bytes: &[u8]) -> Frame {
+    let photo = Photo::from_bytes(&name, bytes, Some(QUERY_LONG_SIDE_PX))
+        .context("the frame cannot be decoded");
+    Frame {
+        hash: blake3::hash(bytes).to_hex().to_string(),
+        photo,
+        name,
+        time_s,
+    }
+}

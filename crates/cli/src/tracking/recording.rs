@@ -1,0 +1,363 @@
+//! A recorded flight: everything that the filter was given, in this order, and what it answered.
+//!
+//! `flight.jsonl` holds one JSON object per line: the filter's options, telemetry, and frames with their inputs, the photo's name
+//! and hash, and the line of the track.
+
+use std::fs::File;
+use std::io::{BufReader, Write as _};
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context as _, Result, bail};
+use grimnet_output::{AtomicFile, OutputPolicy};
+use grimnet_track::{Input, TrackOptions, Tracker};
+use serde::{Deserialize, Serialize};
+
+use super::frame_time::Epoch;
+use super::line::{FrameNote, TrackLine};
+
+/// The file in the folder.
+const FILE: &str = "flight.jsonl";
+/// Version of the lines; another number is refused.
+const VERSION: u32 = 1;
+
+/// One line.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Entry {
+    /// The first line; again when a photo told the focal length.
+    Options {
+        version: u32,
+        options: Box<TrackOptions>,
+    },
+    /// Telemetry.
+    Input(Input),
+    /// A frame.
+    Frame {
+        /// Exposure time, seconds.
+        time_s: f64,
+        epoch: Epoch,
+        /// BLAKE3 of the photo's file.
+        hash: String,
+        /// What the filter was given for it.
+        inputs: Vec<Input>,
+        note: FrameNote,
+        /// The line of the track.
+        answer: serde_json::Value,
+    },
+}
+
+/// Writes a recording as the flight goes on.
+pub struct Recorder {
+    file: AtomicFile,
+    options: Option<TrackOptions>,
+}
+
+impl Recorder {
+    /// Starts a recording in a folder, which is made if it is not there. Until the flight ends it is in `flight.jsonl.partial`.
+    ///
+    /// # Errors
+    /// The folder cannot be written, or holds a recording that may not be replaced.
+    pub fn create(folder: &Path, policy: &OutputPolicy) -> Result<Self> {
+        fs_err::create_dir_all(folder)?;
+        let path = folder.join(FILE);
+        policy.check_file(&path, &[])?;
+        Ok(Self {
+            file: policy.create_partial(&path)?,
+            options: None,
+        })
+    }
+
+    /// Records telemetry that the filter was given.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    #[allow(dead_code, reason = "for sources of telemetry")]
+    pub fn input(&mut self, input: Input, options: &TrackOptions) -> Result<()> {
+        self.keep_options(options)?;
+        if is_recordable(&input) {
+            self.write(&Entry::Input(input))?;
+        }
+        Ok(())
+    }
+
+    /// Records a frame.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn frame(
+        &mut self,
+        (time_s, epoch): (f64, Epoch),
+        hash: &str,
+        inputs: &[Input],
+        note: &FrameNote,
+        answer: &TrackLine,
+        options: &TrackOptions,
+    ) -> Result<()> {
+        self.keep_options(options)?;
+        let inputs = inputs.iter().copied().filter(is_recordable).collect();
+        self.write(&Entry::Frame {
+            time_s,
+            epoch,
+            hash: hash.to_owned(),
+            inputs,
+            note: note.clone(),
+            answer: serde_json::to_value(answer)?,
+        })
+    }
+
+    /// Ends the recording.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn finish(self) -> Result<()> {
+        Ok(self.file.commit()?)
+    }
+
+    fn keep_options(&mut self, options: &TrackOptions) -> Result<()> {
+        if self.options.as_ref() == Some(options) {
+            return Ok(());
+        }
+        self.options = Some(options.clone());
+        self.write(&Entry::Options {
+            version: VERSION,
+            options: Box::new(options.clone()),
+        })
+    }
+
+    fn write(&mut self, entry: &Entry) -> Result<()> {
+        let mut line = serde_json::to_string(entry)?;
+        line.push('\n');
+        self.file.write_all(line.as_bytes())?;
+        Ok(())
+    }
+}
+
+/// JSON has no text for a time that is not finite; the filter refuses such an input without changing.
+fn is_recordable(input: &Input) -> bool {
+    input.time_s().is_finite()
+}
+
+/// Reads a recording and runs it through a filter again.
+pub struct Replay {
+    path: PathBuf,
+    lines: std::io::Lines<BufReader<File>>,
+    number: usize,
+    tracker: Option<Tracker>,
+}
+
+/// A frame of a recording.
+pub struct Replayed {
+    /// The track as it comes out now.
+    pub line: TrackLine,
+    /// Whether it is what was recorded.
+    pub is_same: bool,
+}
+
+impl Replay {
+    /// Opens the recording of a folder; one that was interrupted is taken as far as it goes.
+    ///
+    /// # Errors
+    /// There is none.
+    pub fn open(folder: &Path) -> Result<Self> {
+        let partial = folder.join(format!("{FILE}.partial"));
+        let path = Some(folder.join(FILE))
+            .filter(|path| path.is_file() || !partial.is_file())
+            .unwrap_or(partial);
+        crate::inputs::check_regular(&path).with_context(|| {
+            format!(
+                "{}: expected a folder that a flight was recorded into",
+                folder.display()
+            )
+        })?;
+        let file = File::open(&path)?;
+        Ok(Self {
+            path,
+            lines: std::io::BufRead::lines(BufReader::new(file)),
+            number: 0,
+            tracker: None,
+        })
+    }
+
+    /// The next frame; `None` at the end.
+    ///
+    /// # Errors
+    /// The recording is damaged or of another version.
+    pub fn next_frame(&mut self) -> Result<Option<Replayed>> {
+        while let Some(entry) = self.next_entry()? {
+            match entry {
+                Entry::Options { version, options } => self.set_options(version, *options)?,
+                Entry::Input(input) => {
+                    // What was refused then is refused now.
+                    let _ = self.tracker()?.push(input);
+                }
+                Entry::Frame {
+                    time_s,
+                    epoch,
+                    inputs,
+                    note,
+                    answer,
+                    ..
+                } => {
+                    let tracker = self.tracker()?;
+                    for input in inputs {
+                        let _ = tracker.push(input);
+                    }
+                    let point = tracker.point_at(time_s);
+                    let line = TrackLine::new(time_s, epoch, point.as_ref(), Some(note));
+                    let is_same = serde_json::to_value(&line)? == answer;
+                    return Ok(Some(Replayed { line, is_same }));
+                }
+            }
+        }
+        Ok(None)
+    }
+
+    fn next_entry(&mut self) -> Result<Option<Entry>> {
+        let Some(line) = self.lines.next() else {
+            return Ok(None);
+        };
+        self.number += 1;
+        let place = || format!("{}, line {}", self.path.display(), self.number);
+        let line = line.with_context(place)?;
+        let entry = serde_json::from_str(&line)
+            .with_context(|| format!("{}: not a line of a recorded flight", place()))?;
+        Ok(Some(entry))
+    }
+
+    fn set_options(&mut self, version: u32, options: TrackOptions) -> Result<()> {
+        if version != VERSION {
+            bail!(
+                "{}: recorded by another version of grim (recording {version}, expected {VERSION})",
+                self.path.display()
+            );
+        }
+        match (&mut self.tracker, options.focal_length_px) {
+            (Some(tracker), Some(focal_length_px)) => {
+                tracker.set_focal_length_px(focal_length_px);
+            }
+            (Some(_), None) => {}
+            (None, _) => self.tracker = Some(Tracker::new(options)?),
+        }
+        Ok(())
+    }
+
+    fn tracker(&mut self) -> Result<&mut Tracker> {
+        match &mut self.tracker {
+            Some(tracker) => Ok(tracker),
+            None => bail!(
+                "{}: does not begin with the filter's options",
+                self.path.display()
+            ),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_geo::LonLat;
+    use grimnet_track::{PositionFix, Velocity};
+
+    use super::super::line::FrameResult;
+    use super::*;
+
+    fn fix(time_s: f64) -> Input {
+        Input::Fix(PositionFix {
+            time_s,
+            lonlat: LonLat::new(
+                120.7,
+                24.2 + (time_s - 1_782_036_000.0) * 1.234_567_890_123e-5,
+            ),
+            covariance_en_m2: [1.0 / 3.0, 0.1, 0.7],
+            map_error_m: 1.0,
+            heading_deg: Some(1.0 / 7.0),
+            gsd_m: 0.05,
+            confidence: 0.99,
+        })
+    }
+
+    fn recorded(folder: &Path) {
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        let mut recorder = Recorder::create(folder, &OutputPolicy::new()).unwrap();
+        for frame in 0..12 {
+            let time_s = 1_782_036_000.0 + f64::from(frame) / 3.0;
+            let velocity = Input::Velocity(Velocity {
+                time_s,
+                east_m_s: 0.1,
+                north_m_s: 4.0,
+                sigma_m_s: 0.3,
+            });
+            tracker.push(velocity).unwrap();
+            recorder.input(velocity, tracker.options()).unwrap();
+            tracker.set_focal_length_px(2000.0);
+            let inputs = [fix(time_s), fix(f64::NAN)];
+            for input in inputs {
+                let _ = tracker.push(input);
+            }
+            let note = FrameNote {
+                photo: format!("{frame}.jpg"),
+                frame: FrameResult::Fix,
+                reason: None,
+                time_ms: 1.5,
+            };
+            let point = tracker.point_at(time_s);
+            let line = TrackLine::new(time_s, Epoch::Unix, point.as_ref(), Some(note.clone()));
+            let at = (time_s, Epoch::Unix);
+            recorder
+                .frame(at, "00", &inputs, &note, &line, tracker.options())
+                .unwrap();
+        }
+        recorder.finish().unwrap();
+    }
+
+    fn replayed(folder: &Path) -> Vec<Replayed> {
+        let mut replay = Replay::open(folder).unwrap();
+        std::iter::from_fn(|| replay.next_frame().unwrap()).collect()
+    }
+
+    #[test]
+    fn a_recording_gives_the_same_track_again() {
+        let folder = tempfile::tempdir().unwrap();
+        recorded(folder.path());
+        let frames = replayed(folder.path());
+        assert_eq!(frames.len(), 12);
+        assert!(frames.iter().all(|frame| frame.is_same));
+        assert!(frames[11].line.lat_deg.is_some());
+    }
+
+    #[test]
+    fn a_changed_recording_is_told() {
+        let folder = tempfile::tempdir().unwrap();
+        recorded(folder.path());
+        let path = folder.path().join(FILE);
+        let text = fs_err::read_to_string(&path).unwrap();
+        fs_err::write(
+            &path,
+            text.replacen("\"north_m_s\":4.0", "\"north_m_s\":4.5", 6),
+        )
+        .unwrap();
+        assert!(!replayed(folder.path()).iter().all(|frame| frame.is_same));
+        for (text, expected) in [
+            ("{}\n".to_owned(), "line 1"),
+            (
+                text.replacen("\"version\":1", "\"version\":9", 1),
+                "another version",
+            ),
+        ] {
+            fs_err::write(&path, text).unwrap();
+            let error = Replay::open(folder.path())
+                .unwrap()
+                .next_frame()
+                .err()
+                .unwrap();
+            assert!(format!("{error:#}").contains(expected), "{error:#}");
+        }
+        assert!(Replay::open(Path::new("/no/such")).is_err());
+    }
+
+    #[test]
+    fn a_recording_is_not_replaced_by_another_one() {
+        let folder = tempfile::tempdir().unwrap();
+        recorded(folder.path());
+        assert!(Recorder::create(folder.path(), &OutputPolicy::new()).is_err());
+    }
+}

@@ -1,0 +1,176 @@
+//! One flight of the program: frames and telemetry in, lines of the track out.
+
+use std::collections::HashSet;
+
+use anyhow::Result;
+use grimnet_flight::{Flight, Known};
+use grimnet_track::{Input, InputError, TrackPoint};
+
+use super::frame_time::Epoch;
+use super::frames::Frame;
+use super::line::{FrameNote, FrameResult, TrackLine};
+use super::recording::Recorder;
+use crate::errors;
+use grimnet_answer::printable;
+
+/// How the frames of a flight went.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Frames.
+    pub frames: usize,
+    /// Frames with a position on the map.
+    pub fixes: usize,
+    /// Frames that could not be used.
+    pub unusable: usize,
+    /// Frames at which the position may be used.
+    pub usable: usize,
+}
+
+/// See the module.
+pub struct Session {
+    flight: Flight,
+    epoch: Epoch,
+    known: Known,
+    recorder: Option<Recorder>,
+    /// All inputs, for smoothing.
+    inputs: Option<Vec<Input>>,
+    counts: Counts,
+    /// What was told of telemetry, so that it is told once.
+    #[allow(dead_code, reason = "for sources of telemetry")]
+    told: HashSet<&'static str>,
+}
+
+/// A frame and what it gave.
+pub struct Tracked {
+    /// As it is written.
+    pub line: TrackLine,
+    /// Exposure time, seconds.
+    pub time_s: f64,
+    /// The track at that time.
+    pub point: Option<TrackPoint>,
+}
+
+impl Session {
+    /// A session before its first frame. What is `known` holds for all frames.
+    pub fn new(
+        flight: Flight,
+        known: Known,
+        recorder: Option<Recorder>,
+        keep_inputs: bool,
+    ) -> Self {
+        Self {
+            flight,
+            epoch: Epoch::Start,
+            known,
+            recorder,
+            inputs: keep_inputs.then(Vec::new),
+            counts: Counts::default(),
+            told: HashSet::new(),
+        }
+    }
+
+    /// The flight.
+    pub fn flight(&self) -> &Flight {
+        &self.flight
+    }
+
+    /// How the frames went so far.
+    pub fn counts(&self) -> Counts {
+        self.counts
+    }
+
+    /// All inputs so far, if they are kept.
+    pub fn inputs(&self) -> &[Input] {
+        self.inputs.as_deref().unwrap_or_default()
+    }
+
+    /// Takes in telemetry. What the filter refuses is told once of each kind.
+    ///
+    /// # Errors
+    /// The recording cannot be written.
+    #[allow(dead_code, reason = "for sources of telemetry")]
+    pub fn push(&mut self, input: Input) -> Result<()> {
+        if let Err(error) = self.flight.push(input)
+            && self.told.insert(kind(&error))
+        {
+            tracing::warn!("telemetry left out: {error} (further ones are not told)");
+        }
+        if let Some(inputs) = &mut self.inputs {
+            inputs.push(input);
+        }
+        if let Some(recorder) = &mut self.recorder {
+            recorder.input(input, self.flight.tracker().options())?;
+        }
+        Ok(())
+    }
+
+    /// Takes in a frame. One that cannot be used is told and stops nothing.
+    ///
+    /// # Errors
+    /// The recording cannot be written.
+    pub fn frame(&mut self, frame: Frame, epoch: Epoch) -> Result<Tracked> {
+        self.epoch = epoch;
+        let time_s = frame.time_s;
+        let (point, inputs, note) = match &frame.photo {
+            Ok(photo) => {
+                let answer = self.flight.frame(photo, time_s, &self.known);
+                for error in &answer.refused {
+                    tracing::warn!("{}: {error}", printable(&frame.name));
+                }
+                if let Err(error) = &answer.outcome {
+                    tracing::warn!("{}: {error}", printable(&frame.name));
+                }
+                let note = FrameNote::of(&frame.name, &answer);
+                (answer.point, answer.inputs, note)
+            }
+            Err(error) => {
+                let message = errors::message(error);
+                tracing::warn!("{}: {}", printable(&frame.name), printable(&message));
+                let note = FrameNote::unusable(&frame.name, error);
+                (self.flight.point_at(time_s), Vec::new(), note)
+            }
+        };
+        self.count(note.frame, point.as_ref());
+        if let Some(kept) = &mut self.inputs {
+            kept.extend(&inputs);
+        }
+        let line = TrackLine::new(time_s, epoch, point.as_ref(), Some(note.clone()));
+        if let Some(recorder) = &mut self.recorder {
+            let options = self.flight.tracker().options();
+            recorder.frame((time_s, epoch), &frame.hash, &inputs, &note, &line, options)?;
+        }
+        Ok(Tracked {
+            line,
+            time_s,
+            point,
+        })
+    }
+
+    /// Ends the recording.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub fn finish(self) -> Result<()> {
+        self.recorder.map_or(Ok(()), Recorder::finish)
+    }
+
+    fn count(&mut self, result: FrameResult, point: Option<&TrackPoint>) {
+        self.counts.frames += 1;
+        match result {
+            FrameResult::Fix => self.counts.fixes += 1,
+            FrameResult::NoFix => {}
+            FrameResult::Unusable => self.counts.unusable += 1,
+        }
+        self.counts.usable += usize::from(point.is_some_and(|point| point.state.is_usable()));
+    }
+}
+
+#[allow(dead_code, reason = "for sources of telemetry")]
+fn kind(error: &InputError) -> &'static str {
+    match error {
+        InputError::Invalid { field, .. } => field,
+        InputError::TooLate { .. } => "too late",
+        InputError::ClockJump { .. } => "clock jump",
+        _ => "other",
+    }
+}

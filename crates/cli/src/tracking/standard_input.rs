@@ -1,0 +1,148 @@
+//! Frames on standard input: JPEG pictures one after the other, or lines with the names of photo files.
+
+use std::io::{BufRead, Read as _};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anyhow::{Context as _, Result};
+use grimnet_photo::Metadata;
+
+use super::frame_time::Epoch;
+use super::frames::{Frame, Frames, NO_TIME_HINT, Timing, frame_from_bytes, frame_from_file};
+use super::jpeg_stream::JpegStream;
+use grimnet_answer::printable;
+
+/// The first byte of a JPEG picture; no name begins with it in UTF-8.
+const JPEG_BEGIN: u8 = 0xff;
+
+/// See the module. The first byte says which of the two it is.
+pub struct StreamedFrames<R> {
+    input: Input<R>,
+    timing: Timing,
+    epoch: Option<Epoch>,
+    number: usize,
+    without_time: usize,
+}
+
+enum Input<R> {
+    Pictures(JpegStream<R>),
+    Names(R),
+}
+
+impl<R: BufRead> StreamedFrames<R> {
+    /// Waits for the first byte.
+    ///
+    /// # Errors
+    /// Nothing can be read.
+    pub fn new(mut input: R, timing: Timing) -> Result<Self> {
+        let first = input.fill_buf().context("cannot read standard input")?;
+        let input = if first.first() == Some(&JPEG_BEGIN) {
+            Input::Pictures(JpegStream::new(input))
+        } else {
+            Input::Names(input)
+        };
+        Ok(Self {
+            input,
+            timing,
+            epoch: None,
+            number: 0,
+            without_time: 0,
+        })
+    }
+
+    /// The next frame, with the metadata that may tell its time. `None` at the end.
+    fn read(&mut self) -> Result<Option<(Frame, Metadata)>> {
+        match &mut self.input {
+            Input::Pictures(stream) => {
+                let picture = stream
+                    .next_picture()
+                    .context("cannot read standard input")?;
+                Ok(picture.map(|bytes| {
+                    let name = format!("frame_{:06}.jpg", self.number);
+                    let metadata = Metadata::from_bytes(&bytes);
+                    (frame_from_bytes(name, 0.0, &bytes), metadata)
+                }))
+            }
+            Input::Names(input) => {
+                let mut line = String::new();
+                loop {
+                    line.clear();
+                    // A line that does not end is no name.
+                    let count = input
+                        .by_ref()
+                        .take(64 << 10)
+                        .read_line(&mut line)
+                        .context("cannot read names of photos from standard input")?;
+                    if count == 0 {
+                        return Ok(None);
+                    }
+                    let name = line.trim();
+                    if !name.is_empty() {
+                        let frame = frame_from_file(Path::new(name), 0.0);
+                        let metadata = Metadata::read(name).unwrap_or_default();
+                        return Ok(Some((frame, metadata)));
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<R: BufRead> Frames for StreamedFrames<R> {
+    fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
+        while !stop.load(Ordering::Relaxed) {
+            let Some((mut frame, metadata)) = self.read()? else {
+                break;
+            };
+            let time = self.timing.of(self.number, &frame.name, &metadata);
+            self.number += 1;
+            match time {
+                Some(time) if *self.epoch.get_or_insert(time.epoch) == time.epoch => {
+                    frame.time_s = time.time_s;
+                    return Ok(Some(frame));
+                }
+                Some(_) => tracing::warn!(
+                    "{}: left out: its time is not on the clock of the photos before it",
+                    printable(&frame.name)
+                ),
+                None => {
+                    tracing::warn!("{}: left out: {NO_TIME_HINT}", printable(&frame.name));
+                }
+            }
+            self.without_time += 1;
+        }
+        Ok(None)
+    }
+
+    fn epoch(&self) -> Epoch {
+        self.epoch.unwrap_or(Epoch::Start)
+    }
+
+    fn without_time(&self) -> usize {
+        self.without_time
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::frame_time::TimeSource;
+    use super::*;
+
+    #[test]
+    fn names_are_read_line_by_line() {
+        let timing = Timing {
+            source: TimeSource::Auto,
+            frames_per_s: None,
+        };
+        let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
+        let mut frames = StreamedFrames::new(text.as_bytes(), timing).unwrap();
+        let stop = AtomicBool::new(false);
+        let mut next = || frames.next(&stop).unwrap();
+        let first = next().unwrap();
+        assert_eq!((first.name.as_str(), first.time_s), ("gone_1.5.jpg", 1.5));
+        assert!(first.photo.is_err());
+        assert_eq!(next().unwrap().time_s, 2.0);
+        assert!(next().is_none());
+        assert_eq!(frames.without_time(), 1);
+    }
+}

@@ -1,0 +1,130 @@
+//! Frames of a video, decoded by an `ffmpeg` process.
+
+use std::io::BufReader;
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context as _, Result, bail};
+
+use super::frame_time::{Epoch, TimeSource};
+use super::frames::{Frame, Frames, Timing};
+use super::standard_input::StreamedFrames;
+
+/// Endings of video files, lower case.
+const VIDEO_ENDINGS: &[&str] = &[
+    "mp4", "mov", "m4v", "mkv", "avi", "ts", "m2ts", "mts", "mpg", "mpeg", "webm", "h264", "h265",
+];
+/// Frames per second that are taken from a video if nothing else is asked for.
+pub const DEFAULT_FRAMES_PER_S: f64 = 2.0;
+
+/// Whether a source is a video: by its ending, or an address such as `rtsp://`.
+pub fn is_video(source: &Path) -> bool {
+    let ending = source
+        .extension()
+        .map(|e| e.to_string_lossy().to_lowercase());
+    source.to_string_lossy().contains("://")
+        || ending.is_some_and(|ending| VIDEO_ENDINGS.contains(&ending.as_str()))
+}
+
+/// See the module. Times count from the beginning of the video.
+pub struct Video {
+    ffmpeg: Child,
+    frames: StreamedFrames<BufReader<ChildStdout>>,
+    name: String,
+    given: usize,
+}
+
+impl Video {
+    /// Starts decoding; `frames_per_s` frames are taken of each second.
+    ///
+    /// # Errors
+    /// There is no such file, or no `ffmpeg` on the PATH.
+    pub fn open(source: &Path, frames_per_s: f64) -> Result<Self> {
+        let name = source.display().to_string();
+        if !name.contains("://") {
+            crate::inputs::check_regular(source)?;
+        }
+        let mut ffmpeg = Command::new("ffmpeg")
+            .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-i"])
+            .arg(source)
+            .args(["-map", "0:v:0", "-vf"])
+            .arg(format!("fps={frames_per_s}:start_time=0:round=near"))
+            .args(["-f", "image2pipe", "-c:v", "mjpeg", "-q:v", "2", "-"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| {
+                format!(
+                    "{name}: videos are decoded by the program `ffmpeg`, which could not be started; install it, or \
+                     save the video's frames as photos"
+                )
+            })?;
+        let Some(output) = ffmpeg.stdout.take() else {
+            bail!("{name}: ffmpeg has no output");
+        };
+        let timing = Timing {
+            source: TimeSource::Auto,
+            frames_per_s: Some(frames_per_s),
+        };
+        Ok(Self {
+            ffmpeg,
+            frames: StreamedFrames::new(BufReader::new(output), timing)?,
+            name,
+            given: 0,
+        })
+    }
+}
+
+impl Frames for Video {
+    fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
+        let next = self.frames.next(stop)?;
+        if next.is_none() && !stop.load(std::sync::atomic::Ordering::Relaxed) {
+            let status = self.ffmpeg.wait()?;
+            if self.given == 0 {
+                bail!("{}: ffmpeg gave no frame ({status})", self.name);
+            }
+            if !status.success() {
+                tracing::warn!(
+                    "{}: ffmpeg ended with {status} after {} frames; is the video truncated?",
+                    self.name,
+                    self.given
+                );
+            }
+        }
+        self.given += usize::from(next.is_some());
+        Ok(next)
+    }
+
+    fn epoch(&self) -> Epoch {
+        Epoch::Start
+    }
+}
+
+impl Drop for Video {
+    fn drop(&mut self) {
+        // It has ended already, or nobody reads its output any more.
+        let _ = self.ffmpeg.kill();
+        let _ = self.ffmpeg.wait();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn videos_are_known_by_their_ending_or_address() {
+        for video in [
+            "a/DJI_0001.MP4",
+            "x.mov",
+            "rtsp://10.0.0.1/stream",
+            "udp://:5600",
+        ] {
+            assert!(is_video(Path::new(video)), "{video}");
+        }
+        for other in ["a.jpg", "folder", "mp4"] {
+            assert!(!is_video(Path::new(other)), "{other}");
+        }
+    }
+}

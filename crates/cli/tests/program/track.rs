@@ -1,0 +1,286 @@
+//! `grim track`, on the flight of `grim demo`.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
+use predicates::str::contains;
+use serde_json::Value;
+
+use super::{demo, grim, lines, pack, photo};
+
+fn flight() -> PathBuf {
+    demo().join("flight")
+}
+
+fn frame(number: usize) -> PathBuf {
+    flight().join(format!("frame_{number:03}.jpg"))
+}
+
+/// `grim track` with the flight's pack: the lines, standard error and exit status.
+fn track(arguments: &[&str], source: &[&Path]) -> (Vec<Value>, String, i32) {
+    let output = grim()
+        .arg("track")
+        .arg("--pack")
+        .arg(pack())
+        .args(arguments)
+        .args(source)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    let text = String::from_utf8(output.stdout).unwrap();
+    (lines(&text), errors, output.status.code().unwrap())
+}
+
+#[test]
+fn the_demo_ends_with_a_flight_that_is_followed() {
+    let text = fs::read_to_string(demo().join("track.jsonl")).unwrap();
+    let answers = lines(&text);
+    assert_eq!(answers.len(), 36);
+    let followed = answers.iter().filter(|a| a["lat_deg"].is_number()).count();
+    assert!(followed >= 24, "{followed}");
+    for answer in &answers {
+        for name in [
+            "time",
+            "state",
+            "lat_deg",
+            "lon_deg",
+            "heading_deg",
+            "radius95_m",
+            "covariance_en_m2",
+            "age_of_last_fix_s",
+            "photo",
+        ] {
+            assert!(answer.get(name).is_some(), "{name}");
+        }
+        assert!(
+            answer["time"]
+                .as_str()
+                .unwrap()
+                .starts_with("2026-06-21T10:00:")
+        );
+    }
+    let page = fs::read_to_string(demo().join("track.html")).unwrap();
+    assert!(page.contains("<ellipse") && page.contains("data:image/jpeg"));
+    assert!(
+        page.contains("<td>confidently wrong</td><td>0</td>"),
+        "the figures"
+    );
+    let gpx = fs::read_to_string(demo().join("track.gpx")).unwrap();
+    assert_eq!(gpx.matches("<trkpt").count(), followed);
+}
+
+#[test]
+fn a_flight_is_recorded_and_runs_again_bit_for_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    let recorded = folder.path().join("recorded");
+    let report = folder.path().join("report");
+    let record = recorded.to_str().unwrap();
+    let truth = demo().join("flight_truth.csv");
+    let (answers, errors, status) = track(
+        &[
+            "--record",
+            record,
+            "--truth",
+            truth.to_str().unwrap(),
+            "--report",
+            report.to_str().unwrap(),
+        ],
+        &[&flight()],
+    );
+    assert_eq!(status, 0, "{errors}");
+    assert_eq!(answers.len(), 36);
+    assert!(errors.contains("median error"), "{errors}");
+    assert!(report.join("report.html").is_file());
+    // Without photos and map.
+    let again = grim()
+        .args(["track", "--replay", record])
+        .assert()
+        .success();
+    let text = String::from_utf8(again.get_output().stdout.clone()).unwrap();
+    assert_eq!(lines(&text), answers);
+    // One changed number is told.
+    let path = recorded.join("flight.jsonl");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(
+        &path,
+        text.replacen("\"confidence\":0.9", "\"confidence\":0.1", 9),
+    )
+    .unwrap();
+    grim()
+        .args(["track", "--replay", record])
+        .assert()
+        .code(1)
+        .stderr(contains("than the recorded one"));
+}
+
+#[test]
+fn bad_frames_are_told_in_a_line_each_and_stop_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    for number in 1..=10 {
+        fs::copy(
+            frame(number),
+            folder.path().join(format!("a{number:02}.jpg")),
+        )
+        .unwrap();
+    }
+    let bytes = fs::read(frame(11)).unwrap();
+    fs::write(
+        folder.path().join("truncated.jpg"),
+        &bytes[..bytes.len() / 2],
+    )
+    .unwrap();
+    fs::write(folder.path().join("words.jpg"), "no picture").unwrap();
+    fs::copy(frame(3), folder.path().join("twice.jpg")).unwrap();
+    let (answers, errors, status) = track(&[], &[folder.path()]);
+    assert_eq!(status, 1, "{errors}");
+    assert_eq!(answers.len(), 12, "one has no time");
+    let of = |name: &str| {
+        let named = |a: &&Value| a["photo"].as_str().unwrap().ends_with(name);
+        answers.iter().find(named).unwrap()
+    };
+    assert_eq!(of("truncated.jpg")["frame"], "unusable");
+    assert_eq!(of("a10.jpg")["state"], "tracking");
+    for (name, count) in [("truncated.jpg", 1), ("words.jpg", 1)] {
+        let told = errors.lines().filter(|line| line.contains(name)).count();
+        assert_eq!(told, count, "{name}: {errors}");
+    }
+    assert!(
+        errors.contains("have the time of the one before"),
+        "{errors}"
+    );
+}
+
+#[test]
+fn photos_without_times_need_a_rate() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.jpg"), "no picture").unwrap();
+    let (answers, errors, status) = track(&[], &[folder.path()]);
+    assert_eq!((answers.len(), status), (0, 2), "{errors}");
+    assert!(errors.contains("--fps"), "{errors}");
+    // The survey's photos all have one time.
+    let (answers, _, _) = track(&["--fps", "0.1"], &[&photo(1), &photo(2)]);
+    assert_eq!(answers[1]["time"], 10.0);
+}
+
+#[test]
+fn a_folder_is_followed_while_it_is_written_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("track.geojson");
+    let incoming = folder.path().join("incoming");
+    fs::create_dir(&incoming).unwrap();
+    let grim = assert_cmd::cargo::cargo_bin("grim");
+    let follower = Command::new(grim)
+        .args([
+            "track",
+            "--follow",
+            "--idle",
+            "4",
+            "--most-wait",
+            "60",
+            "--pack",
+        ])
+        .arg(pack())
+        .arg(&incoming)
+        .arg("-o")
+        .arg(&out)
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    for number in 1..=8 {
+        // Half of it first, as a slow card writes it.
+        let bytes = fs::read(frame(number)).unwrap();
+        let name = format!("2026062110_{number:04}_000.jpg");
+        let path = incoming.join(name);
+        fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+        std::thread::sleep(Duration::from_millis(20));
+        fs::write(&path, &bytes).unwrap();
+    }
+    let output = follower.wait_with_output().unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(0), "{errors}");
+    let track: Value = serde_json::from_str(&fs::read_to_string(&out).unwrap()).unwrap();
+    let features = track["features"].as_array().unwrap();
+    assert_eq!(features.len(), 8, "{errors}");
+    assert_eq!(features[7]["properties"]["state"], "tracking");
+    assert_eq!(features[7]["properties"]["frame"], "fix");
+}
+
+#[test]
+fn frames_come_on_standard_input_as_pictures_or_as_names() {
+    let mut pictures = Vec::new();
+    let mut names = String::new();
+    for number in 1..=3 {
+        pictures.extend(fs::read(frame(number)).unwrap());
+        names += &format!("{}\n", frame(number).display());
+    }
+    let run = |input: Vec<u8>| {
+        let output = grim()
+            .args(["track", "-", "--pack"])
+            .arg(pack())
+            .write_stdin(input)
+            .output()
+            .unwrap();
+        lines(&String::from_utf8(output.stdout).unwrap())
+    };
+    let (of_pictures, of_names) = (run(pictures), run(names.into_bytes()));
+    assert_eq!((of_pictures.len(), of_names.len()), (3, 3));
+    for (a, b) in of_pictures.iter().zip(&of_names) {
+        assert_eq!(a["time"], b["time"]);
+        assert_eq!((&a["frame"], &b["frame"]), (&"fix".into(), &"fix".into()));
+    }
+}
+
+#[test]
+fn a_smoothed_track_is_surer_than_the_live_one() {
+    let sources: Vec<PathBuf> = (1..=14).map(frame).collect();
+    let sources: Vec<&Path> = sources.iter().map(PathBuf::as_path).collect();
+    let (live, ..) = track(&[], &sources);
+    let (smoothed, errors, status) = track(&["--smooth"], &sources);
+    assert_eq!(status, 0, "{errors}");
+    let radius_m = |lines: &[Value], photo: &str| {
+        let named = |a: &&Value| a["photo"].as_str().is_some_and(|p| p.ends_with(photo));
+        lines
+            .iter()
+            .find(named)
+            .and_then(|a| a["radius95_m"].as_f64())
+    };
+    let (live_m, smoothed_m) = (
+        radius_m(&live, "frame_010.jpg").unwrap(),
+        radius_m(&smoothed, "frame_010.jpg").unwrap(),
+    );
+    assert!(smoothed_m < live_m, "{smoothed_m} {live_m}");
+    // The first frames were not believed yet when they came.
+    assert!(radius_m(&live, "frame_001.jpg").is_none());
+    assert!(radius_m(&smoothed, "frame_001.jpg").is_some());
+}
+
+#[test]
+fn wrong_use_is_told() {
+    for (arguments, expected) in [
+        (&["--follow", "a", "b"][..], "--follow expects one folder"),
+        (&["a.mp4", "b.jpg"], "not several sources"),
+        (&["gone.mp4"], "cannot read gone.mp4"),
+        (&["--follow", "gone"], "expected a folder"),
+        (&["--start", "120,24,9", "x.jpg"], "--start"),
+    ] {
+        grim()
+            .args(["track", "--pack"])
+            .arg(pack())
+            .args(arguments)
+            .assert()
+            .code(2)
+            .stderr(contains(expected));
+    }
+    grim()
+        .arg("track")
+        .assert()
+        .code(2)
+        .stderr(contains("--pack"));
+    grim()
+        .args(["track", "--replay", "/no/such"])
+        .assert()
+        .code(2)
+        .stderr(contains("recorded"));
+}

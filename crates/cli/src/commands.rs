@@ -30,6 +30,7 @@ pub mod model;
 pub mod results;
 pub mod serve;
 pub mod track;
+pub mod track_link;
 pub mod track_options;
 pub mod track_report;
 pub mod train;

@@ -60,8 +60,8 @@ pub use damage::Damage;
 
 pub use error::PhotoError;
 pub use evidence::Evidence;
-pub use grimnet_limits::PhotoLimits;
 pub use exposure_time::ExposureTime;
+pub use grimnet_limits::PhotoLimits;
 pub use metadata::{GpsPosition, ImageDirection, Metadata};
 pub use photo::{Photo, QUERY_LONG_SIDE_PX};
 pub use points::{PhotoPx, QueryPx};

@@ -11,7 +11,7 @@ use grimnet_flight::Flight;
 use grimnet_locate::Localizer;
 use grimnet_output::OutputPolicy;
 use grimnet_pack::Pack;
-use grimnet_track::TrackOptions;
+use grimnet_track::{TrackOptions, TrackPoint};
 use indicatif::ProgressBar;
 
 pub use super::track_options::TrackArgs;
@@ -20,9 +20,13 @@ use crate::exit::Exit;
 use crate::formats::TextStream;
 use crate::tracking::following::Following;
 use crate::tracking::formats::TrackFormat;
-use crate::tracking::frames::Frames;
+use crate::tracking::frame_time::Epoch;
+use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
+use crate::tracking::live::Live;
+use crate::tracking::nmea_rows::NmeaRows;
 use crate::tracking::photo_list::PhotoList;
+use crate::tracking::recorded_telemetry::{RecordedTelemetry, beside_video};
 use crate::tracking::recording::{Recorder, Replay};
 use crate::tracking::session::{Session, Tracked};
 use crate::tracking::smoothed::smoothed_lines;
@@ -40,6 +44,7 @@ Examples:
   grim track --pack town.grim flight/ --smooth --report report --map town.tif --truth truth.csv
   grim track --pack town.grim DJI_0001.MP4 --fps 2 --hfov 73
   camera | grim track --pack town.grim - --fps 5 --record recorded
+  grim track --pack town.grim incoming/ --follow --mavlink serial:/dev/ttyAMA0:921600
   grim track --replay recorded
 
 Exit status: 0 the aircraft was found, 1 it was not, or some frames could not be used, or a replay gave another track, 2 wrong \
@@ -66,6 +71,15 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     if let Some(path) = &output.out {
         policy.check_file(path, &[])?;
     }
+    let nmea = match arguments.link.nmea_file() {
+        Some(path) => Some(TextStream::rows_to_file(Box::new(NmeaRows), path, &policy)?),
+        None => None,
+    };
+    let beside = Beside {
+        telemetry: telemetry(arguments, &source)?,
+        live: Live::new(arguments.link.live_options()?),
+        nmea,
+    };
     let truth = output.truth.as_deref().map(Truth::read).transpose()?;
     inputs::check_regular(pack)?;
     let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
@@ -92,6 +106,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);
     let mut followed = Followed {
         session,
+        beside,
         truth,
         scored: Vec::new(),
         lines: Vec::new(),
@@ -121,6 +136,9 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         report.write(&followed.scored)?;
     }
     let exit = summarise(&followed, frames.as_ref(), interrupted)?;
+    if let Some(nmea) = followed.beside.nmea {
+        nmea.finish()?;
+    }
     followed.session.finish()?;
     Ok(exit)
 }
@@ -200,6 +218,8 @@ fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
         .protect_all(&arguments.model.model)
         .protect_all(&output.map)
         .protect_all(&output.truth)
+        .protect_all(&arguments.link.telemetry)
+        .protect_all(&arguments.link.message.mavlink_key)
 }
 
 fn open_stream(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<TextStream<TrackLine>> {
@@ -221,11 +241,65 @@ fn open_stream(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<TextStrea
 /// A flight while it is followed.
 struct Followed {
     session: Session,
+    beside: Beside,
     truth: Option<Truth>,
     scored: Vec<Scored>,
     /// The lines, where they are needed at the end.
     lines: Vec<(f64, TrackLine)>,
     keeps_lines: bool,
+}
+
+/// What goes on beside the frames.
+struct Beside {
+    telemetry: Option<RecordedTelemetry>,
+    live: Live,
+    /// Sentences that are written into a file.
+    nmea: Option<TextStream<TrackPoint>>,
+}
+
+impl Followed {
+    /// Takes in a frame, with the telemetry of its time, and hands the track on.
+    fn frame(&mut self, frame: Frame, epoch: Epoch) -> Result<Tracked> {
+        let Beside {
+            telemetry,
+            live,
+            nmea,
+        } = &mut self.beside;
+        live.start(frame.time_s, epoch)?;
+        let recorded = match telemetry {
+            Some(telemetry) => telemetry.until(frame.time_s, epoch)?,
+            None => Vec::new(),
+        };
+        for input in recorded.into_iter().chain(live.telemetry()) {
+            self.session.push(input)?;
+        }
+        let tracked = self.session.frame(frame, epoch)?;
+        // What came while the frame was searched.
+        for input in live.telemetry() {
+            self.session.push(input)?;
+        }
+        live.publish(self.session.flight().tracker());
+        if let (Some(nmea), Some(point)) = (nmea, &tracked.point) {
+            if epoch != Epoch::Unix {
+                bail!(
+                    "NMEA sentences need the time of day, and these frames have none: name the photos by date and time, or \
+                     use their EXIF data"
+                );
+            }
+            nmea.write(point)?;
+        }
+        Ok(tracked)
+    }
+}
+
+/// The recorded telemetry: the file that is given, else the one beside a video.
+fn telemetry(arguments: &TrackArgs, source: &Source) -> Result<Option<RecordedTelemetry>> {
+    let beside = || match source {
+        Source::Video(path) => beside_video(path),
+        _ => None,
+    };
+    let path = arguments.link.telemetry.clone().or_else(beside);
+    path.map(|path| RecordedTelemetry::read(&path)).transpose()
 }
 
 /// Takes frame after frame until the last one or Ctrl-C. Gives whether it was interrupted.
@@ -243,7 +317,7 @@ fn follow(
     };
     let since = Instant::now();
     while let Some(frame) = frames.next(&stop)? {
-        let tracked = bar.suspend(|| followed.session.frame(frame, frames.epoch()))?;
+        let tracked = bar.suspend(|| followed.frame(frame, frames.epoch()))?;
         show(&bar, &tracked, followed.session.counts().frames, since);
         if !only_at_end {
             bar.suspend(|| stream.write(&tracked.line))?;

@@ -10,6 +10,7 @@ use grimnet_track::{Start, TrackOptions, Vehicle};
 
 use super::ModelChoice;
 use super::map_place::MapPlace;
+use super::track_link::TrackLinkArgs;
 use crate::outputs::OverwriteChoice;
 use crate::tracking::formats::TrackFormat;
 use crate::tracking::frame_time::TimeSource;
@@ -57,6 +58,9 @@ pub struct TrackArgs {
 
     #[command(flatten)]
     pub known: KnownArgs,
+
+    #[command(flatten)]
+    pub link: TrackLinkArgs,
 
     #[command(flatten)]
     pub model: ModelChoice,

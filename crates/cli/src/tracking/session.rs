@@ -36,7 +36,6 @@ pub struct Session {
     inputs: Option<Vec<Input>>,
     counts: Counts,
     /// What was told of telemetry, so that it is told once.
-    #[allow(dead_code, reason = "for sources of telemetry")]
     told: HashSet<&'static str>,
 }
 
@@ -88,7 +87,6 @@ impl Session {
     ///
     /// # Errors
     /// The recording cannot be written.
-    #[allow(dead_code, reason = "for sources of telemetry")]
     pub fn push(&mut self, input: Input) -> Result<()> {
         if let Err(error) = self.flight.push(input)
             && self.told.insert(kind(&error))
@@ -165,7 +163,6 @@ impl Session {
     }
 }
 
-#[allow(dead_code, reason = "for sources of telemetry")]
 fn kind(error: &InputError) -> &'static str {
     match error {
         InputError::Invalid { field, .. } => field,

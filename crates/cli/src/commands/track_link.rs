@@ -1,0 +1,79 @@
+//! Options of `grim track` for an autopilot, a receiver of NMEA sentences, and recorded telemetry.
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::Args;
+use grimnet_link::{Address, LinkOptions, NmeaTarget};
+
+use super::link_options::{LinkChoice, address};
+use crate::tracking::live::LiveOptions;
+use crate::values;
+
+/// Heading of these options.
+const LINK: &str = "Autopilot and telemetry";
+
+/// What the flight is connected with.
+#[derive(Debug, Args)]
+pub struct TrackLinkArgs {
+    /// Read an autopilot's attitude, height and velocity and send it positions: udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or
+    /// serial:PATH:BAUD
+    ///
+    /// Nothing is sent while the track is searching, ambiguous or lost. `grim link check` says which parameters the autopilot lacks.
+    #[arg(long, value_name = "ADDRESS", value_parser = address, help_heading = LINK)]
+    pub mavlink: Option<Address>,
+
+    #[command(flatten)]
+    pub message: LinkChoice,
+
+    /// Error of the autopilot's velocity, metres per second (1 sigma per axis); 0: velocities are not used
+    #[arg(long, value_name = "M_S", requires = "mavlink", default_value_t = 0.5, value_parser = values::sigma_m, allow_hyphen_values = true, help_heading = LINK)]
+    pub mavlink_velocity_sigma: f64,
+
+    /// Print what would be sent to the autopilot, and send nothing
+    #[arg(long, requires = "mavlink", help_heading = LINK)]
+    pub dry_run: bool,
+
+    /// Send NMEA sentences (GGA and RMC): udpout:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD, or a file
+    #[arg(long, value_name = "TARGET", help_heading = LINK)]
+    pub nmea: Option<NmeaTarget>,
+
+    /// Recorded attitude, height and velocity: CSV, DJI's SRT subtitles, or MISB ST 0601 KLV [default: the SRT beside a video]
+    #[arg(long, value_name = "FILE", help_heading = LINK)]
+    pub telemetry: Option<PathBuf>,
+}
+
+impl TrackLinkArgs {
+    /// What runs beside the flight.
+    ///
+    /// # Errors
+    /// A key that cannot be read.
+    pub fn live_options(&self) -> Result<LiveOptions> {
+        let mavlink = match &self.mavlink {
+            Some(address) => {
+                let mut options = LinkOptions::new(address.clone());
+                options.output = self.message.mavlink_message;
+                options.system_id = self.message.mavlink_system;
+                options.signing = self.message.key()?;
+                options.dry_run = self.dry_run;
+                let sigma_m_s = self.mavlink_velocity_sigma;
+                options.telemetry.velocity_sigma_m_s = (sigma_m_s > 0.0).then_some(sigma_m_s);
+                Some(options)
+            }
+            None => None,
+        };
+        let nmea = match &self.nmea {
+            Some(NmeaTarget::Address(address)) => Some(address.clone()),
+            _ => None,
+        };
+        Ok(LiveOptions { mavlink, nmea })
+    }
+
+    /// The file that takes NMEA sentences.
+    pub fn nmea_file(&self) -> Option<&PathBuf> {
+        match &self.nmea {
+            Some(NmeaTarget::File(path)) => Some(path),
+            _ => None,
+        }
+    }
+}

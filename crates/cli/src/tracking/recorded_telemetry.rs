@@ -1,0 +1,139 @@
+//! Telemetry of a file, given to the flight as its frames come.
+
+use std::collections::VecDeque;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Result, bail};
+use grimnet_answer::printable_text;
+use grimnet_link::{TelemetryClock, read_telemetry};
+use grimnet_track::Input;
+
+use super::frame_time::Epoch;
+
+/// What was recorded within so many seconds after a frame is given with it, so that its attitude is interpolated.
+const AHEAD_S: f64 = 0.25;
+
+/// See the module.
+pub struct RecordedTelemetry {
+    path: PathBuf,
+    clock: TelemetryClock,
+    /// In order of time.
+    inputs: VecDeque<Input>,
+    is_checked: bool,
+}
+
+impl RecordedTelemetry {
+    /// Reads the file.
+    ///
+    /// # Errors
+    /// It cannot be read, or nothing in it can be used.
+    pub fn read(path: &Path) -> Result<Self> {
+        let telemetry = read_telemetry(path)?;
+        if let Some(problem) = &telemetry.first_problem {
+            tracing::warn!(
+                "{}: {} records left out; the first: {}",
+                path.display(),
+                telemetry.left_out,
+                printable_text(problem)
+            );
+        }
+        Ok(Self {
+            path: path.to_owned(),
+            clock: telemetry.clock,
+            inputs: telemetry.inputs.into(),
+            is_checked: false,
+        })
+    }
+
+    /// What was recorded up to a frame and was not given yet.
+    ///
+    /// # Errors
+    /// At the first frame: the times of the file and of the frames do not count from the same moment.
+    pub fn until(&mut self, frame_s: f64, epoch: Epoch) -> Result<Vec<Input>> {
+        if !std::mem::replace(&mut self.is_checked, true) {
+            self.check(frame_s, epoch)?;
+        }
+        let end = self
+            .inputs
+            .partition_point(|input| input.time_s() <= frame_s + AHEAD_S);
+        Ok(self.inputs.drain(..end).collect())
+    }
+
+    fn check(&self, frame_s: f64, epoch: Epoch) -> Result<()> {
+        let path = self.path.display();
+        match (self.clock, epoch) {
+            (TelemetryClock::Unix, Epoch::Start) => bail!(
+                "{path}: its times are dates, and those of the frames are not: name the photos by date and time, or write \
+                 seconds from the first frame into the file"
+            ),
+            (TelemetryClock::Video, Epoch::Unix) => bail!(
+                "{path}: its times count from the beginning of a video, and those of the frames are dates"
+            ),
+            _ => {}
+        }
+        let (Some(first), Some(last)) = (self.inputs.front(), self.inputs.back()) else {
+            return Ok(());
+        };
+        if frame_s > last.time_s() {
+            tracing::warn!(
+                "{path}: it ends at {:.1} s, before the first frame at {frame_s:.1} s; are both of the same flight?",
+                last.time_s()
+            );
+        } else if frame_s + 3600.0 < first.time_s() {
+            tracing::warn!(
+                "{path}: it begins at {:.1} s, more than an hour after the first frame at {frame_s:.1} s; are both of the \
+                 same flight?",
+                first.time_s()
+            );
+        }
+        Ok(())
+    }
+}
+
+/// The SRT file beside a video, as DJI's drones write it.
+pub fn beside_video(video: &Path) -> Option<PathBuf> {
+    ["SRT", "srt"]
+        .map(|ending| video.with_extension(ending))
+        .into_iter()
+        .find(|path| path.is_file())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn telemetry_is_given_once_and_in_order_of_the_frames() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.csv");
+        fs_err::write(&path, "time,height_agl_m\n0,100\n1,101\n2,102\n3,103\n").unwrap();
+        let mut telemetry = RecordedTelemetry::read(&path).unwrap();
+        assert_eq!(telemetry.until(1.0, Epoch::Start).unwrap().len(), 2);
+        assert_eq!(telemetry.until(1.1, Epoch::Start).unwrap().len(), 0);
+        assert_eq!(telemetry.until(1.9, Epoch::Start).unwrap().len(), 1);
+        assert_eq!(telemetry.until(99.0, Epoch::Start).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn times_that_count_from_another_moment_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.csv");
+        fs_err::write(&path, "time,height_agl_m\n2026-05-01T12:00:00Z,100\n").unwrap();
+        let mut telemetry = RecordedTelemetry::read(&path).unwrap();
+        let error = telemetry.until(0.0, Epoch::Start).unwrap_err().to_string();
+        assert!(
+            error.contains("flight.csv") && error.contains("dates"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn the_subtitles_beside_a_video_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let video = folder.path().join("DJI_0001.MP4");
+        assert_eq!(beside_video(&video), None);
+        let srt = folder.path().join("DJI_0001.SRT");
+        fs_err::write(&srt, "").unwrap();
+        assert_eq!(beside_video(&video), Some(srt));
+    }
+}

@@ -71,7 +71,6 @@ impl Recorder {
     ///
     /// # Errors
     /// The file cannot be written.
-    #[allow(dead_code, reason = "for sources of telemetry")]
     pub fn input(&mut self, input: Input, options: &TrackOptions) -> Result<()> {
         self.keep_options(options)?;
         if is_recordable(&input) {

@@ -205,7 +205,7 @@ proptest! {
         let mut text = header + "\n";
         for (name, cells) in rows {
             let cells = match corners {
-                Some((lat, lon)) => vec![lat, lon, lat - 0.001, lon + 0.002].iter().map(f64::to_string).collect(),
+                Some((lat, lon)) => [lat, lon, lat - 0.001, lon + 0.002].iter().map(f64::to_string).collect(),
                 None => cells,
             };
             text += &format!("{name},{}\n", cells.join(","));

@@ -369,8 +369,11 @@ fn paper_localizer(options: Options) -> Localizer {
         .with_options(options)
 }
 
+/// Right and down from a tile's centre in pixels, heading in degrees, size in pixels, scale.
+type PaperCrop = (f64, f64, f64, (u32, u32), f64);
+
 /// Crops for paper mode, whose tiles are 512 map pixels: about that extent, off every tile's centre, turned, and at another scale.
-const PAPER_CROPS: [(f64, f64, f64, (u32, u32), f64); 4] = [
+const PAPER_CROPS: [PaperCrop; 4] = [
     (67.0, -82.5, 9.0, (512, 512), 1.08),
     (-91.25, 58.0, -10.0, (512, 512), 0.92),
     (54.0, 90.0, 6.0, (512, 512), 1.14),

@@ -63,8 +63,16 @@ fn the_papers_estimation_is_uniform_unchecked_and_keeps_four_inliers() {
         .map(|i| {
             let i = f64::from(i);
             let from = Point2::new((37.0 * i) % 320.0, (91.0 * i) % 320.0);
-            let shift = if i as u32 % 2 == 0 { 1.5 } else { -1.5 };
-            let weight = if i as u32 % 2 == 0 { 1.0 } else { 1e-6 };
+            let shift = if (i as u32).is_multiple_of(2) {
+                1.5
+            } else {
+                -1.5
+            };
+            let weight = if (i as u32).is_multiple_of(2) {
+                1.0
+            } else {
+                1e-6
+            };
             Correspondence::weighted(from, Point2::new(from.x + shift, from.y), weight)
         })
         .collect();

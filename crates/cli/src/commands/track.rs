@@ -23,7 +23,7 @@ use crate::tracking::formats::TrackFormat;
 use crate::tracking::frame_time::Epoch;
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
-use crate::tracking::live::Live;
+use crate::tracking::live::{Live, check_time_of_day};
 use crate::tracking::nmea_rows::NmeaRows;
 use crate::tracking::photo_list::PhotoList;
 use crate::tracking::recorded_telemetry::{RecordedTelemetry, beside_video};
@@ -280,12 +280,7 @@ impl Followed {
         }
         live.publish(self.session.flight().tracker());
         if let (Some(nmea), Some(point)) = (nmea, &tracked.point) {
-            if epoch != Epoch::Unix {
-                bail!(
-                    "NMEA sentences need the time of day, and these frames have none: name the photos by date and time, or \
-                     use their EXIF data"
-                );
-            }
+            check_time_of_day(epoch)?;
             nmea.write(point)?;
         }
         Ok(tracked)

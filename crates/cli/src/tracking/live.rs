@@ -70,11 +70,8 @@ impl Live {
         if self.running.is_some() || self.options.is_empty() {
             return Ok(());
         }
-        if self.options.nmea.is_some() && epoch != Epoch::Unix {
-            bail!(
-                "NMEA sentences need the time of day, and these frames have none: name the photos by date and time, or use \
-                 their EXIF data"
-            );
+        if self.options.nmea.is_some() {
+            check_time_of_day(epoch)?;
         }
         let clock = clock(first_frame_s, epoch);
         let shared = Arc::clone(&self.shared);
@@ -144,6 +141,20 @@ impl Drop for Live {
             }
         }
     }
+}
+
+/// Checks that frames have the time of day, which NMEA sentences carry.
+///
+/// # Errors
+/// They have none.
+pub fn check_time_of_day(epoch: Epoch) -> Result<()> {
+    if epoch != Epoch::Unix {
+        bail!(
+            "NMEA sentences need the time of day, and these frames have none: name the photos by date and time, or use \
+             their EXIF data"
+        );
+    }
+    Ok(())
 }
 
 /// Seconds on the clock of the frames: the system's, or for a flight that is played again one that begins with its first frame.

@@ -34,18 +34,12 @@ impl From<LocateError> for ObserveError {
 /// One in so many photos is also localised without its heading, which takes a dozen times as long.
 const UNKNOWN_HEADING_EVERY: usize = 6;
 
-/// Least number of inliers of an observed answer; fewer are never given as a fix.
-const MIN_INLIERS: usize = 6;
-
-/// Options of observations: the shape of a transform is checked as usual, its support is not, and the map is exact.
-pub(crate) fn observing() -> Options {
+/// Options of observations: the gates of a calibrated model without its confidence, and an exact map.
+fn observing() -> Options {
     Options {
         gates: Some(Gates {
-            min_inliers: MIN_INLIERS,
-            min_places: 0,
-            min_margin: 0.0,
             by_confidence: false,
-            ..Gates::default()
+            ..Gates::default().with_calibration()
         }),
         map_error_m: 0.0,
         ..Options::default()

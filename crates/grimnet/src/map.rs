@@ -1,9 +1,10 @@
 //! Building a pack from a map.
 
+use std::ops::ControlFlow;
 use std::path::Path;
 
 pub use grimnet_geo::{GeoError, MapOptions};
-pub use grimnet_pack::{BuildOptions, BuildReport, Levels, Phase, Progress};
+pub use grimnet_pack::{BuildLimits, BuildOptions, BuildReport, Levels, Phase, Progress};
 
 use grimnet_geo::open_map;
 use grimnet_net::{Model, NetError};
@@ -59,6 +60,23 @@ pub fn build(
     options: &MapBuild,
     mut on_progress: impl FnMut(&Progress),
 ) -> Result<BuildReport, BuildError> {
+    build_interruptible(map, pack, options, |progress| {
+        on_progress(progress);
+        ControlFlow::Continue(())
+    })
+}
+
+/// As [`build`], and ends with [`PackError::Stopped`] when `on_progress` returns [`ControlFlow::Break`]. The next build with the
+/// same arguments continues it.
+///
+/// # Errors
+/// As [`build`].
+pub fn build_interruptible(
+    map: impl AsRef<Path>,
+    pack: impl AsRef<Path>,
+    options: &MapBuild,
+    mut on_progress: impl FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<BuildReport, BuildError> {
     let raster = open_map(map.as_ref(), &options.map)?;
     let bundled;
     let model = match &options.model {
@@ -68,10 +86,11 @@ pub fn build(
             &bundled
         }
     };
-    Ok(grimnet_pack::build(
+    Ok(grimnet_pack::build_interruptible(
         raster.as_ref(),
         model,
         &options.pack,
+        &BuildLimits::default(),
         pack.as_ref(),
         &mut on_progress,
     )?)

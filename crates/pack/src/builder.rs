@@ -25,6 +25,7 @@ pub(crate) mod tile_descriptors;
 pub(crate) mod unit;
 pub(crate) mod usable;
 
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use grimnet_geo::Raster;
@@ -88,6 +89,31 @@ pub fn build_with_limits(
     out: &Path,
     on_progress: &mut dyn FnMut(&Progress),
 ) -> Result<BuildReport> {
+    build_interruptible(raster, model, options, limits, out, &mut |progress| {
+        on_progress(progress);
+        ControlFlow::Continue(())
+    })
+}
+
+/// [`build_with_limits`], which ends when `on_progress` returns [`ControlFlow::Break`]. The next build with the same arguments
+/// continues it.
+///
+/// # Errors
+/// As [`build`]; [`PackError::Stopped`] if `on_progress` ended it.
+pub fn build_interruptible(
+    raster: &dyn Raster,
+    model: &Model,
+    options: &BuildOptions,
+    limits: &BuildLimits,
+    out: &Path,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<BuildReport> {
+    let mut tell = |progress: &Progress| match on_progress(progress) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(PackError::Stopped {
+            path: out.to_path_buf(),
+        }),
+    };
     check_output(out)?;
     check_scale(raster, limits)?;
     if options.mode == Mode::Paper {
@@ -129,7 +155,7 @@ pub fn build_with_limits(
             plan,
             number: number as u32,
         };
-        levels.push(level.run(state, &mut journal, &mut meter, on_progress)?);
+        levels.push(level.run(state, &mut journal, &mut meter, &mut tell)?);
     }
     if levels.iter().all(|level| level.tiles.is_empty()) {
         journal.remove()?;
@@ -143,7 +169,7 @@ pub fn build_with_limits(
         });
     }
     meter.progress.phase = Phase::Writing;
-    on_progress(&meter.progress);
+    tell(&meter.progress)?;
     let aside = beside(out, "assembling");
     let written = write_pack(&aside, &mut journal, levels, manifest, recipe);
     if let Err(error) = written {

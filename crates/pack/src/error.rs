@@ -142,6 +142,15 @@ pub enum PackError {
         /// The pack that is being built.
         path: PathBuf,
     },
+    /// The caller ended the build.
+    #[error(
+        "the build of {path} was stopped; the work so far is in {path}.partial, and the same build continues there",
+        path = path.display()
+    )]
+    Stopped {
+        /// The pack that was being built.
+        path: PathBuf,
+    },
     /// An index cannot be trained on so few tiles, or with these dimensions, or the level does not have it.
     #[error(
         "no IVF-PQ index: {0}; use exact search, which is also faster below about 100,000 tiles"

@@ -4,11 +4,14 @@
 
 mod support;
 
+use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::process::Command;
 
-use grimnet_pack::{BuildOptions, Levels, Pack, PackError, Phase, build};
+use grimnet_pack::{
+    BuildLimits, BuildOptions, Levels, Pack, PackError, Phase, build, build_interruptible,
+};
 use support::*;
 
 fn map() -> TestMap {
@@ -44,6 +47,41 @@ fn names(folder: &Path) -> Vec<String> {
         .collect();
     names.sort();
     names
+}
+
+#[test]
+fn a_caller_can_end_a_build_and_continue_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (whole, out) = (
+        folder.path().join("whole.grim"),
+        folder.path().join("area.grim"),
+    );
+    build(&map(), &tiny_model(1), &options(), &whole, &mut |_| ()).unwrap();
+    let limits = BuildLimits::default();
+    let mut seen = 0;
+    let stopped = build_interruptible(
+        &map(),
+        &tiny_model(1),
+        &options(),
+        &limits,
+        &out,
+        &mut |_| {
+            seen += 1;
+            if seen < 4 {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        },
+    );
+    let error = stopped.unwrap_err();
+    assert!(matches!(error, PackError::Stopped { .. }), "{error}");
+    assert!(error.to_string().contains("area.grim.partial"), "{error}");
+    assert_eq!(seen, 4, "nothing more is done");
+    assert_eq!(names(folder.path()), ["area.grim.partial", "whole.grim"]);
+    let report = make(&map(), &options(), &out).unwrap();
+    assert!(report.tiles_resumed > 0);
+    assert_eq!(std::fs::read(&out).unwrap(), std::fs::read(&whole).unwrap());
 }
 
 #[test]

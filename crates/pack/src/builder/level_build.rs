@@ -32,13 +32,14 @@ impl LevelBuild<'_> {
     /// Computes what `state` does not hold yet.
     ///
     /// # Errors
-    /// Returns an error if the map cannot be read, the network refuses its input or the journal cannot be written.
+    /// Returns an error if the map cannot be read, the network refuses its input, the journal cannot be written, or `on_progress`
+    /// returns one.
     pub fn run(
         self,
         mut state: LevelState,
         journal: &mut Journal,
         meter: &mut Meter,
-        on_progress: &mut dyn FnMut(&Progress),
+        on_progress: &mut dyn FnMut(&Progress) -> Result<()>,
     ) -> Result<FinishedLevel> {
         let found = state.tiles.len() as u64;
         meter.resume(state.tiles_done, state.tiles_done - found);
@@ -50,7 +51,7 @@ impl LevelBuild<'_> {
             } else {
                 Phase::Tiles
             };
-            on_progress(&meter.progress);
+            on_progress(&meter.progress)?;
             let extractor = self.extractor(&mut state, journal)?;
             meter.progress.phase = Phase::Tiles;
             let extract = ExtractOptions {
@@ -69,8 +70,7 @@ impl LevelBuild<'_> {
                 state.add(item, place, &record);
                 let tiles = self.recipe.tiles_completed_by(&item);
                 meter.advance(tiles, tiles - record.tiles.len() as u64);
-                on_progress(&meter.progress);
-                Ok(())
+                on_progress(&meter.progress)
             })?;
         }
         Ok(FinishedLevel {

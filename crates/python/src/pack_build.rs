@@ -1,0 +1,180 @@
+//! `build_pack`.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use grimnet::map::{BuildOptions, Levels, MapBuild, MapOptions, Phase, build_interruptible};
+use grimnet_output::OutputPolicy;
+use pyo3::prelude::*;
+
+use crate::errors::{build_error, output_error};
+use crate::model_file::open_model;
+
+/// How far a build is.
+#[pyclass(frozen, get_all, module = "grimnet")]
+pub struct BuildProgress {
+    /// `adapting`, `tiles` or `writing`.
+    phase: &'static str,
+    /// Ground resolution of the current level, metres per pixel.
+    gsd_m: f64,
+    /// Finished tiles of all levels.
+    tiles_done: u64,
+    /// Tiles of all levels.
+    tiles_total: u64,
+    /// Estimated seconds to the end.
+    time_left_s: Option<f64>,
+}
+
+#[pymethods]
+impl BuildProgress {
+    fn __repr__(&self) -> String {
+        format!(
+            "BuildProgress({}: {} of {} tiles)",
+            self.phase, self.tiles_done, self.tiles_total
+        )
+    }
+}
+
+/// What a build made.
+#[pyclass(frozen, get_all, module = "grimnet")]
+pub struct BuildReport {
+    /// The pack.
+    path: PathBuf,
+    /// Its size, bytes.
+    len_bytes: u64,
+    /// Tiles with a descriptor, of all levels.
+    tiles: u64,
+    /// Tiles without data or black.
+    tiles_skipped: u64,
+    /// Tiles that an earlier, interrupted build finished.
+    tiles_resumed: u64,
+    /// Whether the pack was there already, complete.
+    was_complete: bool,
+    /// Seconds that it took.
+    duration_s: f64,
+}
+
+#[pymethods]
+impl BuildReport {
+    fn __repr__(&self) -> String {
+        format!(
+            "BuildReport({:?}, {} tiles, {:.1} MB)",
+            self.path,
+            self.tiles,
+            self.len_bytes as f64 / 1e6
+        )
+    }
+}
+
+/// Ground resolutions: one, or several.
+#[derive(FromPyObject)]
+pub enum Resolutions {
+    /// One.
+    #[pyo3(transparent)]
+    One(f64),
+    /// Several.
+    #[pyo3(transparent)]
+    Several(Vec<f64>),
+}
+
+/// Builds the pack `out` from a map.
+///
+/// `progress` is called with a `BuildProgress` after each piece of work. An exception in it, and Ctrl-C, end the build; the same
+/// call continues it.
+#[pyfunction]
+#[pyo3(signature = (
+    map, out, *, gsd_m=None, adapt=false, crs=None, corners=None, model=None, overwrite=false, progress=None
+))]
+#[allow(
+    clippy::too_many_arguments,
+    reason = "keyword arguments of a Python function"
+)]
+pub fn build_pack(
+    py: Python<'_>,
+    map: PathBuf,
+    out: PathBuf,
+    gsd_m: Option<Resolutions>,
+    adapt: bool,
+    crs: Option<String>,
+    corners: Option<[f64; 4]>,
+    model: Option<PathBuf>,
+    overwrite: bool,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<BuildReport> {
+    let mut raised = None;
+    let built = py.detach(|| -> PyResult<_> {
+        OutputPolicy::new()
+            .overwrite(overwrite)
+            .protect(&map)
+            .protect_all(&model)
+            .check_file(&out, &[&grimnet_pack::format::MAGIC])
+            .map_err(|error| output_error(&error))?;
+        let options = MapBuild {
+            map: MapOptions {
+                crs,
+                corners,
+                ..MapOptions::default()
+            },
+            pack: BuildOptions {
+                levels: match gsd_m {
+                    None => Levels::Auto,
+                    Some(Resolutions::One(gsd_m)) => Levels::Gsd(vec![gsd_m]),
+                    Some(Resolutions::Several(gsd_m)) => Levels::Gsd(gsd_m),
+                },
+                adapt,
+                ..BuildOptions::standard()
+            },
+            model: Some(open_model(model.as_ref())?),
+        };
+        Ok(build_interruptible(
+            &map,
+            &out,
+            &options,
+            |now| match Python::attach(|py| tell(py, now, progress.as_ref())) {
+                Ok(()) => ControlFlow::Continue(()),
+                Err(error) => {
+                    raised = Some(error);
+                    ControlFlow::Break(())
+                }
+            },
+        ))
+    })?;
+    let report = match (built, raised) {
+        (_, Some(raised)) => return Err(raised),
+        (Ok(report), None) => report,
+        (Err(error), None) => return Err(build_error(&error)),
+    };
+    Ok(BuildReport {
+        path: report.path,
+        len_bytes: report.len_bytes,
+        tiles: report.tiles,
+        tiles_skipped: report.tiles_skipped,
+        tiles_resumed: report.tiles_resumed,
+        was_complete: report.was_complete,
+        duration_s: report.duration.as_secs_f64(),
+    })
+}
+
+/// Calls `progress`, and lets Python handle Ctrl-C.
+fn tell(
+    py: Python<'_>,
+    now: &grimnet::map::Progress,
+    progress: Option<&Py<PyAny>>,
+) -> PyResult<()> {
+    py.check_signals()?;
+    let Some(progress) = progress else {
+        return Ok(());
+    };
+    let told = BuildProgress {
+        phase: match now.phase {
+            Phase::Adapting => "adapting",
+            Phase::Tiles => "tiles",
+            Phase::Writing => "writing",
+        },
+        gsd_m: now.gsd_m,
+        tiles_done: now.tiles_done,
+        tiles_total: now.tiles_total,
+        time_left_s: now.time_left.map(|left| left.as_secs_f64()),
+    };
+    progress.call1(py, (told,)).map(drop)
+}

@@ -1,0 +1,153 @@
+//! Photos as Python gives them: a path, the bytes of a file, or pixels.
+
+use std::path::PathBuf;
+
+use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo};
+use image::RgbImage;
+use numpy::ndarray::{ArrayView, ArrayView3, Axis, Dimension};
+use numpy::{
+    IntoPyArray, PyArray3, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods, get_array_module,
+};
+use pyo3::exceptions::PyTypeError;
+use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
+use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
+
+use crate::errors::{invalid_value, photo_error};
+
+/// What a photo is given as. Pixels are copied, bytes are not.
+pub enum PhotoInput {
+    /// A file.
+    Path(PathBuf),
+    /// The contents of a file.
+    Bytes(PyBackedBytes),
+    /// Height x width x 3, 8 bits, red, green, blue.
+    Pixels(RgbImage),
+}
+
+impl PhotoInput {
+    /// Takes `str`, `os.PathLike`, `bytes`, `bytearray`, `memoryview`, arrays, and what numpy makes an array of.
+    ///
+    /// # Errors
+    /// `TypeError` for anything else; `InvalidValueError` for an array of another type or shape than height x width x 3 of uint8.
+    pub fn of(photo: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if photo.is_instance_of::<PyBytes>() || photo.is_instance_of::<PyByteArray>() {
+            return Ok(Self::Bytes(photo.extract()?));
+        }
+        if photo.is_instance_of::<PyMemoryView>() {
+            return Ok(Self::Bytes(photo.call_method0("tobytes")?.extract()?));
+        }
+        if photo.is_instance_of::<PyString>() || photo.hasattr("__fspath__")? {
+            return Ok(Self::Path(photo.extract()?));
+        }
+        if let Ok(array) = photo.cast::<PyUntypedArray>() {
+            return pixels(array).map(Self::Pixels);
+        }
+        if photo.hasattr("__array__")? || photo.hasattr("__array_interface__")? {
+            let array = get_array_module(photo.py())?.call_method1("asarray", (photo,))?;
+            return pixels(array.cast::<PyUntypedArray>()?).map(Self::Pixels);
+        }
+        Err(PyTypeError::new_err(format!(
+            "a photo is a path, the bytes of a picture file, or an array of height x width x 3 of uint8 (RGB), not {}",
+            photo.get_type().name()?
+        )))
+    }
+
+    /// How the photo is named in answers.
+    pub fn name(&self) -> String {
+        match self {
+            Self::Path(path) => path.display().to_string(),
+            Self::Bytes(_) => "bytes".to_owned(),
+            Self::Pixels(_) => "array".to_owned(),
+        }
+    }
+
+    /// Decodes the photo, to a long side of at most `max_side_px`; pixels stay as they are. This takes long.
+    ///
+    /// # Errors
+    /// `PhotoError`.
+    pub fn decode(self, max_side_px: Option<u32>) -> PyResult<Photo> {
+        let photo = match self {
+            Self::Path(path) => {
+                Photo::open_with(path, max_side_px, &grimnet_photo::PhotoLimits::DEFAULT)
+            }
+            Self::Bytes(bytes) => Photo::from_bytes("the photo", &bytes, max_side_px),
+            Self::Pixels(image) => Ok(Photo::from_image(image, Metadata::default())),
+        };
+        photo.map_err(|error| photo_error(&error))
+    }
+}
+
+/// Copies an array to a picture.
+fn pixels(array: &Bound<'_, PyUntypedArray>) -> PyResult<RgbImage> {
+    let expected = "expected height x width x 3 of uint8 in the order red, green, blue \
+                    (of OpenCV's pictures take `picture[:, :, ::-1]`)";
+    let wrong = || {
+        let sides: Vec<String> = array.shape().iter().map(usize::to_string).collect();
+        invalid_value(format!(
+            "an array of shape ({}) and type {} is no photo; {expected}",
+            sides.join(", "),
+            array.dtype()
+        ))
+    };
+    let &[height, width, 3] = array.shape() else {
+        return Err(wrong());
+    };
+    let array = array.cast::<PyArray3<u8>>().map_err(|_| wrong())?;
+    let side = |length: usize| u32::try_from(length).ok().filter(|px| *px >= MIN_SIDE_PX);
+    let (Some(width_px), Some(height_px)) = (side(width), side(height)) else {
+        return Err(invalid_value(format!(
+            "the photo has {width} x {height} px; each side must be at least {MIN_SIDE_PX} px"
+        )));
+    };
+    let readable = array.try_readonly().map_err(|error| {
+        invalid_value(format!(
+            "the array is being written to by another thread: {error}"
+        ))
+    })?;
+    let bytes = rgb_bytes(&readable.as_array());
+    RgbImage::from_raw(width_px, height_px, bytes).ok_or_else(wrong)
+}
+
+/// The bytes of a picture. Quicker for pictures of OpenCV whose colours the caller turned round.
+fn rgb_bytes(picture: &ArrayView3<'_, u8>) -> Vec<u8> {
+    let mut turned = picture.view();
+    turned.invert_axis(Axis(2));
+    let Some(bgr) = turned.as_slice() else {
+        return row_by_row(picture);
+    };
+    let mut bytes = bgr.to_vec();
+    for pixel in bytes.as_chunks_mut::<3>().0 {
+        pixel.swap(0, 2);
+    }
+    bytes
+}
+
+/// A copy of an array's values, the last index running fastest, however they lie in memory.
+pub fn row_by_row<T: Copy, D: Dimension>(array: &ArrayView<'_, T, D>) -> Vec<T> {
+    // The slice of numpy's own interface may be column by column.
+    match array.as_slice() {
+        Some(contiguous) => contiguous.to_vec(),
+        None => array.iter().copied().collect(),
+    }
+}
+
+/// Reads a photo as an array of height x width x 3 of uint8, red, green, blue, turned as its EXIF orientation says.
+///
+/// `max_side_px` reduces it by averaging areas; a smaller photo keeps its size.
+#[pyfunction]
+#[pyo3(signature = (photo, *, max_side_px=None))]
+pub fn read_photo<'py>(
+    photo: &Bound<'py, PyAny>,
+    max_side_px: Option<u32>,
+) -> PyResult<Bound<'py, PyArray3<u8>>> {
+    let py = photo.py();
+    let input = PhotoInput::of(photo)?;
+    let image = py.detach(|| input.decode(max_side_px))?.image;
+    py.check_signals()?;
+    let (width, height) = (image.width() as usize, image.height() as usize);
+    image
+        .into_raw()
+        .into_pyarray(py)
+        .reshape([height, width, 3])
+}

@@ -1,0 +1,208 @@
+//! `Tracker`: follows a flight over its frames.
+
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use grimnet_flight::{Flight, FlightOptions, Known};
+use grimnet_geo::LonLat;
+use grimnet_photo::QUERY_LONG_SIDE_PX;
+use grimnet_track::{Attitude, Height, Input, Start, TrackOptions, Vehicle, Velocity};
+use pyo3::prelude::*;
+
+use crate::answers::answer_object;
+use crate::errors::{invalid_value, locate_error};
+use crate::localizer::Localizer;
+use crate::photo_input::PhotoInput;
+use crate::prior_arguments::PriorArguments;
+use crate::track_point::TrackPoint;
+
+/// Follows one aircraft: each frame is searched where the track says, and its fix moves the track on.
+#[pyclass(frozen, module = "grimnet")]
+pub struct Tracker {
+    flight: Mutex<Flight>,
+}
+
+impl Tracker {
+    fn flight(&self) -> MutexGuard<'_, Flight> {
+        // A flight may be in any state.
+        self.flight.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn push(&self, py: Python<'_>, input: Input) -> PyResult<()> {
+        py.detach(|| self.flight().push(input))
+            .map(drop)
+            .map_err(invalid_value)
+    }
+}
+
+#[pymethods]
+impl Tracker {
+    #[new]
+    #[pyo3(signature = (localizer, *, vehicle="multirotor", start=None, focal_length_px=None))]
+    fn new(
+        localizer: &Bound<'_, Localizer>,
+        vehicle: &str,
+        start: Option<(f64, f64, f64)>,
+        focal_length_px: Option<f64>,
+    ) -> PyResult<Self> {
+        let vehicle = match vehicle {
+            "multirotor" => Vehicle::Multirotor,
+            "plane" => Vehicle::Plane,
+            other => {
+                return Err(invalid_value(format!(
+                    "vehicle is {other:?}; expected \"multirotor\" or \"plane\""
+                )));
+            }
+        };
+        let options = FlightOptions {
+            track: TrackOptions {
+                vehicle,
+                start: start.map(|(lat_deg, lon_deg, radius95_m)| Start {
+                    lonlat: LonLat::new(lon_deg, lat_deg),
+                    radius95_m,
+                }),
+                focal_length_px,
+                ..TrackOptions::default()
+            },
+            ..FlightOptions::default()
+        };
+        let flight = Flight::new(localizer.get().inner.clone(), options).map_err(invalid_value)?;
+        Ok(Self {
+            flight: Mutex::new(flight),
+        })
+    }
+
+    /// Takes in a frame that was exposed at `time_s` (seconds, one clock for all inputs) and gives the track at that time. What is
+    /// known of the photo is given as for `Localizer.locate`.
+    #[pyo3(signature = (
+        photo, time_s, *, heading=None, heading_sigma_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
+    ))]
+    #[allow(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of a Python method"
+    )]
+    fn frame<'py>(
+        &self,
+        photo: &Bound<'py, PyAny>,
+        time_s: f64,
+        heading: Option<&Bound<'py, PyAny>>,
+        heading_sigma_deg: Option<f64>,
+        height_agl_m: Option<f64>,
+        hfov_deg: Option<f64>,
+        gsd_m: Option<f64>,
+        near: Option<(f64, f64, f64)>,
+    ) -> PyResult<TrackPoint> {
+        let py = photo.py();
+        if !time_s.is_finite() {
+            return Err(invalid_value(format!(
+                "time_s is {time_s}; expected a finite number of seconds"
+            )));
+        }
+        let prior = PriorArguments {
+            heading,
+            heading_sigma_deg,
+            height_agl_m,
+            hfov_deg,
+            gsd_m,
+            near,
+        }
+        .prior()?;
+        let input = PhotoInput::of(photo)?;
+        let name = input.name();
+        let known = Known {
+            prior,
+            attitude: None,
+        };
+        let found = py.detach(|| -> PyResult<_> {
+            let photo = input.decode(Some(QUERY_LONG_SIDE_PX))?;
+            Ok(self.flight().frame(&photo, time_s, &known))
+        });
+        // Ctrl-C during the search.
+        py.check_signals()?;
+        let found = found?;
+        let outcome = found.outcome.map_err(|error| locate_error(&error))?;
+        let answer = answer_object(py, &name, &outcome)?.unbind();
+        Ok(TrackPoint::new(time_s, found.point.as_ref(), Some(answer)))
+    }
+
+    /// The track at a time, which may be later than the last frame.
+    fn point_at(&self, py: Python<'_>, time_s: f64) -> TrackPoint {
+        let point = py.detach(|| self.flight().point_at(time_s));
+        TrackPoint::new(time_s, point.as_ref(), None)
+    }
+
+    /// Attitude of an aircraft with a fixed camera that looks down, degrees: yaw clockwise from true north, pitch with the nose
+    /// up, roll with the right side down.
+    #[pyo3(signature = (time_s, *, yaw_deg, pitch_deg, roll_deg))]
+    fn push_attitude(
+        &self,
+        py: Python<'_>,
+        time_s: f64,
+        yaw_deg: f64,
+        pitch_deg: f64,
+        roll_deg: f64,
+    ) -> PyResult<()> {
+        self.push(
+            py,
+            Input::Attitude(Attitude {
+                time_s,
+                yaw_deg,
+                pitch_deg,
+                roll_deg,
+            }),
+        )
+    }
+
+    /// Attitude of a gimbal, degrees: its pitch is -90 where it looks straight down, as DJI and MAVLink report it.
+    #[pyo3(signature = (time_s, *, yaw_deg, pitch_deg, roll_deg))]
+    fn push_gimbal(
+        &self,
+        py: Python<'_>,
+        time_s: f64,
+        yaw_deg: f64,
+        pitch_deg: f64,
+        roll_deg: f64,
+    ) -> PyResult<()> {
+        let attitude = Attitude::from_gimbal(time_s, yaw_deg, pitch_deg, roll_deg);
+        self.push(py, Input::Attitude(attitude))
+    }
+
+    /// Height above the ground below, and altitude above mean sea level, metres.
+    #[pyo3(signature = (time_s, *, agl_m, amsl_m=None))]
+    fn push_height(
+        &self,
+        py: Python<'_>,
+        time_s: f64,
+        agl_m: f64,
+        amsl_m: Option<f64>,
+    ) -> PyResult<()> {
+        self.push(
+            py,
+            Input::Height(Height {
+                time_s,
+                agl_m,
+                amsl_m,
+            }),
+        )
+    }
+
+    /// Velocity over ground, metres per second, with its error per axis (1 sigma).
+    #[pyo3(signature = (time_s, *, east_m_s, north_m_s, sigma_m_s))]
+    fn push_velocity(
+        &self,
+        py: Python<'_>,
+        time_s: f64,
+        east_m_s: f64,
+        north_m_s: f64,
+        sigma_m_s: f64,
+    ) -> PyResult<()> {
+        self.push(
+            py,
+            Input::Velocity(Velocity {
+                time_s,
+                east_m_s,
+                north_m_s,
+                sigma_m_s,
+            }),
+        )
+    }
+}

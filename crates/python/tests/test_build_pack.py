@@ -1,0 +1,105 @@
+"""`build_pack` makes the program's packs, tells its progress, and can be ended."""
+
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+
+import grimnet
+import pytest
+
+GSD_M = 1.2
+
+
+def test_same_bytes_as_the_program(grim, demo, tmp_path):
+    out = tmp_path / "own.grim"
+    told = []
+    report = grimnet.build_pack(demo / "map.tif", out, gsd_m=GSD_M, progress=told.append)
+    subprocess.run([grim, "map", "build", demo / "map.tif", "-o", tmp_path / "its.grim", "--gsd", str(GSD_M)], check=True, stdout=subprocess.DEVNULL)
+    assert out.read_bytes() == (tmp_path / "its.grim").read_bytes()
+    assert report.tiles > 0 and report.len_bytes == out.stat().st_size and not report.was_complete
+    assert pathlib.Path(report.path) == out
+    done = [progress.tiles_done for progress in told]
+    assert done == sorted(done) and done[-1] == told[-1].tiles_total
+    assert {progress.phase for progress in told} == {"tiles", "writing"}
+    assert told[0].gsd_m == GSD_M
+    again = grimnet.build_pack(demo / "map.tif", out, gsd_m=[GSD_M])
+    assert again.was_complete
+    assert grimnet.Localizer(out).levels_gsd_m == [GSD_M]
+
+
+def test_an_exception_in_the_callback_ends_the_build(demo, tmp_path):
+    out = tmp_path / "area.grim"
+
+    def stop(progress):
+        if progress.tiles_done > 0:
+            raise RuntimeError("enough")
+
+    with pytest.raises(RuntimeError, match="enough"):
+        grimnet.build_pack(demo / "map.tif", out, gsd_m=GSD_M, progress=stop)
+    assert not out.exists() and pathlib.Path(f"{out}.partial").exists()
+    report = grimnet.build_pack(demo / "map.tif", out, gsd_m=GSD_M)
+    assert report.tiles_resumed > 0
+    assert not pathlib.Path(f"{out}.partial").exists()
+
+
+def test_what_is_not_replaced(demo, tmp_path):
+    notes = tmp_path / "notes.txt"
+    notes.write_text("mine")
+    with pytest.raises(grimnet.PackError, match="notes.txt"):
+        grimnet.build_pack(demo / "map.tif", notes, gsd_m=GSD_M)
+    assert notes.read_text() == "mine"
+    copy = tmp_path / "map.tif"
+    copy.write_bytes((demo / "map.tif").read_bytes())
+    before = copy.stat().st_size
+    with pytest.raises(grimnet.PackError):
+        grimnet.build_pack(copy, copy, gsd_m=GSD_M, overwrite=True)
+    assert copy.stat().st_size == before
+
+
+def test_maps_that_cannot_be_used(demo, tmp_path, photos):
+    with pytest.raises(grimnet.MapError, match="nowhere.tif"):
+        grimnet.build_pack(tmp_path / "nowhere.tif", tmp_path / "a.grim")
+    with pytest.raises(grimnet.MapError):
+        grimnet.build_pack(photos[0], tmp_path / "a.grim")
+    with pytest.raises(grimnet.GrimnetError):
+        grimnet.build_pack(demo / "map.tif", tmp_path / "a.grim", gsd_m=-1.0)
+    with pytest.raises(ValueError):
+        grimnet.build_pack(photos[0], tmp_path / "a.grim", corners=(1.0, 2.0, 3.0))
+    assert list(tmp_path.glob("*.grim")) == []
+
+
+INTERRUPTED = {
+    "build": """
+import sys, grimnet
+def tell(progress):
+    if progress.tiles_done:
+        print("begun", flush=True)
+grimnet.build_pack(sys.argv[1] + "/map.tif", sys.argv[2], gsd_m=0.6, progress=tell)
+print("done", flush=True)
+""",
+    "locate": """
+import sys, grimnet
+localizer = grimnet.Localizer(sys.argv[1] + "/area.grim")
+print("begun", flush=True)
+while True:
+    localizer.locate(sys.argv[1] + "/photos/flight_001.jpg")
+""",
+}
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.parametrize("work", INTERRUPTED)
+def test_ctrl_c(demo, tmp_path, work):
+    out = tmp_path / "area.grim"
+    command = [sys.executable, "-c", INTERRUPTED[work], demo, out]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "begun\n", process.stderr.read()
+    process.send_signal(signal.SIGINT)
+    # The limit is a watchdog.
+    printed, errors = process.communicate(timeout=120)
+    assert "KeyboardInterrupt" in errors and "done" not in printed
+    assert not out.exists()
+    if work == "build":
+        assert pathlib.Path(f"{out}.partial").exists(), "the work so far is kept"

@@ -1,0 +1,69 @@
+"""`Tracker` gives the lines of `grim track`."""
+
+import datetime
+import math
+
+import grimnet
+import numpy as np
+import pytest
+
+FRAMES = 10
+
+
+@pytest.fixture(scope="module")
+def lines(demo, pack, json_lines):
+    frames = sorted((demo / "flight").glob("*.jpg"))[:FRAMES]
+    return json_lines("track", "--pack", pack, "--format", "jsonl", *frames)
+
+
+def seconds(line):
+    return datetime.datetime.fromisoformat(line["time"].replace("Z", "+00:00")).timestamp()
+
+
+def test_same_track_as_the_program(localizer, lines):
+    tracker = grimnet.Tracker(localizer)
+    states = set()
+    for line in lines:
+        point = tracker.frame(line["photo"], seconds(line))
+        states.add(point.state)
+        for name, value in point.to_dict().items():
+            assert getattr(point, name) is not None or value is None
+            if name == "heading_sigma_deg":
+                # Not in the line.
+                assert (value is None) == (point.heading_deg is None)
+            elif name == "time_s":
+                assert value == seconds(line)
+            elif value is None or isinstance(value, str):
+                assert value == line[name], name
+            else:
+                # The line is rounded.
+                assert np.allclose(value, line[name], rtol=0, atol=1e-2 if "deg" not in name or name == "heading_deg" else 1e-8), name
+        assert point.answer.state == line["frame"]
+    assert "tracking" in states
+    assert point.covariance_en_m2.shape == (2, 2)
+    later = tracker.point_at(seconds(lines[-1]) + 0.5)
+    assert later.answer is None and later.radius95_m > point.radius95_m
+    assert "tracking" in repr(point)
+
+
+def test_telemetry_is_taken_in(localizer, lines):
+    tracker = grimnet.Tracker(localizer, vehicle="plane", start=(1.0, 1.5, 2000.0), focal_length_px=1000.0)
+    for line in lines[:4]:
+        at = seconds(line)
+        tracker.push_height(at, agl_m=110.0, amsl_m=140.0)
+        tracker.push_velocity(at, east_m_s=5.0, north_m_s=0.0, sigma_m_s=0.5)
+        tracker.push_gimbal(at, yaw_deg=90.0, pitch_deg=-90.0, roll_deg=0.0)
+        point = tracker.frame(line["photo"], at)
+    assert point.altitude_amsl_m in (140.0, None)
+    tracker.push_attitude(at + 0.1, yaw_deg=90.0, pitch_deg=0.0, roll_deg=0.0)
+    for bad in (
+        lambda: tracker.push_height(math.nan, agl_m=100.0),
+        lambda: tracker.push_height(at, agl_m=-1.0),
+        lambda: tracker.push_velocity(at - 1e6, east_m_s=0.0, north_m_s=0.0, sigma_m_s=1.0),
+        lambda: tracker.frame(lines[0]["photo"], math.inf),
+        lambda: grimnet.Tracker(localizer, vehicle="ship"),
+    ):
+        with pytest.raises(grimnet.InvalidValueError):
+            bad()
+    with pytest.raises(grimnet.PhotoError):
+        tracker.frame("nowhere.jpg", at)

@@ -1,0 +1,59 @@
+#!/usr/bin/env python3
+"""Publishes the lines of `grim track` as ROS 2 messages:
+
+    grim track --pack town.grim incoming/ --follow --format jsonl | python3 publish.py --origin 24.26,120.72
+
+Topics: `grimnet/fix` (sensor_msgs/NavSatFix, every line), `grimnet/pose` (geometry_msgs/PoseWithCovarianceStamped, lines whose
+position is the aircraft's). Needs rclpy and the message packages of a ROS 2 installation.
+"""
+
+import argparse
+import json
+import sys
+
+import grimnet_ros2
+
+
+def numbers(text):
+    values = tuple(float(part) for part in text.split(","))
+    if len(values) not in (2, 3):
+        raise argparse.ArgumentTypeError("expected LAT,LON or LAT,LON,ALTITUDE_M")
+    return values
+
+
+def messages(lines, origin, geoid_height_m=None):
+    """For each line the values of a NavSatFix, and of a pose or `None`."""
+    for text in lines:
+        line = json.loads(text)
+        pose = None
+        if grimnet_ros2.is_aircraft(line):
+            pose = grimnet_ros2.pose_with_covariance_stamped(line, origin)
+        yield grimnet_ros2.nav_sat_fix(line, geoid_height_m=geoid_height_m), pose
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--origin", type=numbers, required=True, metavar="LAT,LON[,ALTITUDE_M]", help="origin of the frame `map`")
+    parser.add_argument("--geoid-height", type=float, metavar="M", help="height of the geoid above the WGS 84 ellipsoid here")
+    arguments = parser.parse_args()
+
+    import rclpy
+    from geometry_msgs.msg import PoseWithCovarianceStamped
+    from sensor_msgs.msg import NavSatFix
+
+    rclpy.init()
+    node = rclpy.create_node("grimnet")
+    fixes = node.create_publisher(NavSatFix, "grimnet/fix", 10)
+    poses = node.create_publisher(PoseWithCovarianceStamped, "grimnet/pose", 10)
+    try:
+        for fix, pose in messages(sys.stdin, arguments.origin, arguments.geoid_height):
+            fixes.publish(grimnet_ros2.fill(NavSatFix(), fix))
+            if pose is not None:
+                poses.publish(grimnet_ros2.fill(PoseWithCovarianceStamped(), pose))
+    finally:
+        node.destroy_node()
+        rclpy.shutdown()
+
+
+if __name__ == "__main__":
+    main()

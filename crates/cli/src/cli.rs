@@ -3,17 +3,13 @@
 use std::io::Write as _;
 
 use anyhow::Result;
-use clap::{ArgAction, Parser, Subcommand};
+use clap::{Parser, Subcommand};
+use grimnet_program::general::GeneralOptions;
 
-#[cfg(not(feature = "experiments"))]
-use crate::commands::absent;
-#[cfg(feature = "experiments")]
-use crate::commands::calibrate;
 use crate::commands::{
-    completions, demo, eval, link, locate, man, map, model, serve, track, train,
+    calibrate, completions, demo, eval, link, locate, man, map, model, serve, track, train,
 };
 use crate::exit::Exit;
-use crate::values;
 
 /// Printed by `grim` without a command.
 const BEGIN: &str = "\
@@ -47,20 +43,8 @@ pub struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
 
-    /// Print more messages: -v what is done, -vv every detail
-    #[arg(short, long, action = ArgAction::Count, global = true, help_heading = "General")]
-    pub verbose: u8,
-
-    /// Number of threads to compute with [default: all cores]
-    #[arg(
-        long,
-        global = true,
-        value_name = "N",
-        value_parser = values::threads,
-        allow_hyphen_values = true,
-        help_heading = "General"
-    )]
-    pub threads: Option<usize>,
+    #[command(flatten)]
+    pub general: GeneralOptions,
 }
 
 #[derive(Debug, Subcommand)]
@@ -84,13 +68,8 @@ enum Command {
     #[command(after_help = EVAL_EXAMPLES)]
     Eval(eval::EvalArgs),
     /// Fit the error radius and the confidence that a model states
-    #[cfg(feature = "experiments")]
     #[command(after_help = CALIBRATE_EXAMPLES)]
-    Calibrate(calibrate::CalibrateArgs),
-    /// Fit the error radius and the confidence that a model states (needs --features experiments)
-    #[cfg(not(feature = "experiments"))]
-    #[command(after_help = CALIBRATE_EXAMPLES)]
-    Calibrate(absent::AbsentArgs),
+    Calibrate(Box<calibrate::CalibrateArgs>),
     /// Locate the photos of a flight over a procedural town; nothing to download
     #[command(after_help = demo::EXAMPLES)]
     Demo(demo::DemoArgs),
@@ -143,13 +122,7 @@ impl Cli {
             Command::Serve(arguments) => serve::run(&arguments),
             Command::Link(command) => link::run(command),
             Command::Eval(arguments) => eval::run(&arguments),
-            #[cfg(feature = "experiments")]
             Command::Calibrate(arguments) => calibrate::run(&arguments),
-            #[cfg(not(feature = "experiments"))]
-            Command::Calibrate(_) => Err(anyhow::anyhow!(absent::message(
-                "grim calibrate",
-                "experiments"
-            ))),
             Command::Demo(arguments) => demo::run(&arguments),
             Command::Model(command) => model::run(command),
             Command::Train(arguments) => train::run(&arguments),
@@ -163,9 +136,6 @@ impl Cli {
 mod tests {
     use super::*;
     use clap::{Command as Clap, CommandFactory as _};
-
-    /// Commands whose options depend on the features of the build.
-    const OPTIONAL: [&str; 3] = ["eval", "calibrate", "train"];
 
     fn program() -> Clap {
         let mut program = Cli::command().term_width(100).disable_help_subcommand(true);
@@ -190,10 +160,8 @@ mod tests {
     #[test]
     fn help_of_every_command() {
         visit(&program(), &mut |name, command| {
-            if !OPTIONAL.iter().any(|other| name.ends_with(other)) {
-                let help = command.clone().render_long_help().to_string();
-                insta::assert_snapshot!(name, help);
-            }
+            let help = command.clone().render_long_help().to_string();
+            insta::assert_snapshot!(name, help);
         });
     }
 

@@ -16,3 +16,4 @@ pub mod report;
 pub mod retrieval;
 pub mod scene;
 pub mod tracks;
+pub mod validation_flight;

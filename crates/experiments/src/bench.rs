@@ -9,9 +9,10 @@ use grimnet_eval::metrics::recall::{FrameRecall, MOST_RANKS, RightTile};
 use grimnet_eval::metrics::{Frame, ScoredFix};
 use grimnet_eval::report::plot::PlotError;
 use grimnet_eval::scene::{HeadingMode, Scene};
-use grimnet_geo::{GeoError, LonLat};
+use grimnet_geo::{GeoError, LonLat, Raster};
 use grimnet_locate::{Localizer, LocateError, Options, Outcome, Prior};
 use grimnet_net::{Domain, Model};
+use grimnet_output::{OutputError, OutputPolicy};
 use grimnet_pack::{BuildOptions, Levels, Pack, PackError, build};
 use grimnet_photo::{HeadingPrior, Metadata, Photo, PhotoError, ViewPrior};
 
@@ -86,6 +87,9 @@ pub enum BenchError {
     /// The folder for packs.
     #[error(transparent)]
     Io(#[from] std::io::Error),
+    /// A pack may not be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// A figure cannot be drawn.
     #[error(transparent)]
     Plot(#[from] PlotError),
@@ -209,16 +213,28 @@ impl<'a> Bench<'a> {
     }
 
     fn pack(&self, scene: &Scene, options: &BuildOptions) -> Result<PathBuf, BenchError> {
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(&scene.map.content_hash()?);
-        hasher.update(format!("{options:?}").as_bytes());
-        hasher.update(self.model.hash().as_bytes());
-        let path = self
-            .folder
-            .join(format!("{}.grim", &hasher.finalize().to_hex()[..16]));
-        build(scene.map.as_ref(), self.model, options, &path, &mut |_| ())?;
-        Ok(path)
+        pack_of(scene.map.as_ref(), self.model, options, &self.folder)
     }
+}
+
+/// Builds the pack of a map in `folder`, or finds the one that was built there before.
+///
+/// # Errors
+/// The map cannot be read, the pack cannot be built, or a file of its name is no pack.
+pub fn pack_of(
+    map: &dyn Raster,
+    model: &Model,
+    options: &BuildOptions,
+    folder: &Path,
+) -> Result<PathBuf, BenchError> {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&map.content_hash()?);
+    hasher.update(format!("{options:?}").as_bytes());
+    hasher.update(model.hash().as_bytes());
+    let path = folder.join(format!("{}.grim", &hasher.finalize().to_hex()[..16]));
+    OutputPolicy::new().check_file(&path, &[&grimnet_pack::format::MAGIC])?;
+    build(map, model, options, &path, &mut |_| ())?;
+    Ok(path)
 }
 
 /// The level that photos are compared with: the nearest to their resolution if that is told, else the finest. Packs of paper mode

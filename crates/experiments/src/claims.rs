@@ -1,7 +1,7 @@
 //! EVALUATION.md: the published figures of accuracy, made from stored `summary.json` files.
 //!
 //! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
-//! `tracks/` ([`crate::track_claims`]), `experiments/`, with the tables of `grim eval --experiment`, and `paper.md`, the table of
+//! `tracks/` ([`crate::track_claims`]), `experiments/`, with the tables of `grim-experiments`, and `paper.md`, the table of
 //! what follows the publication and what differs. The page is made by
 //! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
 

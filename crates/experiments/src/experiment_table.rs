@@ -20,6 +20,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
+use grimnet_output::{OutputError, OutputFolder};
 use serde::{Deserialize, Serialize};
 
 /// A column of figures.
@@ -139,9 +140,12 @@ pub struct ExperimentTable {
 /// Why a table cannot be written or read.
 #[derive(Debug, thiserror::Error)]
 pub enum TableError {
-    /// A file cannot be written or read.
-    #[error("cannot write or read the table: {0}")]
+    /// A file cannot be read.
+    #[error("cannot read the table: {0}")]
     Io(#[from] std::io::Error),
+    /// A file cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
     /// The file is no table.
     #[error("{path}: not a table of an experiment: {source}")]
     Json {
@@ -155,33 +159,32 @@ pub enum TableError {
     Csv(#[from] csv::Error),
 }
 
+/// The files of the table of this name: JSON, CSV and Markdown. Figures have files of their own.
+#[must_use]
+pub fn file_names(id: &str) -> [String; 3] {
+    ["json", "csv", "md"].map(|ending| format!("{id}.{ending}"))
+}
+
 impl ExperimentTable {
-    /// Writes `<id>.json`, `<id>.csv`, `<id>.md` and the figures into a folder, which is made. A table without a discussion keeps that of the one it
-    /// replaces.
+    /// Writes [`file_names`] and the figures into a folder. A table without a discussion keeps that of the one it replaces.
     ///
     /// # Errors
-    /// A file cannot be written.
-    pub fn write(&self, folder: &Path) -> Result<(), TableError> {
-        fs_err::create_dir_all(folder)?;
-        let path = folder.join(format!("{}.json", self.id));
+    /// A file cannot be written, or one of its name is not the program's own.
+    pub fn write(&self, folder: &OutputFolder) -> Result<(), TableError> {
+        let [json, csv, markdown] = file_names(&self.id);
+        let path = folder.path().join(&json);
         let mut table = self.clone();
         if table.discussion.is_empty() && path.is_file() {
             table.discussion = Self::read(&path)?.discussion;
         }
-        table.write_all(folder, &path)
-    }
-
-    fn write_all(&self, folder: &Path, path: &Path) -> Result<(), TableError> {
-        let json = serde_json::to_string_pretty(self).map_err(|source| TableError::Json {
-            path: path.to_owned(),
-            source,
-        })?;
-        fs_err::write(path, json + "\n")?;
-        for figure in self.figures.iter().filter(|figure| !figure.svg.is_empty()) {
-            fs_err::write(folder.join(&figure.file), &figure.svg)?;
+        let text = serde_json::to_string_pretty(&table)
+            .map_err(|source| TableError::Json { path, source })?;
+        folder.write_bytes(&json, (text + "\n").as_bytes())?;
+        for figure in table.figures.iter().filter(|f| !f.svg.is_empty()) {
+            folder.write_bytes(&figure.file, figure.svg.as_bytes())?;
         }
-        fs_err::write(folder.join(format!("{}.csv", self.id)), self.to_csv()?)?;
-        fs_err::write(folder.join(format!("{}.md", self.id)), self.to_markdown(""))?;
+        folder.write_bytes(&csv, table.to_csv()?.as_bytes())?;
+        folder.write_bytes(&markdown, table.to_markdown("").as_bytes())?;
         Ok(())
     }
 
@@ -275,6 +278,7 @@ fn markdown(columns: &[Column], rows: &[Row]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grimnet_output::OutputPolicy;
 
     fn table() -> ExperimentTable {
         ExperimentTable {
@@ -299,6 +303,20 @@ mod tests {
         }
     }
 
+    fn open(folder: &tempfile::TempDir) -> OutputFolder {
+        OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap()
+    }
+
+    #[test]
+    fn a_file_of_others_is_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let notes = folder.path().join("top-k.md");
+        fs_err::write(&notes, "my notes").unwrap();
+        let error = table().write(&open(&folder)).unwrap_err();
+        assert!(error.to_string().contains("top-k.md"), "{error}");
+        assert_eq!(fs_err::read_to_string(&notes).unwrap(), "my notes");
+    }
+
     #[test]
     fn a_new_measurement_keeps_the_discussion() {
         let folder = tempfile::tempdir().unwrap();
@@ -306,8 +324,8 @@ mod tests {
             discussion: "As in the paper.".into(),
             ..table()
         };
-        discussed.write(folder.path()).unwrap();
-        table().write(folder.path()).unwrap();
+        discussed.write(&open(&folder)).unwrap();
+        table().write(&open(&folder)).unwrap();
         let kept = ExperimentTable::read(&folder.path().join("top-k.json")).unwrap();
         assert_eq!(kept.discussion, "As in the paper.");
         assert!(kept.to_markdown("").contains("\nAs in the paper.\n"));
@@ -317,7 +335,7 @@ mod tests {
     fn all_three_forms_say_the_same() {
         let folder = tempfile::tempdir().unwrap();
         let table = table();
-        table.write(folder.path()).unwrap();
+        table.write(&open(&folder)).unwrap();
         assert_eq!(
             ExperimentTable::read(&folder.path().join("top-k.json")).unwrap(),
             table

@@ -1,14 +1,15 @@
 //! The paper's experiments, robustness sweeps, the SIFT baseline, and the page of stored evaluation figures.
 //!
 //! A [`grimnet_eval::scene::Scene`] is a map with photos; a [`bench::Setup`] is a way to localise them; the [`bench::Bench`] runs setups over
-//! scenes and caches the results; [`tables`] and [`sweep`] define which setups make which table, `training` and `networks` (with
-//! the `train` feature) those that compare trained networks. [`claims`] makes EVALUATION.md from stored figures.
+//! scenes and caches the results; [`tables`] and [`sweep`] define which setups make which table, [`training`] and [`networks`] those
+//! that compare trained networks. The program `grim-experiments` runs them. [`claims`] makes EVALUATION.md from stored figures.
 
 pub mod bench;
 pub mod claims;
+pub mod experiment;
 pub mod experiment_table;
 pub mod gallery;
-#[cfg(feature = "train")]
+pub mod gallery_recall;
 pub mod networks;
 pub mod page;
 pub mod photometry;
@@ -20,7 +21,5 @@ pub mod sweep;
 pub mod tables;
 pub mod told;
 pub mod track_claims;
-#[cfg(feature = "train")]
 pub mod training;
-pub mod training_flight;
 pub mod world_flight;

@@ -56,7 +56,7 @@ impl Sweep {
         Self::PaperYaw,
     ];
 
-    /// Name of its files and of the option's value.
+    /// Its name.
     #[must_use]
     pub fn id(self) -> &'static str {
         match self {
@@ -74,7 +74,15 @@ impl Sweep {
         }
     }
 
-    fn title(self) -> &'static str {
+    /// Name of its table.
+    #[must_use]
+    pub fn table_id(self) -> String {
+        format!("sweep-{}", self.id())
+    }
+
+    /// What is varied, in words.
+    #[must_use]
+    pub fn title(self) -> &'static str {
         match self {
             Self::Yaw => "Heading of the photos, degrees",
             Self::Scale => "Height above ground, times the usual 100 to 130 m",
@@ -283,7 +291,7 @@ pub fn run(
         }
     }
     Ok(ExperimentTable {
-        id: format!("sweep-{}", sweep.id()),
+        id: sweep.table_id(),
         title: sweep.title().to_owned(),
         columns: vec![
             Column::percent("with a fix"),

@@ -9,6 +9,7 @@ use grimnet_locate::Options;
 use grimnet_net::Domain;
 
 use crate::bench::{Bench, BenchError, Localisation, Setup, at_gsd};
+use crate::experiment::Experiment;
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::photometry::Photometry;
 use crate::recipe::{Recipe, Variant};
@@ -16,27 +17,6 @@ use crate::scene_rows::{
     ALE_NOTE, INPUTS_NOTE, PAPER_DA_BN, PAPER_MODULES, ale, all_frames, mean, mean_time_s, over,
     paper_scenes, scene_row, table,
 };
-
-/// The experiments that need no training.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Experiment {
-    /// Table 2: processing resolution.
-    Resolution,
-    /// Table 4: combinations of modules.
-    Modules,
-    /// Table 5: recall for K candidates.
-    TopKRecall,
-    /// Table 6: error and time for K candidates.
-    TopK,
-    /// Table 7: changes of light.
-    Photometry,
-    /// Table 8: methods compared.
-    Methods,
-    /// Table 9: success.
-    Success,
-    /// Table 10: domain-adaptive normalisation.
-    DaBn,
-}
 
 /// Sides of the network's input (table 2), pixels.
 const RESOLUTIONS: [u32; 5] = [160, 256, 320, 384, 512];
@@ -107,7 +87,7 @@ fn resolution(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable
             "Default mode keeps the photo's shape: there the ground resolution of the level varies, so that a photo is 1.4 times the stated side across.".to_owned(),
         ],
         ..table(
-            "resolution",
+            Experiment::Resolution.id(),
             "Error at several processing resolutions",
             2,
             scenes,
@@ -173,7 +153,12 @@ fn modules(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, B
         }
     }
     let (paper_columns, paper) = paper_scenes(&PAPER_MODULES);
-    let mut made = table("modules", "Combinations of modules", 4, scenes);
+    let mut made = table(
+        Experiment::Modules.id(),
+        "Combinations of modules",
+        4,
+        scenes,
+    );
     made.notes.push(
         "G: retrieval of tiles; M: learned matching; L: one network trained for both; S: SIFT for matching, always answering with the tile of most inliers. \
          M + L matches every tile. The map's features are made beforehand in all rows, SIFT's too."
@@ -210,7 +195,7 @@ fn top_k(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, Ben
         ("K = 10", [4.21, 11.71, 13.74, 29.41, 13.81]),
     ]);
     let mut made = table(
-        "top-k",
+        Experiment::TopK.id(),
         "Error and time for K candidates by descriptor",
         6,
         scenes,
@@ -253,7 +238,12 @@ fn photometry(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable
         ),
         ("Low contrast (x 0.6)", [4.71, 12.62, 14.84, 30.80, 14.42]),
     ]);
-    let mut made = table("photometry", "Error under changes of light", 7, scenes);
+    let mut made = table(
+        Experiment::Photometry.id(),
+        "Error under changes of light",
+        7,
+        scenes,
+    );
     made.notes.push(INPUTS_NOTE.to_owned());
     Ok(ExperimentTable {
         rows,
@@ -281,7 +271,7 @@ fn da_bn(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, Ben
         }
     }
     let (paper_columns, paper) = paper_scenes(&PAPER_DA_BN);
-    let mut made = table("da-bn", "Normalisation by domain", 10, scenes);
+    let mut made = table(Experiment::DaBn.id(), "Normalisation by domain", 10, scenes);
     made.notes.push(
         "The second row of each pair runs photos through the statistics and parameters of the map's domain, with the same trained weights; the paper \
          trained a second network with plain batch normalisation."

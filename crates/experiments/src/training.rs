@@ -44,6 +44,37 @@ pub enum TrainedExperiment {
     DaBn,
 }
 
+impl TrainedExperiment {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::LossWeights, Self::Modules, Self::DaBn];
+
+    /// Its name, also that of its table.
+    #[must_use]
+    pub fn id(self) -> &'static str {
+        match self {
+            Self::LossWeights => "loss-weights",
+            Self::Modules => "modules-trained",
+            Self::DaBn => "da-bn-trained",
+        }
+    }
+
+    /// What it compares, in words.
+    #[must_use]
+    pub fn help(self) -> &'static str {
+        match self {
+            Self::LossWeights => {
+                "Weights of the losses (table 3); trains nine networks for each seed"
+            }
+            Self::Modules => {
+                "Retrieval and matching trained apart (table 4); trains three networks for each seed"
+            }
+            Self::DaBn => {
+                "Plain batch normalisation in training (table 10); trains two networks for each seed"
+            }
+        }
+    }
+}
+
 /// Why an experiment with training cannot be run.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainingError {
@@ -204,7 +235,7 @@ fn loss_weights(
         .map(|(name, ..)| Column::new(name.as_str(), "", 2))
         .collect();
     let mut made = table(
-        "loss-weights",
+        TrainedExperiment::LossWeights.id(),
         "Error under several weights of the losses",
         3,
         scenes,
@@ -234,7 +265,7 @@ fn modules(
     let matching = networks.get("matching alone", |config| config.weights.global = 0.0)?;
     let joint = networks.get(UNCHANGED, |_| {})?;
     let mut made = table(
-        "modules-trained",
+        TrainedExperiment::Modules.id(),
         "Retrieval and matching trained apart and together",
         4,
         scenes,
@@ -280,7 +311,7 @@ fn da_bn(
     scenes: &[Scene],
 ) -> Result<ExperimentTable, TrainingError> {
     let mut made = table(
-        "da-bn-trained",
+        TrainedExperiment::DaBn.id(),
         "Normalisation by domain, trained",
         10,
         scenes,

@@ -7,14 +7,16 @@ use std::sync::Arc;
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::scene::{HeadingMode, PhotoSource, Scene, Shot, Truth};
 use grimnet_experiments::bench::{Bench, Localisation, Setup};
+use grimnet_experiments::experiment::Experiment;
 use grimnet_experiments::photometry::Photometry;
 use grimnet_experiments::recipe::Variant;
-use grimnet_experiments::tables::{self, Experiment};
+use grimnet_experiments::tables;
 use grimnet_experiments::told::Told;
 use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_geo::{LonLat, MapOptions, WindowPx, distance_m};
 use grimnet_locate::Prior;
 use grimnet_net::Model;
+use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_photo::{Metadata, Photo};
 
 /// A photo cut out of the map, so that any matcher must find it to a fraction of a pixel.
@@ -109,7 +111,8 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     // Figure 7b has the frames of every method, figure 7a of each row.
     let table = tables::run(Experiment::Success, &mut bench, &scenes).unwrap();
     assert_eq!((table.rows.len(), table.figures.len()), (4, 4));
-    table.write(folder.path()).unwrap();
+    let out = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
+    table.write(&out).unwrap();
     let svg = std::fs::read_to_string(folder.path().join(&table.figures[0].file)).unwrap();
     assert!(svg.contains("<svg"));
 }

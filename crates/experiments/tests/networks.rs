@@ -1,6 +1,5 @@
 //! Networks of an experiment: made once, gone on with after a stop, told apart by their budgets.
 
-#![cfg(feature = "train")]
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::path::Path;

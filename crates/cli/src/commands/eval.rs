@@ -1,39 +1,36 @@
 //! `grim eval`: measure accuracy on photos with a known position.
 
+mod arguments;
+
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
-use clap::{Args, ValueEnum};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::report::Run;
 use grimnet_eval::report::results::{self, About, FILE_NAMES, peak_memory_mib};
 use grimnet_eval::retrieval::RetrievalSummary;
-use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_eval::scene::Scene;
 use grimnet_eval::tracks::results::{HIDDEN_FILES, TRACK_FILES, TrackAbout};
 use grimnet_geo::{MapPx, Raster};
-use grimnet_locate::{DEFAULT_MAP_ERROR_M, Localizer, Options, Prior};
+use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_net::Model;
 use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::{BuildOptions, Pack};
 
-use super::elsewhere::{self, ElsewhereOptions};
+use super::ModeChoice;
+use super::elsewhere;
 use super::eval_pictures;
 use super::eval_run::evaluate_all;
-use super::eval_track::{self, TrackEvalOptions};
-#[cfg(feature = "experiments")]
-use super::experiment::{self, Subject};
-use super::experiment_options::ExperimentOptions;
-use super::gallery::GalleryOptions;
+use super::eval_track;
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight};
 use super::map::build_with_bar;
-use super::map_place::MapPlace;
 use super::results::{print_retrieval, print_summary};
-use super::{ModeChoice, ModelChoice};
 use crate::exit::Exit;
-use crate::outputs::{OWN_MAGICS, OverwriteChoice};
+use crate::outputs::OWN_MAGICS;
 use crate::procedural_flight::{MAP, draw_town, make_flight};
-use crate::values;
+
+pub use arguments::EvalArgs;
 
 /// Photos of the procedural flight of `--world`.
 const WORLD_PHOTOS: usize = 40;
@@ -44,134 +41,11 @@ const PACK: &str = "area.grim";
 /// The retrieval figures in the folder of results.
 const RECALL: &str = "recall.json";
 
-/// Which headings the localiser is given.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-pub enum HeadingChoice {
-    /// Both ways, one after the other
-    #[default]
-    Both,
-    /// From the truth file
-    Known,
-    /// None: the heading is searched
-    Unknown,
-    /// From the photos' metadata
-    Exif,
-}
-
-impl HeadingChoice {
-    fn modes(self) -> &'static [HeadingMode] {
-        match self {
-            Self::Both => &[HeadingMode::Known, HeadingMode::Unknown],
-            Self::Known => &[HeadingMode::Known],
-            Self::Unknown => &[HeadingMode::Unknown],
-            Self::Exif => &[HeadingMode::FromPhoto],
-        }
-    }
-}
-
-/// Arguments of `grim eval`.
-#[derive(Debug, Args)]
-pub struct EvalArgs {
-    /// A folder with map.tif, photos/ and truth.csv, or a scene of UAV-VisLoc or AnyVisLoc, or photos with a position in their
-    /// EXIF, such as MSDI's (with --map)
-    ///
-    /// truth.csv has the columns photo, lat_deg, lon_deg (of the image centre; or centre_lat, centre_lon), and, if known,
-    /// heading_deg, gps_lat, gps_lon, footprint_w_m (ground width of the photo, metres; given to the localiser instead of the
-    /// metadata), tilt_deg, truth_err_m (1 sigma per axis), flat_frac (share without features; above 0.5 no answer is expected)
-    /// and place (photos of one place are not independent). For UAV-VisLoc give the folder of one scene, such as
-    /// UAV-VisLoc/03, for AnyVisLoc likewise, such as AnyVisLoc/Scene_01; --map satellite_map.png selects its satellite map.
-    /// For MSDI give the whole data set or one scene of its calibrated_images.
-    folder: Option<PathBuf>,
-
-    /// Render the procedural world of this seed and a flight over it, and localise that
-    #[arg(long, value_name = "SEED", conflicts_with = "folder")]
-    world: Option<u64>,
-
-    /// Folder for summary.json, report.html, frames.csv, failed.jsonl and the pack
-    #[arg(short, long, value_name = "DIR")]
-    out: PathBuf,
-
-    #[command(flatten)]
-    overwrite: OverwriteChoice,
-
-    /// The map [default: FOLDER/map.tif]
-    #[arg(long, value_name = "MAP")]
-    map: Option<PathBuf>,
-
-    #[command(flatten)]
-    place: MapPlace,
-
-    #[command(flatten)]
-    model: ModelChoice,
-
-    /// Whether the localiser is given the true headings
-    #[arg(long, value_enum, default_value_t)]
-    heading: HeadingChoice,
-
-    /// Commit that this program was built from, recorded with the figures
-    #[arg(long, value_name = "HASH")]
-    commit: Option<String>,
-
-    /// Ground width that every photo shows, metres, given to the localiser instead of truth file and metadata
-    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true)]
-    footprint_width: Option<f64>,
-
-    /// Method
-    #[arg(long, value_enum, default_value_t)]
-    mode: ModeChoice,
-
-    /// Position error of the map itself, metres (1 sigma per axis); the stated radius includes it
-    #[arg(
-        long,
-        value_name = "M",
-        value_parser = values::sigma_m,
-        allow_hyphen_values = true,
-        default_value_t = DEFAULT_MAP_ERROR_M
-    )]
-    map_error: f64,
-
-    /// Error of the true positions, metres (1 sigma per axis), for photos whose truth file does not state it
-    #[arg(long, value_name = "M", value_parser = values::sigma_m, allow_hyphen_values = true)]
-    truth_error: Option<f64>,
-
-    /// Recompute batch-normalisation statistics
-    #[arg(long, value_enum, default_value_t)]
-    adapt: AdaptChoice,
-
-    /// Least confidence of a fix, 0 to 1; 0 turns the confidence gate off [default: from the model's calibration]
-    #[arg(long, value_name = "P", value_parser = values::probability, allow_hyphen_values = true)]
-    min_confidence: Option<f64>,
-
-    #[command(flatten)]
-    track: TrackEvalOptions,
-
-    #[command(flatten)]
-    elsewhere: ElsewhereOptions,
-
-    #[command(flatten)]
-    gallery: GalleryOptions,
-
-    #[command(flatten)]
-    experiment: ExperimentOptions,
-}
-
 /// Runs the command.
 ///
 /// # Errors
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
-    arguments.experiment.check_present()?;
-    #[cfg(feature = "experiments")]
-    if arguments.experiment.is_asked() {
-        let subject = Subject {
-            folder: arguments.folder.as_deref(),
-            place: &arguments.place,
-            footprint_width_m: arguments.footprint_width,
-            map: arguments.map.as_deref(),
-            model: &arguments.model.open()?,
-        };
-        return experiment::run(&arguments.experiment, &subject, &arguments.out);
-    }
     let policy = arguments
         .overwrite
         .policy()
@@ -199,7 +73,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         .protect(&data.map)
         .protect_all(data.frames.iter().map(|(_, path)| path));
     let folder = OutputFolder::open(&arguments.out, &policy)?;
-    let map = arguments.gallery.lay_out(data.open_map()?)?;
+    let map = data.open_map()?;
     let scene = data.into_scene(map)?;
     let model = arguments.model.open()?;
     let mut localizer = localizer(arguments, &model, scene.map.as_ref(), &pack_path)?;
@@ -226,14 +100,14 @@ fn evaluate_and_write(
     let matches = folder.subfolder("matches")?;
     let mut runs: Vec<Run> = Vec::new();
     let (mut retrievals, mut first_trials) = (Vec::new(), Vec::new());
-    for mode in arguments.heading.modes() {
+    for mode in arguments.heading {
         let (run, trials) = evaluate_all(localizer, &scene.shots, *mode, mode.name());
         retrievals.push(RetrievalSummary::of(
             mode.name(),
             localizer.pack(),
             &scene.shots,
             &trials,
-            arguments.gallery.recall_radius,
+            arguments.retrieval.recall_radius,
         ));
         runs.push(run);
         if first_trials.is_empty() {
@@ -320,9 +194,9 @@ fn data_set(arguments: &EvalArgs, policy: &OutputPolicy, scratch: &Path) -> Resu
             arguments.out.clone()
         }
         (None, Some(folder)) => folder.clone(),
-        (None, None) => bail!(
-            "no FOLDER given: grim eval FOLDER --out DIR; only --world, --experiment and --sweep work without one"
-        ),
+        (None, None) => {
+            bail!("no FOLDER given: grim eval FOLDER --out DIR; only --world works without one")
+        }
     };
     let data = DataSet::find(&DataSetRequest {
         folder: &folder,
@@ -351,7 +225,7 @@ fn localizer(
         ModeChoice::Paper => BuildOptions::paper(),
     };
     let build = BuildOptions {
-        levels: arguments.gallery.levels(),
+        levels: arguments.retrieval.levels(),
         ..build
     };
     build_with_bar(map, model, &build, pack_path)?;

@@ -277,26 +277,6 @@ fn wrong_use_and_unreadable_input_end_with_2_and_say_what_to_do() {
     fails(&["locate", "--pack", pack, photo, "--hfov", "200"], "hfov");
     fails(&["model", "info", photo], photo);
     fails(&["demo", "--photos", "0"], "at least one");
-    #[cfg(not(feature = "train"))]
-    fails(
-        &["eval", "--experiment", "loss-weights", "--out", out],
-        if cfg!(feature = "experiments") {
-            "--features train"
-        } else {
-            "--features experiments"
-        },
-    );
-    #[cfg(not(feature = "experiments"))]
-    {
-        fails(
-            &["eval", "--sweep", "yaw", "--worlds", "2", "--out", out],
-            "--features experiments",
-        );
-        fails(
-            &["calibrate", "-o", out, "--worlds", "3"],
-            "--features experiments",
-        );
-    }
     assert!(!Path::new(out).exists());
 }
 
@@ -516,8 +496,8 @@ fn published_data_sets_are_told_by_their_files() {
     };
     let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("../eval/tests/golden/anyvisloc");
     let run = eval(&golden.join("Scene_07"), "anyvisloc").assert();
-    // Builds without the experiments may leave the reader out.
-    if cfg!(feature = "experiments") || run.get_output().status.success() {
+    // Builds without the feature may leave the reader out.
+    if cfg!(feature = "anyvisloc") || run.get_output().status.success() {
         run.success()
             .stderr(contains("L07_0003.npz: the camera looks 88 degrees off"));
         let summary = json(&folder.path().join("anyvisloc/summary.json"));
@@ -525,7 +505,7 @@ fn published_data_sets_are_told_by_their_files() {
         assert_eq!(summary["heading_from_the_photo"]["frames"], 2);
     } else {
         run.code(2)
-            .stderr(contains("Scene_07").and(contains("--features experiments")));
+            .stderr(contains("Scene_07").and(contains("--features anyvisloc")));
     }
 
     let msdi = folder.path().join("msdi");

@@ -5,6 +5,7 @@ use grimnet_eval::report::plot::{error_per_frame, runs_compared};
 use grimnet_eval::scene::Scene;
 
 use crate::bench::{Bench, BenchError, Localisation, Setup};
+use crate::experiment::Experiment;
 use crate::experiment_table::{Column, ExperimentTable, Figure, Row};
 use crate::recipe::Variant;
 use crate::scene_rows::{PAPER_SCENES, all_frames, over, paper_scenes, scene_row, table};
@@ -50,7 +51,7 @@ pub(super) fn methods(
         ("GRiM-Net", [4.33, 11.84, 13.96, 29.62, 13.85]),
     ]);
     let drawn: Vec<(&str, &[Frame])> = runs.iter().map(|(n, f)| (n.as_str(), &f[..])).collect();
-    let mut made = table("methods", "Methods compared", 8, scenes);
+    let mut made = table(Experiment::Methods.id(), "Methods compared", 8, scenes);
     made.notes.push(NOTE.to_owned());
     made.figures.push(Figure {
         file: "methods-errors.svg".to_owned(),
@@ -99,7 +100,7 @@ pub(super) fn success(
         notes: vec!["A frame without a fix is no success.".to_owned()],
         figures,
         ..table(
-            "success",
+            Experiment::Success.id(),
             "Share of all frames with an error below 20 m",
             9,
             scenes,

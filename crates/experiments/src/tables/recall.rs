@@ -5,6 +5,7 @@ use grimnet_eval::metrics::recall::{FrameRecall, Recall};
 use grimnet_eval::scene::Scene;
 
 use crate::bench::{Bench, BenchError, Measured};
+use crate::experiment::Experiment;
 use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::recipe::{Recipe, Variant};
 use crate::scene_rows::{INPUTS_NOTE, over, table};
@@ -41,7 +42,7 @@ pub(super) fn top_k_recall(
             "SDM@K (Dai et al. 2024) and PDM@K (Ye et al. 2026) score each of the first K tiles by its distance from the truth, the earlier ranks more.".to_owned(),
             "At a stride of 256 px only a fifth of all places has any tile centre within 64 px: the paper's figures cannot be had with its own tiling.".to_owned(),
         ],
-        ..table("top-k-recall", "Recall for K candidates", 5, scenes)
+        ..table(Experiment::TopKRecall.id(), "Recall for K candidates", 5, scenes)
     })
 }
 

@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::PathBuf;
 
 use anyhow::Result;
-use grimnet_experiments::training_flight::Flight;
+use grimnet_eval::validation_flight::ValidationFlight;
 use grimnet_net::Card;
 use grimnet_train::{Checkpoint, Stage, TrainConfig};
 
@@ -16,7 +16,7 @@ const PHOTOS: usize = 16;
 /// The flight, rendered when it is first needed, and the output folder.
 pub(super) struct FlightLog {
     out: PathBuf,
-    flight: Option<Flight>,
+    flight: Option<ValidationFlight>,
 }
 
 impl FlightLog {
@@ -33,7 +33,11 @@ impl FlightLog {
     pub(super) fn add(&mut self, state: &Checkpoint) -> Result<()> {
         let flight = match &mut self.flight {
             Some(flight) => flight,
-            none => none.insert(Flight::draw(WORLD_SEED, PHOTOS, &self.out.join("flight"))?),
+            none => none.insert(ValidationFlight::draw(
+                WORLD_SEED,
+                PHOTOS,
+                &self.out.join("flight"),
+            )?),
         };
         let model = state.average.to_model(Card::default())?;
         let mut file = fs_err::OpenOptions::new()

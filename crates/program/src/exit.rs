@@ -22,15 +22,15 @@ pub enum Exit {
 }
 
 impl Exit {
-    /// Writes the error and its causes to standard error. A reader of our output that went away (`| head`) is no
-    /// error.
-    pub fn failure(error: &anyhow::Error) -> Self {
+    /// Writes the error and its causes to standard error, after the name of the program. A reader of our output that went away
+    /// (`| head`) is no error.
+    pub fn failure(program: &str, error: &anyhow::Error) -> Self {
         if errors::is_broken_pipe(error) {
             return Self::Done;
         }
         let text = errors::message_with_hint(error);
         // There is nobody left to tell if standard error is gone.
-        let _ = writeln!(std::io::stderr(), "grim: {}", printable_text(&text));
+        let _ = writeln!(std::io::stderr(), "{program}: {}", printable_text(&text));
         Self::Failed
     }
 }

@@ -1,18 +1,19 @@
-//! The networks of one run of `grim eval --experiment`, with Ctrl-C and what is shown meanwhile.
+//! The networks of one run, with Ctrl-C and what is shown meanwhile.
 
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use grimnet_eval::scene::Scene;
 use grimnet_experiments::experiment_table::ExperimentTable;
 use grimnet_experiments::networks::Networks;
 use grimnet_experiments::training::{TrainedExperiment, run};
+use grimnet_program::{interrupt, progress};
 use grimnet_train::{Progress, TrainConfig};
 
-use crate::commands::experiment_options::{ExperimentChoice, ExperimentOptions};
-use crate::{interrupt, progress};
+use crate::arguments::TrainingOptions;
+use crate::named::Requested;
 
 /// Minutes of each training where neither a number nor a configuration is given: what `compact` needs for differences to show.
 const MINUTES: f64 = 20.0;
@@ -20,7 +21,7 @@ const MINUTES: f64 = 20.0;
 /// Minutes between checkpoints where no configuration says otherwise: what a power cut may cost.
 const CHECKPOINT_MINUTES: f64 = 1.0;
 
-/// What the experiments that train have in common.
+/// The networks that experiments of a run train, if any does.
 pub struct Training {
     networks: Option<Networks>,
 }
@@ -30,8 +31,8 @@ impl Training {
     ///
     /// # Errors
     /// A configuration or data that cannot be used.
-    pub fn open(options: &ExperimentOptions, work: &Path) -> Result<Self> {
-        if !options.experiments.iter().any(|choice| choice.trains()) {
+    pub fn open(options: &TrainingOptions, requested: &[Requested], work: &Path) -> Result<Self> {
+        if !requested.iter().any(|r| matches!(r, Requested::Trained(_))) {
             return Ok(Self { networks: None });
         }
         let stop = Arc::new(AtomicBool::new(false));
@@ -47,36 +48,28 @@ impl Training {
         })
     }
 
-    /// The table of an experiment that trains; none for the others.
+    /// The table of an experiment that trains; packs are written to `packs`.
     ///
     /// # Errors
     /// Training or measuring fails, or was stopped.
     pub fn table(
         &mut self,
-        choice: ExperimentChoice,
+        experiment: TrainedExperiment,
         scenes: &[Scene],
-        work: &Path,
-    ) -> Result<Option<ExperimentTable>> {
-        let experiment = match choice {
-            ExperimentChoice::LossWeights => TrainedExperiment::LossWeights,
-            ExperimentChoice::ModulesTrained => TrainedExperiment::Modules,
-            ExperimentChoice::DaBnTrained => TrainedExperiment::DaBn,
-            _ => return Ok(None),
-        };
-        let Some(networks) = &mut self.networks else {
-            return Ok(None);
-        };
-        let bar = progress::spinner(&choice.name());
+        packs: &Path,
+    ) -> Result<ExperimentTable> {
+        let networks = self.networks.as_mut().context("no networks to train")?;
+        let bar = progress::spinner(experiment.id());
         let shown = bar.clone();
         networks.on_progress(move |name, progress| shown.set_message(line(name, progress)));
-        let table = run(experiment, networks, work, scenes);
+        let table = run(experiment, networks, packs, scenes);
         bar.finish_and_clear();
-        Ok(Some(table?))
+        Ok(table?)
     }
 }
 
 /// The configuration that was named, or the paper's losses and weights on the compact network and procedural worlds.
-fn configuration(options: &ExperimentOptions) -> Result<TrainConfig> {
+fn configuration(options: &TrainingOptions) -> Result<TrainConfig> {
     let paper = TrainConfig::paper();
     let named = match &options.train_config {
         Some(path) => TrainConfig::open(path)?,

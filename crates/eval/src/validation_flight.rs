@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use grimnet_eval::calibration::scenes::{SceneError, world};
-use grimnet_eval::calibration::trial::{ObserveError, answer, localizer};
-use grimnet_eval::metrics::footprint::RIGHT_WITHIN_M;
-use grimnet_eval::scene::{HeadingMode, Scene};
 use grimnet_net::Model;
 
+use crate::calibration::scenes::{SceneError, world};
+use crate::calibration::trial::{ObserveError, answer, localizer};
+use crate::metrics::footprint::RIGHT_WITHIN_M;
+use crate::scene::{HeadingMode, Scene};
+
 /// A procedural world and photos of it.
-pub struct Flight {
+pub struct ValidationFlight {
     scene: Scene,
     pack: PathBuf,
 }
@@ -41,7 +42,7 @@ pub struct FlightFigures {
     pub median_m: Option<f64>,
 }
 
-impl Flight {
+impl ValidationFlight {
     /// Draws the world of a seed, its map into `folder`, and that many photos.
     ///
     /// # Errors
@@ -115,7 +116,7 @@ mod tests {
     #[test]
     fn the_bundled_network_localises_a_flight() {
         let folder = tempfile::tempdir().unwrap();
-        let flight = Flight::draw(1003, 3, folder.path()).unwrap();
+        let flight = ValidationFlight::draw(1003, 3, folder.path()).unwrap();
         let model = Model::bundled().unwrap();
         for _ in 0..2 {
             let [known, unknown] = flight.measure(&model).unwrap();

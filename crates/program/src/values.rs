@@ -43,7 +43,6 @@ numbers! {
     /// A number of frames per second, above zero.
     rate_per_s: "a number of frames per second, above 0 and at most 1000" if |v| v > 0.0 && v <= 1000.0;
     /// A share above 0 and below 1.
-    #[cfg_attr(not(feature = "experiments"), allow(dead_code, reason = "an option of `grim calibrate`"))]
     inner_share: "a share above 0 and below 1" if |v| v > 0.0 && v < 1.0;
 }
 

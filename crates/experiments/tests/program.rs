@@ -1,0 +1,148 @@
+//! The program `grim-experiments` from end to end, on one small procedural world.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use grimnet_experiments::experiment_table::ExperimentTable;
+use image::RgbImage;
+
+fn program(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_grim-experiments"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn errors(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// One world of few photos.
+const SMALL: [&str; 6] = [
+    "--worlds",
+    "1",
+    "--world-photos",
+    "2",
+    "--world-size",
+    "320",
+];
+
+#[test]
+fn a_sweep_writes_its_table_and_keeps_files_of_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let arguments = [
+        &["--sweep", "wrong-area", "--out", out.to_str().unwrap()],
+        &SMALL[..],
+    ]
+    .concat();
+    let run = program(&arguments);
+    assert!(run.status.success(), "{}", errors(&run));
+    let table = ExperimentTable::read(&out.join("sweep-wrong-area.json")).unwrap();
+    assert_eq!(table.rows.len(), 2);
+    assert_eq!(table.conditions["frames"], "2");
+    assert!(table.conditions["data"].starts_with("1 procedural worlds of 320 m"));
+    let printed = String::from_utf8_lossy(&run.stdout).into_owned();
+    assert!(printed.contains(&table.title), "{printed}");
+    for name in [
+        "sweep-wrong-area.csv",
+        "sweep-wrong-area.md",
+        "sweeps.html",
+        ".grim-output",
+    ] {
+        assert!(out.join(name).is_file(), "{name}");
+    }
+
+    let notes = out.join("sweep-wrong-area.md");
+    std::fs::write(&notes, "my notes").unwrap();
+    let refused = program(&arguments);
+    assert_eq!(refused.status.code(), Some(2));
+    let told = errors(&refused);
+    assert!(
+        told.contains("sweep-wrong-area.md") && told.contains("--overwrite"),
+        "{told}"
+    );
+    assert_eq!(std::fs::read_to_string(&notes).unwrap(), "my notes");
+}
+
+#[test]
+fn recall_falls_among_distractors() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = data_set(folder.path());
+    let distractors = folder.path().join("aerial");
+    std::fs::create_dir(&distractors).unwrap();
+    for seed in 1..=2_u32 {
+        let noise = RgbImage::from_fn(600, 600, |x, y| {
+            let tone = (x / 7 * 31 + y / 5 * 17 + seed * 97) % 251;
+            image::Rgb([tone as u8; 3])
+        });
+        noise.save(distractors.join(format!("{seed}.png"))).unwrap();
+    }
+    let out = folder.path().join("out");
+    let run = program(&[
+        data.to_str().unwrap(),
+        "--distractors",
+        distractors.to_str().unwrap(),
+        "--gsd",
+        "0.3",
+        "--heading",
+        "known",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert!(run.status.success(), "{}", errors(&run));
+    let table = ExperimentTable::read(&out.join("gallery.json")).unwrap();
+    assert_eq!(table.columns[0].name, "data, heading known");
+    let share = |name: &str| {
+        let row = table.rows.iter().find(|row| row.name == name).unwrap();
+        row.values[0].unwrap()
+    };
+    assert!(share("R@1 by descriptor") <= share("R@10 by descriptor"));
+    assert_eq!(share("a right tile was matched"), 100.0);
+    // The map of 320 m has 3 x 3 tiles at this resolution; two pictures of 600 px add one each.
+    assert!(table.notes[1].contains(": 11 tiles"), "{}", table.notes[1]);
+}
+
+/// A folder with map, a photo and its truth.
+fn data_set(folder: &Path) -> std::path::PathBuf {
+    use grimnet_experiments::world_flight::WorldFlight;
+
+    let data = folder.join("data");
+    let photos = data.join("photos");
+    std::fs::create_dir_all(&photos).unwrap();
+    let scene = WorldFlight::over("map", 5, 320.0, 0.9, 2)
+        .make(&data)
+        .unwrap();
+    let mut truth = String::from("photo,lat_deg,lon_deg,heading_deg,footprint_w_m\n");
+    for shot in &scene.shots {
+        let photo = shot.photo.open().unwrap();
+        let name = format!("{}.png", shot.name);
+        photo.image.save(photos.join(&name)).unwrap();
+        let at = shot.truth.position;
+        let width_m = photo.view(&shot.known.view).footprint.unwrap().width_m;
+        let heading_deg = photo.metadata.gimbal_yaw_deg.unwrap();
+        truth += &format!(
+            "{name},{},{},{heading_deg},{width_m}\n",
+            at.lat_deg, at.lon_deg
+        );
+    }
+    std::fs::write(data.join("truth.csv"), truth).unwrap();
+    data
+}
+
+#[test]
+fn what_cannot_be_done_is_told_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let out = out.to_str().unwrap();
+    let nothing = program(&["--out", out]);
+    assert_eq!(nothing.status.code(), Some(2));
+    assert!(
+        errors(&nothing).contains("--experiment"),
+        "{}",
+        errors(&nothing)
+    );
+    assert!(!Path::new(out).exists());
+}

@@ -1,0 +1,56 @@
+//! Options of every command: how much is told, and how many threads compute.
+
+use clap::ArgAction;
+
+use crate::{terminal, values};
+
+/// Heading of these options in the help.
+const GENERAL: &str = "General";
+
+/// The options of every command.
+#[derive(Debug, Clone, Copy, clap::Args)]
+pub struct GeneralOptions {
+    /// Print more messages: -v what is done, -vv every detail
+    #[arg(short, long, action = ArgAction::Count, global = true, help_heading = GENERAL)]
+    verbose: u8,
+
+    /// Number of threads to compute with [default: all cores]
+    #[arg(
+        long,
+        global = true,
+        value_name = "N",
+        value_parser = values::threads,
+        allow_hyphen_values = true,
+        help_heading = GENERAL
+    )]
+    threads: Option<usize>,
+}
+
+impl GeneralOptions {
+    /// Starts messages on standard error and the pool of threads; `quiet_filter` is the filter without `-v`.
+    ///
+    /// # Errors
+    /// The threads cannot be started.
+    pub fn start(&self, quiet_filter: &str) -> anyhow::Result<()> {
+        let filter = match self.verbose {
+            0 => quiet_filter,
+            1 => "info",
+            _ => "debug",
+        };
+        let filter = tracing_subscriber::EnvFilter::try_from_env("GRIM_LOG")
+            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(filter));
+        tracing_subscriber::fmt()
+            .with_env_filter(filter)
+            .with_writer(std::io::stderr)
+            .with_ansi(terminal::colours_on_stderr())
+            .without_time()
+            .with_target(false)
+            .init();
+        if let Some(threads) = self.threads {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build_global()?;
+        }
+        Ok(())
+    }
+}

@@ -26,7 +26,10 @@ pub mod serve;
 pub mod track;
 pub mod track_link;
 pub mod track_options;
+pub mod track_output;
+pub mod track_replay;
 pub mod track_report;
+pub mod track_source;
 pub mod train;
 
 pub use grimnet_program::map_place;

@@ -9,6 +9,7 @@
 pub mod calibration;
 pub mod datasets;
 pub mod elsewhere;
+pub mod elsewhere_summary;
 pub mod evaluation;
 pub mod metrics;
 pub mod pictures;

@@ -6,5 +6,6 @@ mod page;
 pub mod plot;
 pub mod results;
 pub mod track_page;
+mod track_plan;
 
 pub use page::{Picture, Report, Run};

@@ -4,11 +4,17 @@
 //! A filter's figures mean little without its controls, so three runs are always compared: fixes only, motion only, and the
 //! filter.
 
+pub mod about;
 pub mod camera_tilt;
+pub mod exif_time;
 pub mod figures;
+pub mod figures_table;
+pub mod frame_figures;
 pub mod frame_record;
 pub mod ground_cover;
 pub mod hidden;
+pub mod hidden_figures;
+pub mod hidden_results;
 pub mod plots;
 pub mod rendered;
 pub mod results;

@@ -197,13 +197,25 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{:.0} %", 100.0 * v))
 }
 
+/// Adds a claim: its conditions, the comparison with peers, and the other figures.
 fn section(page: &mut String, claim: &Claim, summary: &Value) {
+    conditions(page, claim, &summary["about"]);
+    let runs = runs(summary);
+    comparison(page, claim, &runs);
+    other_figures(page, &runs);
+    for remark in &claim.remarks {
+        put(page, format_args!("\n{remark}\n"));
+    }
+}
+
+fn put(page: &mut String, text: std::fmt::Arguments<'_>) {
     // Writing to a string cannot fail.
-    let mut put = |text: std::fmt::Arguments<'_>| {
-        let _ = page.write_fmt(text);
-    };
+    let _ = page.write_fmt(text);
+}
+
+fn conditions(page: &mut String, claim: &Claim, about: &Value) {
+    let mut put = |text: std::fmt::Arguments<'_>| put(page, text);
     put(format_args!("\n## {}\n\n{}\n\n", claim.title, claim.data));
-    let about = &summary["about"];
     let text = |key: &str| match &about[key] {
         Value::Null => "not given".to_owned(),
         Value::String(text) => text.chars().take(16).collect(),
@@ -224,6 +236,11 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
         text("map_error_m"),
         text("truth_error_m"),
     ));
+}
+
+/// The runs beside the peers.
+fn comparison(page: &mut String, claim: &Claim, runs: &[(&String, &Value)]) {
+    let mut put = |text: std::fmt::Arguments<'_>| put(page, text);
     put(format_args!("| |"));
     for column in &COMPARED {
         put(format_args!(" {} |", column.name));
@@ -233,8 +250,7 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
         put(format_args!("---:|"));
     }
     put(format_args!("---|\n"));
-    let runs = runs(summary);
-    for (name, run) in &runs {
+    for (name, run) in runs {
         put(format_args!("| **grimnet**, {} |", name.replace('_', " ")));
         let mut behind = Vec::new();
         for column in &COMPARED {
@@ -258,10 +274,14 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
             put(format_args!(" {} |\n", peer.source));
         }
     }
+}
+
+fn other_figures(page: &mut String, runs: &[(&String, &Value)]) {
+    let mut put = |text: std::fmt::Arguments<'_>| put(page, text);
     put(format_args!(
         "\n| | fixes | fixes within 20 m | confidently wrong | error above 3 sigma | stated 95 % radius | truth within it | with the error of the truth | mean error | mean error east, north | time per photo |\n|---|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n"
     ));
-    for (name, run) in &runs {
+    for (name, run) in runs {
         let metres = |key: &str| {
             run[key]
                 .as_f64()
@@ -283,9 +303,6 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
             metres("bias_north_m"),
             run["time_p50_ms"].as_f64().map_or(f64::NAN, f64::round),
         ));
-    }
-    for remark in &claim.remarks {
-        put(format_args!("\n{remark}\n"));
     }
 }
 

@@ -130,8 +130,8 @@ impl Sweep {
             .collect()
     }
 
-    /// The steps: name, flight, change of the photos, and whether headings are known.
-    fn steps(self, flight: &WorldFlight) -> Vec<Step> {
+    /// The steps of the sweeps over poses.
+    fn pose_steps(self, flight: &WorldFlight) -> Vec<Step> {
         let posed = |name: String, change: PoseChange, heading_known: bool| Step {
             name,
             flight: WorldFlight {
@@ -141,30 +141,7 @@ impl Sweep {
             photometry: Photometry::Original,
             variant: default_mode(heading_known),
         };
-        let lit = |value: f64, photometry: Photometry| Step {
-            name: value.to_string(),
-            flight: flight.clone(),
-            photometry,
-            variant: Variant::DEFAULT_TOLD,
-        };
-        let seen = |name: String, flight: WorldFlight, heading_known: bool| Step {
-            name,
-            flight,
-            photometry: Photometry::Original,
-            variant: default_mode(heading_known),
-        };
         match self {
-            Self::PaperYaw => Self::paper_headings(flight),
-            Self::Yaw => [true, false]
-                .into_iter()
-                .flat_map(|known| {
-                    let told = if known { "told" } else { "not told" };
-                    (0..8).map(move |i| (45.0 * f64::from(i), known, told))
-                })
-                .map(|(deg, known, told)| {
-                    posed(format!("{deg}, {told}"), PoseChange::Heading(deg), known)
-                })
-                .collect(),
             Self::Scale => [0.5, 0.71, 1.0, 1.41, 2.0]
                 .into_iter()
                 .flat_map(|factor| {
@@ -181,6 +158,36 @@ impl Sweep {
             Self::Pitch => [0.0, 5.0, 10.0, 20.0, 30.0, 45.0]
                 .map(|deg| posed(deg.to_string(), PoseChange::Pitch(deg), true))
                 .into(),
+            _ => [true, false]
+                .into_iter()
+                .flat_map(|known| {
+                    let told = if known { "told" } else { "not told" };
+                    (0..8).map(move |i| (45.0 * f64::from(i), known, told))
+                })
+                .map(|(deg, known, told)| {
+                    posed(format!("{deg}, {told}"), PoseChange::Heading(deg), known)
+                })
+                .collect(),
+        }
+    }
+
+    /// The steps: name, flight, change of the photos, and whether headings are known.
+    fn steps(self, flight: &WorldFlight) -> Vec<Step> {
+        let lit = |value: f64, photometry: Photometry| Step {
+            name: value.to_string(),
+            flight: flight.clone(),
+            photometry,
+            variant: Variant::DEFAULT_TOLD,
+        };
+        let seen = |name: String, flight: WorldFlight, heading_known: bool| Step {
+            name,
+            flight,
+            photometry: Photometry::Original,
+            variant: default_mode(heading_known),
+        };
+        match self {
+            Self::PaperYaw => Self::paper_headings(flight),
+            Self::Yaw | Self::Scale | Self::Pitch => self.pose_steps(flight),
             Self::Brightness => [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0]
                 .map(|f| lit(f, Photometry::Brightness(f)))
                 .into(),

@@ -3,7 +3,6 @@
 mod csv;
 mod dji_srt;
 mod file;
-mod gimbal;
 mod klv;
 mod klv_value;
 pub(crate) mod mavlink;

@@ -3,12 +3,13 @@
 mod support;
 
 use grimnet_geo::{LevelPx, Raster, WindowPx};
-use grimnet_net::{Domain, ExtractOptions, Extractor};
+use grimnet_net::{Dense, Domain, ExtractOptions, Extractor};
 use grimnet_pack::quantise::descriptor_scale;
 use grimnet_pack::{
-    BuildOptions, CELL_PX, DescriptorType, Index, Levels, Mode, PAPER_INDEX, TILE_PX, draw,
+    BuildOptions, CELL_PX, DescriptorType, Index, Level, Levels, Mode, PAPER_INDEX, TILE_PX, draw,
     resize_for_network,
 };
+use image::GrayImage;
 use support::*;
 
 fn cosine(a: &[f32], b: &[f32]) -> f32 {
@@ -46,22 +47,35 @@ fn tiles_and_features_lie_where_the_map_says() {
         .unwrap();
     let found = level.lonlat_from_level_px(tile.centre_px).unwrap();
     assert!((expected.lon_deg - found.lon_deg).abs() < 1e-12);
+}
 
-    // Features of the tile against a network pass over the tile alone, where both see the same surroundings.
+/// The network's pass over a tile and 64 pixels around it.
+fn seen_around(
+    map: &TestMap,
+    level: &Level,
+    extractor: &Extractor,
+    tile: usize,
+) -> (Dense, GrayImage) {
+    let [x, y] = level.tile(tile).origin_px.map(|v| v as f64 - 64.0);
+    let side = TILE_PX + 128;
+    let window: WindowPx =
+        level
+            .frame()
+            .map_window(LevelPx::new(x, y), f64::from(side), f64::from(side));
+    let patch = map.read(window, side, side).unwrap();
+    let dense = extractor.dense(&patch.rgb, Some(&patch.valid)).unwrap();
+    (dense, patch.valid)
+}
+
+#[test]
+fn features_are_those_of_a_pass_over_the_tile_alone() {
+    let map = TestMap::new(1500, 1100);
+    let pack = make_and_open(&map, &one_level());
+    let level = &pack.levels()[0];
     let model = tiny_model(1);
     let extractor = Extractor::new(&model, Domain::Sat).unwrap();
-    let seen_around = |tile: usize| {
-        let [x, y] = level.tile(tile).origin_px.map(|v| v as f64 - 64.0);
-        let side = TILE_PX + 128;
-        let window: WindowPx =
-            level
-                .frame()
-                .map_window(LevelPx::new(x, y), f64::from(side), f64::from(side));
-        let patch = map.read(window, side, side).unwrap();
-        let dense = extractor.dense(&patch.rgb, Some(&patch.valid)).unwrap();
-        (dense, patch.valid)
-    };
-    let (dense, _) = seen_around(7);
+    // Both see the same surroundings.
+    let (dense, _) = seen_around(&map, level, &extractor, 7);
     let options = ExtractOptions {
         threshold: 0.001,
         max_keypoints: 256,
@@ -103,11 +117,18 @@ fn tiles_and_features_lie_where_the_map_says() {
         blocks.iter().map(|b| b.len()).sum::<usize>(),
         features.len()
     );
+}
 
-    // The tiles' descriptors against the sums over such passes, without what all have in common.
+#[test]
+fn descriptors_of_tiles_are_sums_without_their_common_part() {
+    let map = TestMap::new(1500, 1100);
+    let pack = make_and_open(&map, &one_level());
+    let level = &pack.levels()[0];
+    let model = tiny_model(1);
+    let extractor = Extractor::new(&model, Domain::Sat).unwrap();
     let globals: Vec<Vec<f32>> = (0..level.tile_count())
         .map(|tile| {
-            let (dense, valid) = seen_around(tile);
+            let (dense, valid) = seen_around(&map, level, &extractor, tile);
             model.global_descriptor(&dense.vlad([64, 64, TILE_PX, TILE_PX], Some(&valid)))
         })
         .collect();

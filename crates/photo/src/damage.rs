@@ -2,6 +2,9 @@
 
 use serde::Serialize;
 
+/// What a check of compressed data gives.
+pub(crate) type Checked<T> = Result<T, Damage>;
+
 /// How the compressed data of a JPEG contradict themselves. Part of the picture is then wrong, or shifted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, thiserror::Error)]
 #[non_exhaustive]

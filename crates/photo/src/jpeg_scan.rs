@@ -5,24 +5,18 @@
 //! the blocks that the frame header states, each block at most 64 coefficients, and each mean brightness must be one of 8 bits
 //! (ITU-T T.81, annexes B and F).
 
-use crate::damage::Damage;
+use crate::damage::{Checked, Damage};
+use crate::jpeg_bits::Bits;
+use crate::jpeg_huffman::{END_OF_BLOCK, Table};
 use crate::jpeg_structure::Frame;
-
-/// Bytes after the last block of a scan or restart interval that are tolerated: some encoders align their output to 16 bits.
-const MAX_PADDING_BITS: u32 = 7 + 16;
 
 /// Bound on a dequantised DC coefficient: eight times the samples' range of -128 to 127, and an eighth more for inexact encoders.
 const MAX_DC: i32 = 1024 * 9 / 8;
-
-/// Bits of a code that are looked up at once; longer codes are searched.
-const LOOKUP_BITS: u32 = 10;
 
 /// Checks all scans of a baseline file. Returns `None` if nothing contradicts the frame header.
 pub(crate) fn check(bytes: &[u8], frame: &Frame) -> Option<Damage> {
     Checker::new(bytes, frame).run().err()
 }
-
-type Checked<T> = Result<T, Damage>;
 
 struct Checker<'a> {
     bytes: &'a [u8],
@@ -270,193 +264,6 @@ fn block(bits: &mut Bits<'_>, component: &mut ScanComponent<'_>) -> Checked<()> 
         return Err(Damage::TooManyCoefficients);
     }
     Ok(())
-}
-
-/// What an end-of-block code advances by.
-const END_OF_BLOCK: u16 = 127;
-
-/// A Huffman table as what each code does: bits 0 to 4 hold the bits to skip, the others a DC coefficient's size, or by how many
-/// coefficients an AC code advances. For AC codes the skipped bits include those of the value. 0 is an invalid code.
-struct Table {
-    lookup: [u16; 1 << LOOKUP_BITS],
-    /// Codes longer than [`LOOKUP_BITS`]: the code's last 16-bit value, and its entry; ascending.
-    long: Vec<(u16, u16)>,
-    /// First 16-bit value of the long codes.
-    first_long: u32,
-}
-
-impl Table {
-    /// The table with this many codes of each length and these symbols; `None` if no such code exists (annex C).
-    fn new(counts: &[u8; 16], symbols: &[u8], is_ac: bool) -> Option<Self> {
-        let mut table = Self {
-            lookup: [0; 1 << LOOKUP_BITS],
-            long: Vec::new(),
-            first_long: 1 << 16,
-        };
-        let mut symbols = symbols.iter();
-        let mut code = 0u32;
-        for (length, &count) in (1u32..).zip(counts) {
-            for &symbol in symbols.by_ref().take(usize::from(count)) {
-                if code >= 1 << length {
-                    return None;
-                }
-                let entry = entry(symbol, length, is_ac);
-                if length <= LOOKUP_BITS {
-                    let shift = LOOKUP_BITS - length;
-                    let first = (code << shift) as usize;
-                    table.lookup[first..first + (1 << shift)].fill(entry);
-                } else {
-                    let shift = 16 - length;
-                    table.first_long = table.first_long.min(code << shift);
-                    let last = ((code + 1) << shift) - 1;
-                    table.long.push((last as u16, entry));
-                }
-                code += 1;
-            }
-            code <<= 1;
-        }
-        Some(table)
-    }
-
-    /// The entry of the code at the top of `window`.
-    #[inline(always)]
-    fn find(&self, window: u64) -> Checked<u16> {
-        match self.lookup[(window >> (64 - LOOKUP_BITS)) as usize] {
-            0 => self.find_long((window >> 48) as u16),
-            entry => Ok(entry),
-        }
-    }
-
-    #[cold]
-    fn find_long(&self, code: u16) -> Checked<u16> {
-        if u32::from(code) < self.first_long {
-            return Err(Damage::HuffmanCode);
-        }
-        let at = self.long.partition_point(|&(last, _)| last < code);
-        match self.long.get(at) {
-            Some(&(_, entry)) if entry != 0 => Ok(entry),
-            _ => Err(Damage::HuffmanCode),
-        }
-    }
-}
-
-/// The entry of a symbol whose code has `length` bits; 0 if baseline files have no such symbol.
-fn entry(symbol: u8, length: u32, is_ac: bool) -> u16 {
-    let length = length as u16;
-    if !is_ac {
-        // 8-bit samples have differences of up to 11 bits.
-        return if symbol > 11 {
-            0
-        } else {
-            length | u16::from(symbol) << 5
-        };
-    }
-    let (run, size) = (u16::from(symbol >> 4), u16::from(symbol & 15));
-    match (run, size) {
-        (0, 0) => length | END_OF_BLOCK << 5,
-        (15, 0) => length | 16 << 5,
-        (_, 0) => 0,
-        _ => (length + size) | (run + 1) << 5,
-    }
-}
-
-/// The bits of a scan, without stuffed bytes, up to the next marker.
-struct Bits<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    /// The next bits, the first one topmost; zero behind `count`.
-    window: u64,
-    count: u32,
-    at_marker: bool,
-}
-
-impl<'a> Bits<'a> {
-    fn new(bytes: &'a [u8], at: usize) -> Self {
-        Self {
-            bytes,
-            at,
-            window: 0,
-            count: 0,
-            at_marker: false,
-        }
-    }
-
-    /// Fills the window to 56 bits at least, as far as there are data.
-    #[inline(always)]
-    fn refill(&mut self) {
-        if self.count > 55 || self.at_marker {
-            return;
-        }
-        if let Some(next) = self
-            .bytes
-            .get(self.at..)
-            .and_then(|rest| rest.first_chunk::<8>())
-        {
-            let next = u64::from_be_bytes(*next);
-            if !has_ff(next) {
-                let whole = (64 - self.count) / 8;
-                // Bits behind the last whole byte are cut off, so that the window is zero behind `count`.
-                let kept = next & (u64::MAX << (64 - 8 * whole));
-                self.window |= kept >> self.count;
-                self.count += 8 * whole;
-                self.at += whole as usize;
-                return;
-            }
-        }
-        self.refill_bytewise();
-    }
-
-    #[cold]
-    fn refill_bytewise(&mut self) {
-        while self.count <= 56 {
-            let Some(&byte) = self.bytes.get(self.at) else {
-                self.at_marker = true;
-                return;
-            };
-            if byte == 0xFF {
-                if self.bytes.get(self.at + 1) != Some(&0) {
-                    self.at_marker = true;
-                    return;
-                }
-                self.at += 1;
-            }
-            self.at += 1;
-            self.window |= u64::from(byte) << (56 - self.count);
-            self.count += 8;
-        }
-    }
-
-    /// Drops bits; an error if there are not so many.
-    #[inline(always)]
-    fn skip(&mut self, bits: u32) -> Checked<()> {
-        if bits > self.count {
-            return Err(Damage::TooShort);
-        }
-        self.window <<= bits;
-        self.count -= bits;
-        Ok(())
-    }
-
-    /// The position of the marker behind the data, of which only padding may be left.
-    fn end(&mut self) -> Checked<usize> {
-        while !self.at_marker {
-            if self.count > MAX_PADDING_BITS {
-                return Err(Damage::TooLong);
-            }
-            self.refill();
-        }
-        if self.count > MAX_PADDING_BITS {
-            return Err(Damage::TooLong);
-        }
-        Ok(self.at)
-    }
-}
-
-/// Whether a byte is 0xFF (S. E. Anderson, Bit Twiddling Hacks, "Determine if a word has a zero byte", on the complement).
-#[inline(always)]
-fn has_ff(word: u64) -> bool {
-    let inverse = !word;
-    inverse.wrapping_sub(0x0101_0101_0101_0101) & word & 0x8080_8080_8080_8080 != 0
 }
 
 fn u16_at(bytes: &[u8], at: usize) -> Option<u16> {

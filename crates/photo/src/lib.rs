@@ -36,6 +36,8 @@ mod exif_fields;
 mod exposure_time;
 mod heading;
 mod jpeg;
+mod jpeg_bits;
+mod jpeg_huffman;
 mod jpeg_scan;
 mod jpeg_structure;
 mod metadata;

@@ -10,6 +10,7 @@ use grimnet_track::{
     simulation::{Camera, Confidence, Flight, FlightOptions, Gaps, Runs},
 };
 
+/// Every scenario by name. A table: its length is that of its rows.
 fn scenarios() -> Vec<(&'static str, FlightOptions)> {
     let base = FlightOptions::default();
     let gaps_30 = Some(Gaps {

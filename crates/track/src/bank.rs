@@ -200,32 +200,8 @@ impl Bank {
         };
         self.elsewhere *= (wrong_elsewhere * alias_m2(None, repeats)).powf(part);
         let founds_one = judged.iter().all(|j| j.density_m2.is_none());
-        for (mut judged, (wrong, alias_m2)) in judged.into_iter().zip(wrong) {
-            let before = judged.hypothesis.weight;
-            let (Some(innovation), Some(density_m2)) = (judged.innovation, judged.density_m2)
-            else {
-                judged.hypothesis.weight = before * (wrong * alias_m2).powf(part);
-                judged.hypothesis.see(false);
-                self.hypotheses.push(judged.hypothesis);
-                continue;
-            };
-            let much_more_certain = innovation.determinant_m4()
-                > SPLIT_DETERMINANT_RATIO * innovation.own_determinant_m4;
-            if much_more_certain && before > LEAST_WEIGHT_TO_SPLIT {
-                let mut without = judged.hypothesis.clone();
-                without.id = self.new_id();
-                without.see(false);
-                without.weight =
-                    before * (wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2)).powf(part);
-                self.hypotheses.push(without);
-                judged.hypothesis.weight = before * ((1.0 - wrong) * density_m2).powf(part);
-            } else {
-                judged.hypothesis.weight =
-                    before * ((1.0 - wrong) * density_m2 + wrong * alias_m2).powf(part);
-            }
-            judged.hypothesis.see(true);
-            judged.hypothesis.accept(fix, &innovation, options);
-            self.hypotheses.push(judged.hypothesis);
+        for (judged, (wrong, alias_m2)) in judged.into_iter().zip(wrong) {
+            self.weigh(judged, fix, wrong, alias_m2, part, options);
         }
         if founds_one {
             let id = self.new_id();
@@ -238,6 +214,44 @@ impl Bank {
             leader_accepted,
             leader_changed: self.leader().map(|new| new.id) != leader,
         }
+    }
+
+    /// Takes a hypothesis back in, with the weight that the fix gives it: `wrong` is the probability that the fix is wrong and
+    /// `alias_m2` its density then. A hypothesis that would become much more certain is split into one with and one without the
+    /// fix.
+    fn weigh(
+        &mut self,
+        mut judged: Judged,
+        fix: &PositionFix,
+        wrong: f64,
+        alias_m2: f64,
+        part: f64,
+        options: &TrackOptions,
+    ) {
+        let before = judged.hypothesis.weight;
+        let (Some(innovation), Some(density_m2)) = (judged.innovation, judged.density_m2) else {
+            judged.hypothesis.weight = before * (wrong * alias_m2).powf(part);
+            judged.hypothesis.see(false);
+            self.hypotheses.push(judged.hypothesis);
+            return;
+        };
+        let much_more_certain =
+            innovation.determinant_m4() > SPLIT_DETERMINANT_RATIO * innovation.own_determinant_m4;
+        if much_more_certain && before > LEAST_WEIGHT_TO_SPLIT {
+            let mut without = judged.hypothesis.clone();
+            without.id = self.new_id();
+            without.see(false);
+            without.weight =
+                before * (wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2)).powf(part);
+            self.hypotheses.push(without);
+            judged.hypothesis.weight = before * ((1.0 - wrong) * density_m2).powf(part);
+        } else {
+            judged.hypothesis.weight =
+                before * ((1.0 - wrong) * density_m2 + wrong * alias_m2).powf(part);
+        }
+        judged.hypothesis.see(true);
+        judged.hypothesis.accept(fix, &innovation, options);
+        self.hypotheses.push(judged.hypothesis);
     }
 
     /// Takes all hypotheses out and compares them with the fix.

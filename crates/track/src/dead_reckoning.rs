@@ -3,8 +3,9 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::{
+    attitude::Attitude,
     hypothesis::Hypothesis,
-    input::{Attitude, RelativeMotion, Velocity},
+    input::{RelativeMotion, Velocity},
     kalman::{Observation, POSITION, VELOCITY},
     options::TrackOptions,
     reference::ReferenceKind,

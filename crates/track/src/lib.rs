@@ -20,13 +20,16 @@
 //! one clock that all inputs share.
 
 mod alias_rate;
+mod attitude;
 mod bank;
 mod dead_reckoning;
 mod error;
 mod filter;
 mod gauss_markov;
 mod hypothesis;
+mod hypothesis_merge;
 mod input;
+mod input_check;
 mod journal;
 mod kalman;
 mod lag;
@@ -47,9 +50,10 @@ mod tilt;
 mod tracker;
 mod window;
 
+pub use attitude::Attitude;
 pub use error::{InputError, OptionsError};
 pub use hypothesis::PositionOf;
-pub use input::{Attitude, Height, Input, Miss, PositionFix, RelativeMotion, Velocity};
+pub use input::{Height, Input, Miss, PositionFix, RelativeMotion, Velocity};
 pub use lag::Taken;
 pub use options::{GATE_99_9_PERCENT, Start, TrackOptions, Vehicle};
 pub use point::{Estimate, Source, TrackPoint, TrackState};

@@ -3,8 +3,9 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::{
+    attitude::Attitude,
     hypothesis::{Hypothesis, PositionOf},
-    input::{Attitude, PositionFix},
+    input::PositionFix,
     kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal},
     options::TrackOptions,
     scalar::{GsdFilter, HeadingFilter},

@@ -3,7 +3,8 @@
 use nalgebra::Vector2;
 
 use crate::{
-    input::{Attitude, Height, Input, PositionFix, Velocity},
+    attitude::Attitude,
+    input::{Height, Input, PositionFix, Velocity},
     options::TrackOptions,
     scalar::signed_turn_deg,
     tilt::{CentreOffset, gsd_over_nadir},

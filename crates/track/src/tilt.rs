@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
 
-use crate::input::Attitude;
+use crate::attitude::Attitude;
 
 /// A view further off the vertical than this gives no offset: a small error of attitude or height is then tens of metres.
 const LARGEST_TILT_COS: f64 = 0.5;

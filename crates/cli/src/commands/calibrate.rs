@@ -206,33 +206,8 @@ fn observe(
         .iter()
         .map(|folder| source(folder, true))
         .collect::<Result<Vec<Source>>>()?;
-    if arguments.worlds + arguments.pictures.len() < 2 {
-        bail!(
-            "at least two worlds or folders of pictures are required: photos of one are localised on the map of the other"
-        );
-    }
     let folder = tempfile::tempdir()?;
-    let bar = progress::bar(
-        (arguments.worlds + arguments.pictures.len()) as u64,
-        "drawing maps and photos",
-        "scenes",
-    );
-    let mut made = Vec::new();
-    for seed in (arguments.seed..).take(arguments.worlds) {
-        made.push(scenes::world(seed, arguments.photos, folder.path())?);
-        bar.inc(1);
-    }
-    for (seed, pictures) in (0..).zip(&arguments.pictures) {
-        made.push(scenes::pictures(
-            pictures,
-            arguments.pictures_gsd,
-            arguments.photos,
-            seed,
-            folder.path(),
-        )?);
-        bar.inc(1);
-    }
-    bar.finish_and_clear();
+    let made = draw_scenes(arguments, folder.path())?;
     let sets = arguments
         .datasets
         .iter()
@@ -276,12 +251,44 @@ fn observe(
     let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<usize>();
     let bar = progress::bar(count as u64, "localising", "photos");
     let mut observations = trial::observe(model, &made, folder.path(), &mut || bar.inc(1))?;
+    // The made scenes come first, as they do in `trial::observe`, so that their packs are there already.
     for (number, scene) in real.iter().enumerate() {
-        let pack = folder.path().join(format!("real_{number}.grim"));
+        let pack = trial::pack_path(folder.path(), number);
         observations.extend(scene.observe(model, made.len(), &pack, &mut || bar.inc(1))?);
     }
     bar.finish_and_clear();
     Ok((observations, description(arguments, &made, &sets)))
+}
+
+/// Draws the procedural worlds, and cuts photos from the pictures, with their maps in `folder`.
+fn draw_scenes(arguments: &CalibrateArgs, folder: &Path) -> Result<Vec<Scene>> {
+    if arguments.worlds + arguments.pictures.len() < 2 {
+        bail!(
+            "at least two worlds or folders of pictures are required: photos of one are localised on the map of the other"
+        );
+    }
+    let bar = progress::bar(
+        (arguments.worlds + arguments.pictures.len()) as u64,
+        "drawing maps and photos",
+        "scenes",
+    );
+    let mut made = Vec::new();
+    for seed in (arguments.seed..).take(arguments.worlds) {
+        made.push(scenes::world(seed, arguments.photos, folder)?);
+        bar.inc(1);
+    }
+    for (seed, pictures) in (0..).zip(&arguments.pictures) {
+        made.push(scenes::pictures(
+            pictures,
+            arguments.pictures_gsd,
+            arguments.photos,
+            seed,
+            folder,
+        )?);
+        bar.inc(1);
+    }
+    bar.finish_and_clear();
+    Ok(made)
 }
 
 /// The sources whose pictures are not those of `folder`.

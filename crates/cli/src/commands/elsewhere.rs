@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use grimnet_eval::elsewhere::{self, ElsewhereSummary, ElsewhereTrial, Group, Source};
+use grimnet_eval::elsewhere::{self, ElsewhereTrial, Source};
+use grimnet_eval::elsewhere_summary::{ElsewhereSummary, Group};
 use grimnet_eval::pictures::{file_name, picture_files_below};
 use grimnet_geo::{MapPx, Raster};
 use grimnet_locate::Localizer;

@@ -7,13 +7,16 @@ use anyhow::{Result, bail};
 use clap::Args;
 use grimnet_eval::metrics::statistics::percentile;
 use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_eval::tracks::about::TrackAbout;
+use grimnet_eval::tracks::exif_time::seconds_of_exif_time;
 use grimnet_eval::tracks::figures::ThreeFigures;
+use grimnet_eval::tracks::figures_table::ROWS;
 use grimnet_eval::tracks::ground_cover::covered_legs;
-use grimnet_eval::tracks::hidden::{
-    HiddenError, TimedShot, figures, predict_hidden, seconds_of_exif_time,
-};
+use grimnet_eval::tracks::hidden::{HiddenError, TimedShot, predict_hidden};
+use grimnet_eval::tracks::hidden_figures::figures;
+use grimnet_eval::tracks::hidden_results::hidden_files;
 use grimnet_eval::tracks::rendered::{CAMERA, RenderedFlight, RenderedPlan};
-use grimnet_eval::tracks::results::{ROWS, TrackAbout, TrackResults, hidden_files};
+use grimnet_eval::tracks::results::TrackResults;
 use grimnet_eval::tracks::simulated::{FixStatistics, simulate};
 use grimnet_eval::tracks::three_runs::{FlightRuns, ThreeRuns};
 use grimnet_eval::tracks::town::Town;

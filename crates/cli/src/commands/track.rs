@@ -1,10 +1,10 @@
 //! `grim track`: follows a flight over its frames.
 
-use std::io::{BufReader, IsTerminal as _, Write as _};
-use std::path::{Path, PathBuf};
+use std::io::Write as _;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use anyhow::{Context as _, Result, bail};
 use grimnet_flight::Flight;
@@ -15,26 +15,23 @@ use grimnet_track::{TrackOptions, TrackPoint};
 use indicatif::ProgressBar;
 
 pub use super::track_options::TrackArgs;
+use super::track_output::open_stream;
+use super::track_replay::replay;
 use super::track_report::{ReportFolder, Scored};
+use super::track_source::Source;
 use crate::exit::Exit;
 use crate::formats::TextStream;
-use crate::tracking::following::Following;
-use crate::tracking::formats::TrackFormat;
 use crate::tracking::frame_time::Epoch;
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
 use crate::tracking::live::{Live, check_time_of_day};
 use crate::tracking::nmea_rows::NmeaRows;
-use crate::tracking::photo_list::PhotoList;
 use crate::tracking::recorded_telemetry::{RecordedTelemetry, beside_video};
-use crate::tracking::recording::{Recorder, Replay};
+use crate::tracking::recording::Recorder;
 use crate::tracking::session::{Session, Tracked};
 use crate::tracking::smoothed::smoothed_lines;
-use crate::tracking::standard_input::StreamedFrames;
 use crate::tracking::truth::Truth;
-use crate::tracking::video::{DEFAULT_FRAMES_PER_S, Video, is_video};
-use crate::{inputs, interrupt, photos, progress};
-use grimnet_answer::printable;
+use crate::{inputs, interrupt, progress};
 
 /// Examples under the help of `grim track`.
 pub const EXAMPLES: &str = "\
@@ -101,7 +98,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         Some(folder) => Some(Recorder::create(folder, &policy)?),
         None => None,
     };
-    let mut stream = open_stream(arguments, &policy)?;
+    let stream = open_stream(arguments, &policy)?;
     let mut frames = source.open(arguments)?;
     let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);
     let mut followed = Followed {
@@ -113,24 +110,15 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         keeps_lines: output.smooth || report.is_some(),
     };
     let partial = stream.partial_path();
-    let interrupted = follow(&mut followed, frames.as_mut(), &mut stream, output.smooth)
-        .and_then(|interrupted| {
-            if output.smooth {
-                let options = followed.session.flight().tracker().options();
-                let inputs = followed.session.inputs();
-                for line in smoothed_lines(&followed.lines, inputs, frames.epoch(), options)? {
-                    stream.write(&line)?;
-                }
+    let interrupted =
+        write_track(&mut followed, frames.as_mut(), stream, output.smooth).map_err(|error| {
+            match partial {
+                Some(path) => error.context(format!(
+                    "stopped; the track so far is in {}",
+                    path.display()
+                )),
+                None => error,
             }
-            stream.finish()?;
-            Ok(interrupted)
-        })
-        .map_err(|error| match partial {
-            Some(path) => error.context(format!(
-                "stopped; the track so far is in {}",
-                path.display()
-            )),
-            None => error,
         })?;
     if let Some(report) = report {
         report.write(&followed.scored)?;
@@ -141,70 +129,6 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     }
     followed.session.finish()?;
     Ok(exit)
-}
-
-/// Where frames come from, as the command line names it.
-enum Source {
-    Photos(Vec<PathBuf>),
-    Folder(PathBuf),
-    Video(PathBuf),
-    StandardInput,
-}
-
-impl Source {
-    fn of(arguments: &TrackArgs) -> Result<Self> {
-        let source = arguments.source.as_slice();
-        if arguments.frames.follow {
-            return match source {
-                [folder] => Ok(Self::Folder(folder.clone())),
-                _ => bail!("--follow expects one folder"),
-            };
-        }
-        match source {
-            [only] if only == Path::new("-") => Ok(Self::StandardInput),
-            [only] if is_video(only) => Ok(Self::Video(only.clone())),
-            several if several.iter().any(|path| is_video(path)) => {
-                bail!("expected one video, or photos; not several sources together")
-            }
-            _ => Ok(Self::Photos(photos::expand(source)?)),
-        }
-    }
-
-    /// Whether frames come while the aircraft flies.
-    fn is_live(&self) -> bool {
-        matches!(self, Self::Folder(_) | Self::StandardInput)
-    }
-
-    /// What no output may replace.
-    fn files(&self) -> &[PathBuf] {
-        match self {
-            Self::Photos(paths) => paths,
-            Self::Folder(path) | Self::Video(path) => std::slice::from_ref(path),
-            Self::StandardInput => &[],
-        }
-    }
-
-    fn open(self, arguments: &TrackArgs) -> Result<Box<dyn Frames>> {
-        let frames = &arguments.frames;
-        let timing = frames.timing();
-        Ok(match self {
-            Self::Photos(paths) => Box::new(PhotoList::new(paths, &timing)?),
-            Self::Folder(folder) => Box::new(Following::new(
-                &folder,
-                timing,
-                frames.idle.map(Duration::from_secs_f64),
-                Duration::from_secs_f64(frames.most_wait),
-            )?),
-            Self::Video(path) => Box::new(Video::open(
-                &path,
-                frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S),
-            )?),
-            Self::StandardInput => Box::new(StreamedFrames::new(
-                BufReader::new(std::io::stdin()),
-                timing,
-            )?),
-        })
-    }
 }
 
 /// What may be replaced: nothing that this run reads.
@@ -220,22 +144,6 @@ fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
         .protect_all(&output.truth)
         .protect_all(&arguments.link.telemetry)
         .protect_all(&arguments.link.message.mavlink_key)
-}
-
-fn open_stream(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<TextStream<TrackLine>> {
-    let output = &arguments.output;
-    let by_ending = || output.out.as_deref().and_then(TrackFormat::of);
-    let format = output.format.or_else(by_ending).unwrap_or_else(|| {
-        if output.out.is_none() && std::io::stdout().is_terminal() {
-            TrackFormat::Table
-        } else {
-            TrackFormat::Jsonl
-        }
-    });
-    match &output.out {
-        Some(path) => TextStream::rows_to_file(format.start(), path, policy),
-        None => Ok(TextStream::rows_to_stdout(format.start())),
-    }
 }
 
 /// A flight while it is followed.
@@ -295,6 +203,25 @@ fn telemetry(arguments: &TrackArgs, source: &Source) -> Result<Option<RecordedTe
     };
     let path = arguments.link.telemetry.clone().or_else(beside);
     path.map(|path| RecordedTelemetry::read(&path)).transpose()
+}
+
+/// Follows all frames and writes the track, smoothed at the end if that is asked for. Gives whether it was interrupted.
+fn write_track(
+    followed: &mut Followed,
+    frames: &mut dyn Frames,
+    mut stream: TextStream<TrackLine>,
+    smooth: bool,
+) -> Result<bool> {
+    let interrupted = follow(followed, frames, &mut stream, smooth)?;
+    if smooth {
+        let options = followed.session.flight().tracker().options();
+        let inputs = followed.session.inputs();
+        for line in smoothed_lines(&followed.lines, inputs, frames.epoch(), options)? {
+            stream.write(&line)?;
+        }
+    }
+    stream.finish()?;
+    Ok(interrupted)
 }
 
 /// Takes frame after frame until the last one or Ctrl-C. Gives whether it was interrupted.
@@ -379,41 +306,4 @@ fn summarise(followed: &Followed, frames: &dyn Frames, interrupted: bool) -> Res
     } else {
         Exit::Done
     })
-}
-
-/// Runs a recording again.
-fn replay(arguments: &TrackArgs, folder: &Path) -> Result<Exit> {
-    let policy = arguments
-        .output
-        .overwrite
-        .policy()
-        .protect(folder.join("flight.jsonl"));
-    if let Some(path) = &arguments.output.out {
-        policy.check_file(path, &[])?;
-    }
-    let mut stream = open_stream(arguments, &policy)?;
-    let mut recorded = Replay::open(folder)?;
-    let (mut frames, mut others) = (0, 0);
-    while let Some(frame) = recorded.next_frame()? {
-        frames += 1;
-        if !frame.is_same {
-            others += 1;
-            if others == 1 {
-                let photo = frame.line.photo();
-                tracing::warn!(
-                    "{}: frame {frames} ({}) gives another position than when it was recorded",
-                    folder.display(),
-                    printable(photo)
-                );
-            }
-        }
-        stream.write(&frame.line)?;
-    }
-    stream.finish()?;
-    if others > 0 {
-        tracing::warn!("{others} of {frames} frames give another track than the recorded one");
-        return Ok(Exit::SomeWithoutFix);
-    }
-    tracing::info!("{frames} frames, all as they were recorded");
-    Ok(Exit::Done)
 }

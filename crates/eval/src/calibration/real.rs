@@ -60,7 +60,7 @@ impl RealScene<'_> {
     }
 
     /// Localises the photos, each with its heading known and unknown, and the pictures that are not on the map. `first_scene` is
-    /// the first number of a scene that is not in use; each place and each source is one. The pack is written to `pack`.
+    /// the first number of a scene that is not in use; each place and each source is one. The pack is written to `pack`, unless it is there already.
     ///
     /// # Errors
     /// The map, the pack or a photo is refused.

@@ -1,6 +1,6 @@
 //! Localises each photo on its own map and on another scene's, with the gates nearly open.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use grimnet_locate::{Gates, Localizer, LocateError, Options};
 use grimnet_net::Model;
@@ -46,6 +46,12 @@ fn observing() -> Options {
     }
 }
 
+/// The pack of scene `number` of a calibration: a scene that is observed twice has one.
+#[must_use]
+pub fn pack_path(folder: &Path, number: usize) -> PathBuf {
+    folder.join(format!("scene_{number}.grim"))
+}
+
 /// Localises the photos of all scenes: each scene's own and the next scene's on its map. `on_photo` is called after each.
 ///
 /// # Errors
@@ -58,7 +64,7 @@ pub fn observe(
 ) -> Result<Vec<Observation>, ObserveError> {
     let mut observations = Vec::new();
     for (index, scene) in scenes.iter().enumerate() {
-        let localizer = localizer(model, scene, &folder.join(format!("scene_{index}.grim")))?;
+        let localizer = localizer(model, scene, &pack_path(folder, index))?;
         let other = (index + 1) % scenes.len();
         for (from, elsewhere) in [(index, false), (other, true)] {
             if elsewhere && other == index {
@@ -97,7 +103,7 @@ pub fn count(scenes: &[Scene]) -> usize {
     shots.sum::<usize>() * places
 }
 
-/// The localiser of a scene's map under the settings of an observation; the pack is written to `pack`.
+/// The localiser of a scene's map under the settings of an observation; the pack is written to `pack`, unless it is there already.
 ///
 /// # Errors
 /// The map or the pack is refused.

@@ -185,9 +185,7 @@ fn frames_csv(runs: &[Run]) -> Result<Vec<u8>, ResultsError> {
             ])?;
         }
     }
-    writer
-        .into_inner()
-        .map_err(|error| ResultsError::Csv(error.into_error().into()))
+    csv_bytes(writer)
 }
 
 /// Whether the fix of a photo is right (see [`crate::metrics::footprint`]); empty without a fix.
@@ -236,4 +234,13 @@ pub fn summary_json(
         summary.insert(run.name.replace(' ', "_"), figures);
     }
     Ok(serde_json::to_string_pretty(&summary)? + "\n")
+}
+/// What was written.
+///
+/// # Errors
+/// The writer cannot be flushed.
+pub(crate) fn csv_bytes(writer: csv::Writer<Vec<u8>>) -> Result<Vec<u8>, ResultsError> {
+    writer
+        .into_inner()
+        .map_err(|error| ResultsError::Csv(error.into_error().into()))
 }

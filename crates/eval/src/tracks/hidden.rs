@@ -11,9 +11,6 @@ use grimnet_track::{
 };
 use serde::Serialize;
 
-use super::figures::Consistency;
-use crate::metrics::statistics::percentile;
-
 /// The most fixes that are hidden in a row.
 pub const MOST_HIDDEN: usize = 4;
 /// Fixes before the first one that is hidden: the filter must have found itself.
@@ -88,63 +85,11 @@ pub struct Prediction {
     pub radius95_m: Option<f64>,
     /// Squared normalised error.
     #[serde(skip)]
-    nees: Option<f64>,
+    pub(super) nees: Option<f64>,
     /// Error of the last fix held, metres.
     pub last_fix_m: Option<f64>,
     /// Error of the motion added up from the true place of the last told fix, metres; `None` where a photo was not joined.
     pub motion_only_m: Option<f64>,
-}
-
-/// Figures for one number of hidden fixes.
-#[derive(Debug, Clone, Serialize)]
-pub struct HiddenFigures {
-    /// Fixes hidden in a row.
-    pub hidden: usize,
-    /// Predictions.
-    pub predictions: usize,
-    /// Predictions over photos that were all joined by motion.
-    pub joined: usize,
-    /// Median distance flown, metres.
-    pub distance_median_m: Option<f64>,
-    /// Median error of the last fix held, metres.
-    pub fixes_only_median_m: Option<f64>,
-    /// Median error of the motion alone, where all photos were joined, metres.
-    pub motion_only_median_m: Option<f64>,
-    /// Share of predictions with a usable position of the filter.
-    pub answered: f64,
-    /// Median error of the filter, metres.
-    pub filter_median_m: Option<f64>,
-    /// Median error of the filter where all photos were joined, metres.
-    pub filter_joined_median_m: Option<f64>,
-    /// 90th percentile of it where all photos were joined, metres.
-    pub filter_joined_p90_m: Option<f64>,
-    /// Median stated radius, metres.
-    pub radius95_median_m: Option<f64>,
-    /// Squared normalised errors of the filter.
-    pub nees: Option<Consistency>,
-}
-
-/// Seconds of a time as EXIF writes it, `YYYY:MM:DD hh:mm:ss`; only differences mean something. `None` if it is not of that form.
-#[must_use]
-pub fn seconds_of_exif_time(text: &str) -> Option<f64> {
-    let (date, time) = text.trim().split_once(' ')?;
-    let numbers = |part: &str| -> Option<[i64; 3]> {
-        let mut parts = part.split(':').map(|number| number.parse().ok());
-        let three = [parts.next()??, parts.next()??, parts.next()??];
-        parts.next().is_none().then_some(three)
-    };
-    let ([year, month, day], [hour, minute, second]) = (numbers(date)?, numbers(time)?);
-    // Days from civil (Hinnant 2013): years begin in March, so that the leap day is the last.
-    let (year, month) = if month > 2 {
-        (year, month - 3)
-    } else {
-        (year - 1, month + 9)
-    };
-    let days = 365 * year + year.div_euclid(4) - year.div_euclid(100)
-        + year.div_euclid(400)
-        + (153 * month + 2) / 5
-        + day;
-    Some((days * 86_400 + hour * 3600 + minute * 60 + second) as f64)
 }
 
 /// Hides fixes and predicts them. `open` reads a photo; `done` is called after each.
@@ -295,62 +240,9 @@ fn motion_only(last: &PositionFix, from: LonLat, path: &[Searched]) -> Option<Lo
     Some(grimnet_geo::destination_en_m(from, east_m, north_m))
 }
 
-/// The figures by number of hidden fixes.
-#[must_use]
-pub fn figures(predictions: &[Prediction]) -> Vec<HiddenFigures> {
-    (1..=MOST_HIDDEN)
-        .map(|hidden| {
-            let of: Vec<&Prediction> = predictions.iter().filter(|p| p.hidden == hidden).collect();
-            let values = |value: &dyn Fn(&Prediction) -> Option<f64>| -> Vec<f64> {
-                of.iter().filter_map(|p| value(p)).collect()
-            };
-            let median =
-                |value: &dyn Fn(&Prediction) -> Option<f64>| percentile(&values(value), 0.5);
-            let joined = |p: &Prediction| p.filter_m.filter(|_| p.joined);
-            let answers = values(&|p| p.filter_m);
-            HiddenFigures {
-                hidden,
-                predictions: of.len(),
-                joined: of.iter().filter(|p| p.joined).count(),
-                distance_median_m: median(&|p| Some(p.distance_m)),
-                fixes_only_median_m: median(&|p| p.last_fix_m),
-                motion_only_median_m: median(&|p| p.motion_only_m),
-                answered: answers.len() as f64 / of.len().max(1) as f64,
-                filter_median_m: percentile(&answers, 0.5),
-                filter_joined_median_m: median(&joined),
-                filter_joined_p90_m: percentile(&values(&joined), 0.9),
-                radius95_median_m: median(&|p| p.radius95_m),
-                nees: Consistency::of(&values(&|p| p.nees)),
-            }
-        })
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn exif_times_are_seconds_apart() {
-        let at = |text| seconds_of_exif_time(text).unwrap();
-        assert_eq!(at("2024:02:29 00:00:05") - at("2024:02:28 23:59:58"), 7.0);
-        assert_eq!(
-            at("2023:03:01 00:00:00") - at("2023:02:28 00:00:00"),
-            86_400.0
-        );
-        assert_eq!(
-            at("2024:01:01 00:00:00") - at("2023:12:31 23:00:00"),
-            3600.0
-        );
-        for text in [
-            "",
-            "2024-01-01 00:00:00",
-            "2024:01:01",
-            "2024:01:01 00:00:00:00",
-        ] {
-            assert_eq!(seconds_of_exif_time(text), None, "{text}");
-        }
-    }
 
     /// Photos every 20 s, 60 m to the north each, told by exact motions.
     fn photos() -> Vec<Searched> {

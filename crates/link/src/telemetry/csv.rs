@@ -3,10 +3,7 @@
 use csv::{ReaderBuilder, StringRecord};
 use grimnet_track::{Attitude, Height, Input, Velocity};
 
-use super::{
-    gimbal::attitude_from_gimbal_angles,
-    recorded::{Telemetry, TelemetryClock},
-};
+use super::recorded::{Telemetry, TelemetryClock};
 use crate::time_text::unix_s_from_rfc3339;
 
 /// Error of a velocity that states none, metres per second.
@@ -97,7 +94,7 @@ impl Columns {
         let mut inputs = Vec::new();
         if let [Some(yaw), Some(pitch), roll] = numbers(&self.gimbal)?[..] {
             let roll = roll.unwrap_or(0.0);
-            inputs.push(Input::Attitude(attitude_from_gimbal_angles(
+            inputs.push(Input::Attitude(Attitude::from_gimbal(
                 time_s, yaw, pitch, roll,
             )));
         } else if let [Some(yaw_deg), Some(pitch_deg), Some(roll_deg)] =

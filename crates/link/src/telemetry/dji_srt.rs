@@ -4,12 +4,9 @@
 //! 3.4]`, `[gb_yaw: 1.0 gb_pitch: -90.0 gb_roll: 0.0]`, `BAROMETER:1.9`, `H 58.20m` and `G.PRY (-90.0°, 0.0°, 172.4°)`. What is
 //! bracketed by `<` and `>` is formatting.
 
-use grimnet_track::{Height, Input};
+use grimnet_track::{Attitude, Height, Input};
 
-use super::{
-    gimbal::attitude_from_gimbal_angles,
-    recorded::{Telemetry, TelemetryClock},
-};
+use super::recorded::{Telemetry, TelemetryClock};
 
 /// Heights above the take-off point below this are those of an aircraft that stands, metres.
 const LOWEST_M: f64 = 1.0;
@@ -37,7 +34,7 @@ pub(super) fn parse(text: &str) -> Telemetry {
 
 fn push_inputs(body: &str, time_s: f64, inputs: &mut Vec<Input>) {
     if let Some([yaw, pitch, roll]) = gimbal_yaw_pitch_roll(body) {
-        inputs.push(Input::Attitude(attitude_from_gimbal_angles(
+        inputs.push(Input::Attitude(Attitude::from_gimbal(
             time_s, yaw, pitch, roll,
         )));
     }
@@ -130,7 +127,6 @@ fn without_tags(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grimnet_track::Attitude;
 
     /// Each dialect: text, height above take-off, altitude, gimbal's yaw and pitch.
     type Dialect = (&'static str, f64, Option<f64>, Option<(f64, f64)>);
@@ -184,13 +180,10 @@ mod tests {
             });
             assert_eq!(attitude.is_some(), gimbal.is_some(), "{body}");
             if let (Some(found), Some((yaw, pitch))) = (attitude, gimbal) {
-                let expected = Attitude::from_gimbal(62.5, yaw, pitch, 0.0);
-                let turn_deg = (found.yaw_deg - expected.yaw_deg + 540.0).rem_euclid(360.0) - 180.0;
+                // Without roll the camera's pitch is the gimbal's, from straight down.
+                let turn_deg = (found.yaw_deg - yaw + 540.0).rem_euclid(360.0) - 180.0;
                 assert!(turn_deg.abs() < 1e-6, "{found:?}");
-                assert!(
-                    (found.pitch_deg - expected.pitch_deg).abs() < 1e-6,
-                    "{found:?}"
-                );
+                assert!((found.pitch_deg - (pitch + 90.0)).abs() < 1e-6, "{found:?}");
             }
         }
     }

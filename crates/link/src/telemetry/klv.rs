@@ -1,10 +1,9 @@
 //! MISB ST 0601: metadata of a UAS in KLV packets.
 
-use grimnet_track::{Height, Input, Velocity};
+use grimnet_track::{Attitude, Height, Input, Velocity};
 use nalgebra::UnitQuaternion;
 
 use super::{
-    gimbal::attitude_of_camera,
     klv_value::{ber_length, ber_oid, scaled_signed, scaled_unsigned, unsigned},
     recorded::{Telemetry, TelemetryClock},
 };
@@ -129,7 +128,7 @@ impl Packet {
         ) {
             let platform = rotation(heading, pitch, roll);
             let sensor = rotation(azimuth, elevation, self.sensor_roll_deg.unwrap_or(0.0));
-            inputs.push(Input::Attitude(attitude_of_camera(
+            inputs.push(Input::Attitude(Attitude::of_camera(
                 time_s,
                 &(platform * sensor),
             )));

@@ -7,7 +7,6 @@ use mavlink::dialects::common::{
 };
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use super::gimbal::{attitude_looking_down, attitude_of_camera};
 use crate::messages::OwnState;
 
 /// For so long after a better message the worse one of the same kind is not taken, seconds.
@@ -140,7 +139,7 @@ impl MavlinkTelemetry {
         let on_gimbal = self.options.camera_mount == CameraMount::GimbalIfReported
             && recent(self.gimbal, now_s, PREFER_S).is_some();
         if !on_gimbal {
-            inputs.push(Input::Attitude(attitude_looking_down(time_s, &attitude)));
+            inputs.push(Input::Attitude(Attitude::looking_down(time_s, &attitude)));
         }
     }
 
@@ -176,7 +175,7 @@ impl MavlinkTelemetry {
             UnitQuaternion::from_euler_angles(0.0, 0.0, vehicle.euler_angles().2)
         };
         self.gimbal = Some((now_s, ()));
-        let attitude: Attitude = attitude_of_camera(time_s, &(to_north * gimbal));
+        let attitude: Attitude = Attitude::of_camera(time_s, &(to_north * gimbal));
         inputs.push(Input::Attitude(attitude));
     }
 

@@ -48,6 +48,33 @@ pub fn write_pack(
     writer.finish(manifest)
 }
 
+/// Writes the global descriptors of a level's tiles, and their scales if they are quantised.
+fn write_descriptors(
+    writer: &mut Writer,
+    descriptors: &mut TileDescriptors<'_>,
+    number: usize,
+    dim: usize,
+    recipe: &dyn Recipe,
+) -> Result<()> {
+    let mut scales = Vec::new();
+    writer.begin(format!("{number}/globals"))?;
+    descriptors.for_each_batch(|_, batch| {
+        if recipe.descriptor_type() == DescriptorType::Float32 {
+            return writer.write(bytemuck::cast_slice(batch));
+        }
+        for row in batch.chunks_exact(dim) {
+            let (bytes, scale) = quantise_row(row);
+            writer.write(bytemuck::cast_slice(&bytes))?;
+            scales.push(scale);
+        }
+        Ok(())
+    })?;
+    writer.section(
+        format!("{number}/global_scales"),
+        bytemuck::cast_slice(&scales),
+    )
+}
+
 fn write_level(
     writer: &mut Writer,
     journal: &mut Journal,
@@ -71,23 +98,7 @@ fn write_level(
     if recipe.centres_descriptors() {
         descriptors.centre()?;
     }
-    let mut scales = Vec::with_capacity(places.len());
-    writer.begin(format!("{number}/globals"))?;
-    descriptors.for_each_batch(|_, batch| {
-        if recipe.descriptor_type() == DescriptorType::Float32 {
-            return writer.write(bytemuck::cast_slice(batch));
-        }
-        for row in batch.chunks_exact(dim) {
-            let (bytes, scale) = quantise_row(row);
-            writer.write(bytemuck::cast_slice(&bytes))?;
-            scales.push(scale);
-        }
-        Ok(())
-    })?;
-    writer.section(
-        format!("{number}/global_scales"),
-        bytemuck::cast_slice(&scales),
-    )?;
+    write_descriptors(writer, &mut descriptors, number, dim, recipe)?;
     let adapted_from_tiles = match &level.statistics {
         Some((bytes, tiles)) => {
             writer.section(format!("{number}/statistics"), bytes)?;

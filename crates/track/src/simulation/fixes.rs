@@ -12,7 +12,8 @@ use super::{
     path::{Truth, truth_at},
 };
 use crate::{
-    input::{Attitude, Input, Miss, PositionFix, RelativeMotion},
+    attitude::Attitude,
+    input::{Input, Miss, PositionFix, RelativeMotion},
     tilt::{CentreOffset, gsd_over_nadir},
 };
 

@@ -12,7 +12,7 @@ use super::{
     path::{Truth, fly, truth_at},
     telemetry::telemetry,
 };
-use crate::input::Attitude;
+use crate::attitude::Attitude;
 
 /// A simulated flight.
 #[derive(Debug, Clone)]

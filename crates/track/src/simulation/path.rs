@@ -37,6 +37,9 @@ pub(super) fn truth_at(path: &[Truth], time_s: f64) -> &Truth {
 
 /// Flies legs and coordinated turns in wind and gusts. In an area it turns back at the edge, and being put elsewhere is part of
 /// the path.
+///
+/// One function, though a long one: each step of the integration reads and writes all of the aircraft's state, and the order of the
+/// random numbers makes the flight.
 pub(super) fn fly(options: &FlightOptions, rng: &mut ChaCha8Rng) -> Vec<Truth> {
     let FlightOptions {
         vehicle,

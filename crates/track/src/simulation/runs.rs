@@ -5,8 +5,9 @@ use nalgebra::{Matrix2, Vector2};
 
 use super::flight::Flight;
 use crate::{
+    attitude::Attitude,
     error::OptionsError,
-    input::{Attitude, Input},
+    input::Input,
     measure::{Answer, Instant},
     options::TrackOptions,
     radius::radius95_m,

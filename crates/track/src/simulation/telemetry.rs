@@ -8,7 +8,8 @@ use super::{
     options::FlightOptions,
     path::{Truth, truth_at},
 };
-use crate::input::{Attitude, Height, Input, Velocity};
+use crate::attitude::Attitude;
+use crate::input::{Height, Input, Velocity};
 
 /// Attitudes and velocities a second.
 const TELEMETRY_HZ: f64 = 10.0;

@@ -107,31 +107,7 @@ pub fn change_look(
         },
         random,
     );
-    if domain == Domain::Sat && random.random_bool(look.equalised) {
-        equalise(&mut pixels, between(random, 0.5, 1.0));
-    }
-    if domain == Domain::Sat
-        && look.locally_equalised > 0.0
-        && random.random_bool(look.locally_equalised)
-    {
-        let reach = random.random_range(width / 12..width / 4);
-        equalise_locally(&mut pixels, width, height, reach, between(random, 0.4, 1.0));
-    }
-    if random.random_bool(if domain == Domain::Uav {
-        look.shadows
-    } else {
-        look.shadows * 0.4
-    }) {
-        for _ in 0..random.random_range(1..4) {
-            cast_shadow(&mut pixels, width, height, random);
-        }
-    }
-    if happens(look.uneven_light, random) {
-        uneven_light(&mut pixels, width, height, random);
-    }
-    if happens(look.coarse, random) {
-        coarsen(&mut pixels, width, height, random);
-    }
+    relight(&mut pixels, [width, height], domain, look, random);
     match random.random_range(0..10) {
         0..4 => gaussian(&mut pixels, width, height, between(random, 0.4, 1.8)),
         4..6 => sharpen(&mut pixels, width, height, between(random, 0.3, 1.5)),
@@ -148,6 +124,41 @@ pub fn change_look(
         compressed(out, random.random_range(25..90))
     } else {
         out
+    }
+}
+
+/// Equalises a map's tones, casts shadows, and takes away light and detail.
+fn relight(
+    pixels: &mut [f32],
+    [width, height]: [usize; 2],
+    domain: Domain,
+    look: &Look,
+    random: &mut impl Rng,
+) {
+    if domain == Domain::Sat && random.random_bool(look.equalised) {
+        equalise(pixels, between(random, 0.5, 1.0));
+    }
+    if domain == Domain::Sat
+        && look.locally_equalised > 0.0
+        && random.random_bool(look.locally_equalised)
+    {
+        let reach = random.random_range(width / 12..width / 4);
+        equalise_locally(pixels, width, height, reach, between(random, 0.4, 1.0));
+    }
+    if random.random_bool(if domain == Domain::Uav {
+        look.shadows
+    } else {
+        look.shadows * 0.4
+    }) {
+        for _ in 0..random.random_range(1..4) {
+            cast_shadow(pixels, width, height, random);
+        }
+    }
+    if happens(look.uneven_light, random) {
+        uneven_light(pixels, width, height, random);
+    }
+    if happens(look.coarse, random) {
+        coarsen(pixels, width, height, random);
     }
 }
 

@@ -1,0 +1,51 @@
+//! `grim track --replay`.
+
+use std::path::Path;
+
+use anyhow::Result;
+use grimnet_answer::printable;
+
+use super::track_options::TrackArgs;
+use super::track_output::open_stream;
+use crate::exit::Exit;
+use crate::tracking::recording::Replay;
+
+/// Runs a recording again.
+///
+/// # Errors
+/// The recording cannot be read, or the track not be written.
+pub fn replay(arguments: &TrackArgs, folder: &Path) -> Result<Exit> {
+    let policy = arguments
+        .output
+        .overwrite
+        .policy()
+        .protect(folder.join("flight.jsonl"));
+    if let Some(path) = &arguments.output.out {
+        policy.check_file(path, &[])?;
+    }
+    let mut stream = open_stream(arguments, &policy)?;
+    let mut recorded = Replay::open(folder)?;
+    let (mut frames, mut others) = (0, 0);
+    while let Some(frame) = recorded.next_frame()? {
+        frames += 1;
+        if !frame.is_same {
+            others += 1;
+            if others == 1 {
+                let photo = frame.line.photo();
+                tracing::warn!(
+                    "{}: frame {frames} ({}) gives another position than when it was recorded",
+                    folder.display(),
+                    printable(photo)
+                );
+            }
+        }
+        stream.write(&frame.line)?;
+    }
+    stream.finish()?;
+    if others > 0 {
+        tracing::warn!("{others} of {frames} frames give another track than the recorded one");
+        return Ok(Exit::SomeWithoutFix);
+    }
+    tracing::info!("{frames} frames, all as they were recorded");
+    Ok(Exit::Done)
+}

@@ -1,0 +1,91 @@
+//! Where the frames of `grim track` come from.
+
+use std::io::BufReader;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+
+use super::track_options::TrackArgs;
+use crate::photos;
+use crate::tracking::following::Following;
+use crate::tracking::frames::Frames;
+use crate::tracking::photo_list::PhotoList;
+use crate::tracking::standard_input::StreamedFrames;
+use crate::tracking::video::{DEFAULT_FRAMES_PER_S, Video, is_video};
+
+/// Where frames come from, as the command line names it.
+pub enum Source {
+    /// Photos, sorted by time.
+    Photos(Vec<PathBuf>),
+    /// A folder that photos are written into.
+    Folder(PathBuf),
+    /// A video file.
+    Video(PathBuf),
+    /// JPEGs one after another.
+    StandardInput,
+}
+
+impl Source {
+    /// The source that the command line names.
+    ///
+    /// # Errors
+    /// Sources that do not go together, or photos that are not there.
+    pub fn of(arguments: &TrackArgs) -> Result<Self> {
+        let source = arguments.source.as_slice();
+        if arguments.frames.follow {
+            return match source {
+                [folder] => Ok(Self::Folder(folder.clone())),
+                _ => bail!("--follow expects one folder"),
+            };
+        }
+        match source {
+            [only] if only == Path::new("-") => Ok(Self::StandardInput),
+            [only] if is_video(only) => Ok(Self::Video(only.clone())),
+            several if several.iter().any(|path| is_video(path)) => {
+                bail!("expected one video, or photos; not several sources together")
+            }
+            _ => Ok(Self::Photos(photos::expand(source)?)),
+        }
+    }
+
+    /// Whether frames come while the aircraft flies.
+    pub fn is_live(&self) -> bool {
+        matches!(self, Self::Folder(_) | Self::StandardInput)
+    }
+
+    /// What no output may replace.
+    pub fn files(&self) -> &[PathBuf] {
+        match self {
+            Self::Photos(paths) => paths,
+            Self::Folder(path) | Self::Video(path) => std::slice::from_ref(path),
+            Self::StandardInput => &[],
+        }
+    }
+
+    /// Opens it.
+    ///
+    /// # Errors
+    /// The source cannot be read.
+    pub fn open(self, arguments: &TrackArgs) -> Result<Box<dyn Frames>> {
+        let frames = &arguments.frames;
+        let timing = frames.timing();
+        Ok(match self {
+            Self::Photos(paths) => Box::new(PhotoList::new(paths, &timing)?),
+            Self::Folder(folder) => Box::new(Following::new(
+                &folder,
+                timing,
+                frames.idle.map(Duration::from_secs_f64),
+                Duration::from_secs_f64(frames.most_wait),
+            )?),
+            Self::Video(path) => Box::new(Video::open(
+                &path,
+                frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S),
+            )?),
+            Self::StandardInput => Box::new(StreamedFrames::new(
+                BufReader::new(std::io::stdin()),
+                timing,
+            )?),
+        })
+    }
+}

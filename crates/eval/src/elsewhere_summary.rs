@@ -1,0 +1,123 @@
+//! Figures of wrong-area trials.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use crate::elsewhere::{ElsewhereTrial, Scale};
+use crate::metrics::reliability::wilson_interval;
+
+/// Limits between small, medium and large footprints, as shares of the map's width.
+const BANDS: [f64; 2] = [1.0 / 3.0, 1.0];
+
+/// Trials and fixes of one group.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Group {
+    /// What the trials have in common.
+    pub name: String,
+    /// Number of trials.
+    pub trials: usize,
+    /// Trials with a fix.
+    pub fixes: usize,
+    /// Share of trials with a fix.
+    pub share: f64,
+    /// 95 % interval of the share (Wilson 1927).
+    pub share_interval: [f64; 2],
+}
+
+/// Figures of all trials.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct ElsewhereSummary {
+    /// All trials.
+    pub all: Group,
+    /// Sources that the model was trained on, and the others.
+    pub by_training: Vec<Group>,
+    /// Settings: scale, heading and size of the footprint.
+    pub by_setting: Vec<Group>,
+    /// Sources.
+    pub by_source: Vec<Group>,
+    /// Number of trials without a fix by reason, most frequent first.
+    pub reasons: Vec<(String, usize)>,
+}
+
+/// Scale, heading and size of the footprint of a trial.
+fn setting(trial: &ElsewhereTrial) -> String {
+    let scale = match trial.scale {
+        Scale::Metadata => "scale from metadata",
+        Scale::Drawn => "scale drawn",
+    };
+    let heading = if trial.heading_known {
+        "known"
+    } else {
+        "unknown"
+    };
+    let size = match BANDS
+        .iter()
+        .filter(|&&limit| trial.map_share > limit)
+        .count()
+    {
+        0 => "up to a third of the map",
+        1 => "a third of the map to its size",
+        _ => "larger than the map",
+    };
+    format!("{scale}, heading {heading}, footprint {size}")
+}
+
+impl Group {
+    fn of<'a>(name: &str, trials: impl Iterator<Item = &'a ElsewhereTrial>) -> Self {
+        let (count, fixes) = trials.fold((0, 0), |(count, fixes), trial| {
+            (count + 1, fixes + usize::from(trial.fixed))
+        });
+        Self {
+            name: name.to_owned(),
+            trials: count,
+            fixes,
+            share: fixes as f64 / count.max(1) as f64,
+            share_interval: wilson_interval(fixes, count),
+        }
+    }
+}
+
+/// A group for each name, in the order of the names.
+fn groups(trials: &[ElsewhereTrial], name: impl Fn(&ElsewhereTrial) -> String) -> Vec<Group> {
+    let mut named: BTreeMap<String, Vec<&ElsewhereTrial>> = BTreeMap::new();
+    for trial in trials {
+        named.entry(name(trial)).or_default().push(trial);
+    }
+    named
+        .into_iter()
+        .map(|(name, trials)| Group::of(&name, trials.into_iter()))
+        .collect()
+}
+
+impl ElsewhereSummary {
+    /// Figures of these trials.
+    #[must_use]
+    pub fn of(trials: &[ElsewhereTrial]) -> Self {
+        let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+        for reason in trials.iter().filter_map(|trial| trial.reason.as_deref()) {
+            // What follows a colon are figures of the single trial.
+            let kind = reason.split([':', ';']).next().unwrap_or(reason);
+            *reasons.entry(kind).or_default() += 1;
+        }
+        let mut reasons: Vec<(String, usize)> = reasons
+            .into_iter()
+            .map(|(reason, count)| (reason.to_owned(), count))
+            .collect();
+        reasons.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
+        Self {
+            all: Group::of("all trials", trials.iter()),
+            by_training: groups(trials, |trial| {
+                let training = if trial.trained_on {
+                    "sources trained on"
+                } else {
+                    "sources not trained on"
+                };
+                training.to_owned()
+            }),
+            by_setting: groups(trials, setting),
+            by_source: groups(trials, |trial| trial.source.clone()),
+            reasons,
+        }
+    }
+}

@@ -1,0 +1,243 @@
+//! Maps that do not say, or say wrongly, where they lie.
+
+use super::*;
+
+#[test]
+fn a_picture_without_georeference_is_refused() {
+    let dir = folder();
+    for name in ["map.png", "map.jpg"] {
+        let path = dir.path().join(name);
+        picture(&path, 20, 10);
+        let error = refused(open(&path), &path, &["corners", "coordinate system"]);
+        assert!(matches!(error, GeoError::NoGeoreference { .. }));
+    }
+    // A CRS alone is not a place.
+    let path = dir.path().join("map.png");
+    let error = refused(with_crs(&path, "EPSG:32651"), &path, &["corners"]);
+    assert!(matches!(error, GeoError::NoGeoreference { .. }));
+}
+
+#[test]
+fn a_tiff_without_georeference_is_refused() {
+    let dir = folder();
+    let path = dir.path().join("plain.tif");
+    write_map(&path, (20, 10), vec![], colours);
+    let error = refused(open(&path), &path, &["corners"]);
+    assert!(matches!(error, GeoError::NoGeoreference { .. }));
+    let map = with_corners(&path, [120.0, 24.0, 120.002, 24.001]).unwrap();
+    let centre = map
+        .georeference()
+        .lonlat_from_map_px(MapPx::new(10.0, 5.0))
+        .unwrap();
+    assert!(distance_m(centre, LonLat::new(120.001, 24.0005)) < 1e-6);
+}
+
+#[test]
+fn ground_control_points_alone_are_refused_with_advice() {
+    let dir = folder();
+    let path = dir.path().join("gcp.tif");
+    let points: Vec<f64> = (0..4)
+        .flat_map(|i| [f64::from(i), 0.0, 0.0, 1.0, 2.0, 0.0])
+        .collect();
+    write_map(&path, (20, 10), vec![double(33922, &points)], colours);
+    let error = refused(open(&path), &path, &["gdalwarp"]);
+    assert!(matches!(error, GeoError::NoGeoreference { .. }));
+}
+
+#[test]
+fn a_transform_without_crs_is_refused_until_it_is_given() {
+    let dir = folder();
+    let path = dir.path().join("nocrs.tif");
+    let mut tags = geo_tags(32651);
+    tags.pop();
+    write_map(&path, (20, 10), tags, colours);
+    let error = refused(open(&path), &path, &["coordinate system"]);
+    assert!(matches!(error, GeoError::MissingCrs { .. }));
+    let map = with_crs(&path, "EPSG:32651").unwrap();
+    assert_eq!(map.georeference().crs().definition(), "EPSG:32651");
+
+    let png = dir.path().join("world.png");
+    picture(&png, 20, 10);
+    std::fs::write(
+        dir.path().join("world.pgw"),
+        "0.5\n0\n0\n-0.5\n300000.25\n2699999.75\n",
+    )
+    .unwrap();
+    let error = refused(open(&png), &png, &["coordinate system"]);
+    assert!(matches!(error, GeoError::MissingCrs { .. }));
+    let map = with_crs(&png, "32651").unwrap();
+    assert_eq!(
+        map.georeference().affine().to_gdal(),
+        [300000.0, 0.5, 0.0, 2700000.0, 0.0, -0.5]
+    );
+}
+
+#[test]
+fn an_unknown_crs_is_refused() {
+    let dir = folder();
+    let path = dir.path().join("unknown.tif");
+    write_map(&path, (20, 10), geo_tags(9999), colours);
+    let error = refused(open(&path), &path, &["EPSG:9999", "EPSG:CODE", "gdalwarp"]);
+    assert!(matches!(error, GeoError::UnsupportedCrs { .. }));
+    for crs in [
+        "EPSG:9999",
+        "EPSG:999999",
+        "mars",
+        "",
+        "+proj=nosuch",
+        "ESRI:4326",
+    ] {
+        let error = match with_crs(&path, crs) {
+            Err(error) => error,
+            Ok(map) => panic!("{crs}: {}", map.describe()),
+        };
+        assert!(
+            matches!(error, GeoError::UnknownCrs { .. }),
+            "{crs}: {error}"
+        );
+        assert!(error.to_string().contains("EPSG:32651"), "{error}");
+    }
+}
+
+#[test]
+fn a_crs_that_does_not_fit_is_refused() {
+    let dir = folder();
+    let path = dir.path().join("utm.tif");
+    write_map(&path, (20, 10), geo_tags(32651), colours);
+    // Metres taken for degrees.
+    let error = refused(
+        with_crs(&path, "EPSG:4326"),
+        &path,
+        &["EPSG:4326", "EPSG:CODE"],
+    );
+    assert!(matches!(error, GeoError::UnsupportedCrs { .. }));
+}
+
+#[test]
+fn a_singular_transform_is_refused() {
+    let dir = folder();
+    let path = dir.path().join("flat.tif");
+    let mut tags = geo_tags(32651);
+    tags[0] = double(33550, &[0.0, 0.5, 0.0]);
+    write_map(&path, (20, 10), tags, colours);
+    let error = refused(open(&path), &path, &["no inverse"]);
+    assert!(matches!(error, GeoError::SingularTransform { .. }));
+
+    let png = dir.path().join("bad.png");
+    picture(&png, 20, 10);
+    for text in ["1 2 3", "0 0 0 0 0 0", "a b c d e f", "1 0 0 -1 nan 5"] {
+        std::fs::write(dir.path().join("bad.pgw"), text).unwrap();
+        let error = match with_crs(&png, "EPSG:32651") {
+            Err(error) => error,
+            Ok(map) => panic!("{text}: {}", map.describe()),
+        };
+        assert!(matches!(error, GeoError::BadWorldFile { .. }), "{error}");
+        assert!(error.to_string().contains("bad.pgw"), "{error}");
+    }
+}
+
+#[test]
+fn swapped_corners_are_told() {
+    let dir = folder();
+    let path = dir.path().join("map.png");
+    picture(&path, 200, 100);
+    // A latitude of 120 degrees.
+    let error = with_corners(&path, [24.0, 120.0, 24.001, 120.002])
+        .err()
+        .unwrap();
+    assert!(matches!(error, GeoError::SwappedLonLat { .. }), "{error}");
+    assert!(
+        error.to_string().contains("LL_LON,LL_LAT,UR_LON,UR_LAT"),
+        "{error}"
+    );
+    // Both could be latitudes: the shape of the pixels tells. 60.4 N 22.4 E, 0.135 m pixels.
+    let size = (147, 127);
+    let path = dir.path().join("finland.png");
+    picture(&path, size.0, size.1);
+    let (w, e, s, n) = (22.460441, 22.464059, 60.402409, 60.403962);
+    assert!(with_corners(&path, [w, s, e, n]).is_ok());
+    let error = with_corners(&path, [s, w, n, e]).err().unwrap();
+    assert!(matches!(error, GeoError::SwappedLonLat { .. }), "{error}");
+}
+
+#[test]
+fn corners_that_span_nothing_are_refused() {
+    let dir = folder();
+    let path = dir.path().join("map.png");
+    picture(&path, 20, 10);
+    for corners in [
+        [120.0, 24.0, 119.9, 24.1],
+        [120.0, 24.0, 120.1, 23.9],
+        [120.0, 24.0, 120.0, 24.0],
+        [f64::NAN, 24.0, 120.1, 24.1],
+        [120.0, 24.0, f64::INFINITY, 24.1],
+        [120.0, -200.0, 120.1, 24.1],
+        [1e9, 24.0, 2e9, 24.1],
+    ] {
+        let error = with_corners(&path, corners).err().unwrap();
+        assert!(
+            matches!(error, GeoError::BadCorners { .. }),
+            "{corners:?}: {error}"
+        );
+    }
+}
+
+#[test]
+fn the_antimeridian_is_crossed_the_short_way() {
+    let dir = folder();
+    let path = dir.path().join("fiji.png");
+    picture(&path, 200, 200);
+    let map = with_corners(&path, [179.999, -17.001, -179.999, -16.999]).unwrap();
+    let check = |map: &dyn Raster, side: f64| {
+        let g = map.georeference();
+        let (x_m, _) = g.ground_resolution_m(MapPx::new(side / 2.0, 10.0)).unwrap();
+        assert!(x_m < 6.0, "{x_m}");
+        for x in [0.1, side / 2.0 - 0.1, side / 2.0 + 0.1, side - 0.1] {
+            let place = g.lonlat_from_map_px(MapPx::new(x, 10.0)).unwrap();
+            assert!((-180.0..180.0).contains(&place.lon_deg));
+            let back = g.map_px_from_lonlat(place).unwrap();
+            assert!(
+                (back.x - x).abs() < 1e-4 && (back.y - 10.0).abs() < 1e-4,
+                "{x}: {back:?}"
+            );
+        }
+        let left = g.lonlat_from_map_px(MapPx::new(0.0, 0.0)).unwrap();
+        let right = g.lonlat_from_map_px(MapPx::new(side, 0.0)).unwrap();
+        assert!(left.lon_deg > 179.9 && right.lon_deg < -179.9);
+        assert!(distance_m(left, right) < 600.0);
+    };
+    check(map.as_ref(), 200.0);
+    check(
+        open(&golden_map("antimeridian.tif")).unwrap().as_ref(),
+        96.0,
+    );
+    check(
+        open(&golden_map("antimeridian_degrees.tif"))
+            .unwrap()
+            .as_ref(),
+        96.0,
+    );
+    // Web Mercator beyond its edge.
+    let path = dir.path().join("mercator.tif");
+    let mut tags = geo_tags(3857);
+    tags[1] = double(33922, &[0.0, 0.0, 0.0, 20_037_458.0, -1_900_000.0, 0.0]);
+    write_map(&path, (200, 20), tags, colours);
+    check(open(&path).unwrap().as_ref(), 200.0);
+    // A mosaic with a picture on either side.
+    for name in ["a.png", "b.png"] {
+        picture(&dir.path().join(name), 100, 100);
+    }
+    let table = table(
+        dir.path(),
+        "filename,top_left_lat,top_left_lon,bottom_right_lat,bottom_right_lon\n\
+         a.png,-16.999,179.999,-17.000,180.000\n\
+         b.png,-16.999,-180.000,-17.000,-179.999\n",
+    );
+    let map = open(&table).unwrap();
+    assert!(
+        (200..=201).contains(&map.size_px().0),
+        "{:?}",
+        map.size_px()
+    );
+    check(map.as_ref(), 200.0);
+}

@@ -1,0 +1,253 @@
+//! Files that are damaged, cut off, too large or of an unusual kind, and windows that cannot be read.
+
+use super::*;
+
+#[test]
+fn a_map_smaller_than_a_tile_is_read_and_padded() {
+    let dir = folder();
+    let path = dir.path().join("small.tif");
+    write_map(&path, (20, 10), geo_tags(32651), colours);
+    let map = open(&path).unwrap();
+    let patch = map
+        .read(WindowPx::new(-246.0, -251.0, 512.0, 512.0), 512, 512)
+        .unwrap();
+    assert_eq!(patch.valid.iter().filter(|&&v| v == 255).count(), 200);
+    assert_eq!(patch.rgb.get_pixel(246 + 7, 251 + 3).0, colours(7, 3));
+    assert_eq!(patch.rgb.get_pixel(0, 0).0, [0, 0, 0]);
+    let outside = map
+        .read(WindowPx::new(1e6, -1e6, 64.0, 64.0), 32, 32)
+        .unwrap();
+    assert!(outside.valid.iter().all(|&v| v == 0));
+}
+
+#[test]
+fn windows_that_cannot_be_read_are_refused() {
+    let dir = folder();
+    let path = dir.path().join("map.tif");
+    write_map(&path, (20, 10), geo_tags(32651), colours);
+    let map = open(&path).unwrap();
+    for (window, w, h) in [
+        (WindowPx::new(f64::NAN, 0.0, 5.0, 5.0), 5, 5),
+        (WindowPx::new(0.0, 0.0, 0.0, 5.0), 5, 5),
+        (WindowPx::new(0.0, 0.0, -5.0, 5.0), 5, 5),
+        (WindowPx::new(0.0, 0.0, 5.0, 5.0), 0, 5),
+        (WindowPx::new(0.0, 0.0, 5.0, 5.0), 100_000, 100_000),
+        (WindowPx::new(1e300, 0.0, 5.0, 5.0), 5, 5),
+        // The filter would take hours to evaluate.
+        (WindowPx::new(-1e9, -1e9, 2e9, 2e9), 5, 5),
+        (WindowPx::new(0.0, 0.0, 5.0, 9e11), 640, 640),
+    ] {
+        let error = map.read(window, w, h).unwrap_err();
+        assert!(matches!(error, GeoError::BadWindow { .. }), "{error}");
+    }
+}
+
+#[test]
+fn truncated_files_are_refused_when_they_are_opened() {
+    let dir = folder();
+    for name in [
+        "tiled_jpeg_ycbcr.tif",
+        "striped_lzw_one_row.tif",
+        "cog.tif",
+        "packbits_bigtiff.tif",
+    ] {
+        let bytes = std::fs::read(golden_map(name)).unwrap();
+        let path = dir.path().join(name);
+        for share in [0.03, 0.3, 0.6, 0.98] {
+            std::fs::write(&path, &bytes[..(bytes.len() as f64 * share) as usize]).unwrap();
+            let error = refused(open(&path), &path, &[]);
+            assert!(
+                matches!(error, GeoError::Truncated { .. } | GeoError::Damaged { .. }),
+                "{name} {share}: {error:?}"
+            );
+            assert!(
+                error.to_string().contains("copy or download it again"),
+                "{error}"
+            );
+        }
+    }
+    // Pictures are decoded when they are read.
+    for name in ["map.png", "map.jpg"] {
+        let path = dir.path().join(name);
+        picture(&path, 200, 200);
+        let bytes = std::fs::read(&path).unwrap();
+        std::fs::write(&path, &bytes[..bytes.len() * 2 / 3]).unwrap();
+        let map = with_corners(&path, [120.0, 24.0, 120.002, 24.0018]).unwrap();
+        let error = map
+            .read(WindowPx::new(0.0, 0.0, 9.0, 9.0), 9, 9)
+            .unwrap_err();
+        assert!(matches!(error, GeoError::Damaged { .. }), "{error:?}");
+        assert!(error.to_string().contains(name), "{error}");
+    }
+}
+
+#[test]
+fn damaged_blocks_are_an_error_that_names_the_file() {
+    let dir = folder();
+    let mut bytes = std::fs::read(golden_map("tiled_deflate_predictor.tif")).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle..middle + 1000].fill(0xAA);
+    let path = dir.path().join("damaged.tif");
+    std::fs::write(&path, bytes).unwrap();
+    let error = match open(&path) {
+        Err(error) => error,
+        Ok(map) => map
+            .read(WindowPx::new(0.0, 0.0, 96.0, 80.0), 96, 80)
+            .unwrap_err(),
+    };
+    assert!(error.to_string().contains("damaged.tif"), "{error}");
+}
+
+#[test]
+fn what_is_not_a_picture_is_refused() {
+    let dir = folder();
+    for (name, bytes) in [
+        ("text.tif", &b"hello, this is not a map"[..]),
+        ("empty.tif", &b""[..]),
+        ("short.jpg", &b"\xFF\xD8"[..]),
+        ("page.png", &b"<html></html>"[..]),
+    ] {
+        let path = dir.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let error = refused(open(&path), &path, &[]);
+        assert!(
+            matches!(error, GeoError::NotAMap { .. } | GeoError::Damaged { .. }),
+            "{error:?}"
+        );
+    }
+    let path = dir.path().join("absent.tif");
+    assert!(matches!(
+        refused(open(&path), &path, &[]),
+        GeoError::Io { .. }
+    ));
+    let path = dir.path().to_path_buf();
+    assert!(matches!(
+        refused(open(&path), &path, &[]),
+        GeoError::Io { .. }
+    ));
+}
+
+#[test]
+fn decompression_bombs_are_refused_before_they_are_decoded() {
+    let dir = folder();
+    // A PNG header that promises 10^9 pixels a side.
+    let path = dir.path().join("bomb.png");
+    picture(&path, 2, 2);
+    let mut bytes = std::fs::read(&path).unwrap();
+    bytes[16..24].copy_from_slice(&[0x3B, 0x9A, 0xCA, 0, 0x3B, 0x9A, 0xCA, 0]);
+    std::fs::write(&path, bytes).unwrap();
+    refused(with_corners(&path, [120.0, 24.0, 120.1, 24.1]), &path, &[]);
+    // A TIFF whose one compressed strip would be 7 GB.
+    let path = dir.path().join("bomb.tif");
+    let mut tags = rgb_tags(50_000, 50_000);
+    tags[3] = short(259, &[8]);
+    tags.extend(geo_tags(32651));
+    tags.extend([
+        long8(273, &[4096]),
+        long(278, &[50_000]),
+        long8(279, &[1000]),
+    ]);
+    write_bigtiff(&path, tags, 8192);
+    let map = open(&path).unwrap();
+    let error = map
+        .read(WindowPx::new(0.0, 0.0, 9.0, 9.0), 9, 9)
+        .unwrap_err();
+    assert!(matches!(error, GeoError::Unsupported { .. }), "{error:?}");
+    assert!(error.to_string().contains("gdal_translate"), "{error}");
+    // No pixels at all.
+    let path = dir.path().join("nothing.tif");
+    let mut tags = rgb_tags(0, 0);
+    tags.extend(geo_tags(32651));
+    tags.extend([long8(273, &[4096]), long(278, &[1]), long8(279, &[0])]);
+    write_bigtiff(&path, tags, 8192);
+    refused(open(&path), &path, &[]);
+}
+
+#[test]
+fn grey_alpha_and_16_bit_pictures_are_read() {
+    let dir = folder();
+    let corners = [120.0, 24.0, 120.002, 24.0018];
+    let path = dir.path().join("grey.png");
+    GrayImage::from_fn(20, 20, |x, _| Luma([x as u8 * 10]))
+        .save(&path)
+        .unwrap();
+    let patch = with_corners(&path, corners)
+        .unwrap()
+        .read(WindowPx::new(0.0, 0.0, 20.0, 20.0), 20, 20)
+        .unwrap();
+    assert_eq!(patch.rgb.get_pixel(7, 3).0, [70, 70, 70]);
+
+    let path = dir.path().join("alpha.png");
+    RgbaImage::from_fn(20, 20, |x, _| Rgba([9, 8, 7, if x < 5 { 0 } else { 255 }]))
+        .save(&path)
+        .unwrap();
+    let patch = with_corners(&path, corners)
+        .unwrap()
+        .read(WindowPx::new(0.0, 0.0, 20.0, 20.0), 20, 20)
+        .unwrap();
+    assert_eq!(
+        (patch.valid.get_pixel(4, 0).0, patch.valid.get_pixel(5, 0).0),
+        ([0], [255])
+    );
+    assert_eq!(
+        (patch.rgb.get_pixel(4, 0).0, patch.rgb.get_pixel(5, 0).0),
+        ([0; 3], [9, 8, 7])
+    );
+
+    let path = dir.path().join("deep.png");
+    image::ImageBuffer::from_fn(20, 20, |x, _| Luma([x as u16 * 257]))
+        .save(&path)
+        .unwrap();
+    let patch = with_corners(&path, corners)
+        .unwrap()
+        .read(WindowPx::new(0.0, 0.0, 20.0, 20.0), 20, 20)
+        .unwrap();
+    assert_eq!(patch.rgb.get_pixel(7, 3).0, [7, 7, 7]);
+}
+
+#[test]
+fn the_hash_is_of_all_files_of_the_map() {
+    let dir = folder();
+    let path = dir.path().join("map.png");
+    picture(&path, 20, 10);
+    std::fs::write(dir.path().join("map.pgw"), "1 0 0 -1 300000 2700000").unwrap();
+    let hash = |path: &Path| {
+        with_crs(path, "EPSG:32651")
+            .unwrap()
+            .content_hash()
+            .unwrap()
+    };
+    let first = hash(&path);
+    assert_eq!(first, hash(&path));
+    std::fs::write(dir.path().join("map.pgw"), "1 0 0 -1 300001 2700000").unwrap();
+    assert_ne!(first, hash(&path));
+    // A file alone has the hash of its bytes.
+    let tif = golden_map("grey.tif");
+    let bytes = std::fs::read(&tif).unwrap();
+    assert_eq!(
+        open(&tif).unwrap().content_hash().unwrap(),
+        *blake3::hash(&bytes).as_bytes()
+    );
+}
+
+#[test]
+fn reads_are_the_same_on_any_number_of_threads_and_with_any_cache() {
+    let read = |threads: usize, cache_bytes: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let options = MapOptions {
+                cache_bytes: Some(cache_bytes),
+                ..MapOptions::default()
+            };
+            let map = open_map(&golden_map("u16_five_bands.tif"), &options).unwrap();
+            map.read(WindowPx::new(-3.3, 2.7, 88.8, 77.7), 31, 29)
+                .unwrap()
+        })
+    };
+    let one = read(1, 0);
+    assert_eq!(one, read(4, 0));
+    assert_eq!(one, read(3, 1 << 20));
+}

@@ -1,0 +1,194 @@
+//! Default mode from end to end.
+
+use super::*;
+
+#[test]
+fn guidance_finds_more_matches_of_the_same_place() {
+    let [guided, plain] = [true, false].map(|guided| {
+        localizer(Options {
+            guided,
+            ..Options::default()
+        })
+    });
+    let (mut more, mut before) = (0, 0);
+    for (place, heading_deg) in PLACES {
+        let photo = photo(&scene().picture, place, heading_deg);
+        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
+        let prior = Prior::none()
+            .with_gsd_m(PHOTO_GSD_M)
+            .with_heading(heading_deg + north_deg, 3.0);
+        let outcome = guided.locate(&photo, &prior).unwrap();
+        assert!(error_m(&outcome, place) < 1.0);
+        more += outcome.fix().unwrap().inliers;
+        before += plain
+            .locate(&photo, &prior)
+            .unwrap()
+            .fix()
+            .map_or(0, |fix| fix.inliers);
+    }
+    assert!(more > before, "{more} after {before}");
+}
+
+#[test]
+fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
+    let localizer = localizer(Options {
+        keep_matches: true,
+        ..Options::default()
+    });
+    for (place, heading_deg) in PLACES {
+        let photo = photo(&scene().picture, place, heading_deg);
+        // On a UTM map off its central meridian grid north is not true north.
+        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
+        let prior = Prior::none()
+            .with_gsd_m(PHOTO_GSD_M)
+            .with_heading(heading_deg + north_deg + 3.0, 3.0);
+        let outcome = localizer.locate(&photo, &prior).unwrap();
+        let error_m = error_m(&outcome, place);
+        let fix = outcome.fix().unwrap();
+        assert!(error_m < 1.0, "{error_m} m");
+        assert!(
+            error_m <= fix.radius95_m && fix.radius95_m < 5.0,
+            "{error_m} m, stated {}",
+            fix.radius95_m
+        );
+        let turn_deg =
+            (fix.heading_deg.unwrap() - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
+        assert!(turn_deg.abs() < 1.0, "{turn_deg} degrees");
+        assert!(
+            (fix.gsd_m / PHOTO_GSD_M - 1.0).abs() < 0.01,
+            "{}",
+            fix.gsd_m
+        );
+        assert_eq!(fix.outline_lonlat_deg.len(), 4);
+        let across =
+            [0, 1].map(|i| LonLat::new(fix.outline_lonlat_deg[i][0], fix.outline_lonlat_deg[i][1]));
+        let width_m = f64::from(PHOTO_PX.0) * PHOTO_GSD_M;
+        assert!((distance_m(across[0], across[1]) / width_m - 1.0).abs() < 0.02);
+        assert!(fix.matches >= fix.inliers && fix.inliers > 20);
+        let drawn = draw(
+            &photo,
+            &outcome,
+            Some(scene().map.as_ref()),
+            &DrawOptions::default(),
+        )
+        .unwrap();
+        assert_eq!(drawn.height(), 640);
+    }
+}
+
+#[test]
+fn unknown_heading_and_scale_are_found() {
+    let localizer = localizer(Options::default());
+    let (place, heading_deg) = PLACES[1];
+    let photo = photo(&scene().picture, place, heading_deg);
+    let known_scale = Prior::none().with_gsd_m(PHOTO_GSD_M);
+    for prior in [known_scale, Prior::none()] {
+        let outcome = localizer.locate(&photo, &prior).unwrap();
+        assert!(error_m(&outcome, place) < 2.0);
+        let turn_deg = (outcome.fix().unwrap().heading_deg.unwrap() - heading_deg + 540.0)
+            .rem_euclid(360.0)
+            - 180.0;
+        assert!(turn_deg.abs() < 3.0);
+    }
+}
+
+#[test]
+fn other_places_and_empty_photos_have_no_fix() {
+    let localizer = localizer(Options {
+        keep_matches: true,
+        ..Options::default()
+    });
+    let prior = Prior::none().with_gsd_m(PHOTO_GSD_M);
+    let elsewhere = photo(&town(2), PLACES[0].0, 10.0);
+    for prior in [prior, prior.with_heading(10.0, 3.0)] {
+        let outcome = localizer.locate(&elsewhere, &prior).unwrap();
+        let Outcome::NoFix(no_fix) = &outcome else {
+            panic!("{outcome:?}")
+        };
+        assert!(matches!(no_fix.reason, Reason::Rejected(_)), "{no_fix}");
+        assert!(draw(&elsewhere, &outcome, None, &DrawOptions::default()).is_ok());
+    }
+    let water = Photo::from_image(
+        RgbImage::from_pixel(640, 400, Rgb([30, 60, 80])),
+        Metadata::default(),
+    );
+    let Outcome::NoFix(no_fix) = localizer.locate(&water, &prior).unwrap() else {
+        panic!("water was found")
+    };
+    assert!(
+        matches!(
+            no_fix.reason,
+            Reason::TooFewKeypoints { .. } | Reason::Rejected(_)
+        ),
+        "{no_fix}"
+    );
+    let tiny = Photo::from_image(RgbImage::new(1, 1), Metadata::default());
+    assert!(localizer.locate(&tiny, &prior).unwrap().fix().is_none());
+}
+
+#[test]
+fn an_area_restricts_the_answer() {
+    let localizer = localizer(Options::default());
+    let (place, heading_deg) = PLACES[0];
+    let photo = photo(&scene().picture, place, heading_deg);
+    let prior = Prior::none()
+        .with_gsd_m(PHOTO_GSD_M)
+        .with_heading(heading_deg, 3.0);
+    let here = localizer
+        .locate(&photo, &prior.near(truth(place), 30.0))
+        .unwrap();
+    assert!(error_m(&here, place) < 2.0);
+    let beside = localizer
+        .locate(
+            &photo,
+            &prior.near(truth(MapPx::new(place.x + 250.0, place.y)), 40.0),
+        )
+        .unwrap();
+    assert!(beside.fix().is_none());
+    let far = localizer
+        .locate(&photo, &prior.near(LonLat::new(0.0, 0.0), 1000.0))
+        .unwrap();
+    let Outcome::NoFix(no_fix) = far else {
+        panic!("found far away")
+    };
+    assert_eq!(no_fix.reason, Reason::NoTiles);
+}
+
+#[test]
+fn answers_depend_on_the_photos_that_normalisation_statistics_come_from() {
+    let (place, heading_deg) = PLACES[0];
+    let query = photo(&scene().picture, place, heading_deg);
+    let other = photo(&town(2), PLACES[1].0, 80.0);
+    let prior = Prior::none()
+        .with_gsd_m(PHOTO_GSD_M)
+        .with_heading(heading_deg, 3.0);
+    let adapted_to = |photos: &[&Photo]| {
+        let flight = localizer(Options::default())
+            .adapted_to_flight(photos.iter().map(|photo| (*photo, &prior)))
+            .unwrap();
+        assert_eq!(flight.options().adapt, Adapt::Flight);
+        flight
+    };
+    let answers: Vec<Outcome> = [
+        localizer(Options::default()),
+        localizer(Options {
+            adapt: Adapt::Photo,
+            ..Options::default()
+        }),
+        adapted_to(&[&query]),
+        adapted_to(&[&other]),
+        adapted_to(&[&query, &other]),
+    ]
+    .iter()
+    .map(|localizer| localizer.locate(&query, &prior).unwrap())
+    .collect();
+    for (i, answer) in answers.iter().enumerate() {
+        assert!(error_m(answer, place) < 2.0, "{i}");
+        // Other statistics give other descriptors.
+        let similarity = |outcome: &Outcome| outcome.fix().unwrap().tile.similarity;
+        for before in &answers[..i] {
+            assert_ne!(similarity(answer), similarity(before), "{i}");
+        }
+    }
+    assert!(localizer(Options::default()).adapted_to_flight([]).is_err());
+}

@@ -1,0 +1,110 @@
+//! The publication's procedure from end to end.
+
+use super::*;
+
+fn paper_localizer(options: Options) -> Localizer {
+    let pack = Pack::open(&scene().paper_pack).unwrap();
+    Localizer::new(Model::bundled().unwrap(), pack)
+        .unwrap()
+        .with_options(options)
+}
+
+/// Right and down from a tile's centre in pixels, heading in degrees, size in pixels, scale.
+type PaperCrop = (f64, f64, f64, (u32, u32), f64);
+
+/// Crops for paper mode, whose tiles are 512 map pixels: about that extent, off every tile's centre, turned, and at another scale.
+const PAPER_CROPS: [PaperCrop; 4] = [
+    (67.0, -82.5, 9.0, (512, 512), 1.08),
+    (-91.25, 58.0, -10.0, (512, 512), 0.92),
+    (54.0, 90.0, 6.0, (512, 512), 1.14),
+    (-60.0, -75.0, -7.0, (640, 480), 0.85),
+];
+
+#[test]
+fn paper_mode_maps_off_centre_turned_and_scaled_crops() {
+    let localizer = paper_localizer(Options::paper());
+    let by_georeference = paper_localizer(Options {
+        coordinates: Coordinates::Georeference,
+        ..Options::paper()
+    });
+    let level = &localizer.pack().levels()[0];
+    // Tiles are cut from the map's own pixels.
+    assert_eq!(level.size_px(), [u64::from(MAP_PX.0), u64::from(MAP_PX.1)]);
+    assert_eq!(level.frame().map_px_per_level_px_x, 1.0);
+    let tile = level.tile(level.tile_at([2, 1]).unwrap());
+    for (right_px, down_px, heading_deg, size_px, scale) in PAPER_CROPS {
+        let centre = MapPx::new(
+            tile.centre_map_px.x + right_px,
+            tile.centre_map_px.y + down_px,
+        );
+        let query = photo_of(&scene().picture, centre, heading_deg, size_px, scale);
+        let outcome = localizer.locate(&query, &Prior::none()).unwrap();
+        let error_m = error_m(&outcome, centre);
+        let fix = outcome.fix().unwrap();
+        assert!(error_m < 1.5, "{error_m} m");
+        // No tile's centre is near, so only the homography and the equations 22 and 23 can lead there.
+        for i in 0..level.tile_count() {
+            let at = truth(level.tile(i).centre_map_px);
+            assert!(distance_m(at, truth(centre)) > 20.0);
+        }
+        // On a map this small the equations and the georeference agree.
+        let exact = by_georeference.locate(&query, &Prior::none()).unwrap();
+        let [a, b] = [&outcome, &exact].map(|outcome| {
+            let fix = outcome.fix().unwrap();
+            LonLat::new(fix.lon_deg, fix.lat_deg)
+        });
+        assert!(distance_m(a, b) < 0.05, "{} m", distance_m(a, b));
+        let north_deg = scene().map.georeference().up_bearing_deg(centre).unwrap();
+        let turn_deg =
+            (fix.heading_deg.unwrap() - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
+        assert!(turn_deg.abs() < 1.5, "{turn_deg} degrees");
+        assert!(
+            (fix.gsd_m / (GSD_M * scale) - 1.0).abs() < 0.02,
+            "{}",
+            fix.gsd_m
+        );
+    }
+}
+
+#[test]
+fn paper_mode_answers_with_the_homography_of_four_inliers() {
+    // With this threshold no homography has more inliers than the four pairs of its sample.
+    let options = Options::paper();
+    let localizer = paper_localizer(Options {
+        ransac: Ransac {
+            threshold_px: 1e-7,
+            ..options.ransac
+        },
+        ..options
+    });
+    let level = &localizer.pack().levels()[0];
+    let tile = level.tile(level.tile_at([2, 1]).unwrap());
+    let centre = MapPx::new(tile.centre_map_px.x + 67.0, tile.centre_map_px.y - 82.5);
+    let query = photo_of(&scene().picture, centre, 4.0, (512, 512), 1.05);
+    let outcome = localizer.locate(&query, &Prior::none()).unwrap();
+    let fix = outcome.fix().unwrap();
+    assert_eq!(fix.inliers, 4);
+    assert!(fix.heading_deg.is_some());
+    let answer = LonLat::new(fix.lon_deg, fix.lat_deg);
+    let of_tile = truth(level.tile(fix.tile.index).centre_map_px);
+    assert!(distance_m(answer, of_tile) > 0.1);
+    // The covariance is that of the four pairs, not of a position anywhere in the tile.
+    let anywhere_m2 = level.tile_m().powi(2) / 12.0;
+    assert!(fix.covariance_en_m2[0] > 0.0);
+    assert!((fix.covariance_en_m2[0] / anywhere_m2 - 1.0).abs() > 0.01);
+}
+
+#[test]
+fn paper_mode_answers_always_and_wants_a_paper_pack() {
+    let (place, _) = PLACES[1];
+    let localizer = paper_localizer(Options::paper());
+    let wrong = localizer
+        .locate(&photo(&town(2), place, 0.0), &Prior::none())
+        .unwrap();
+    let fix = wrong.fix().unwrap();
+    assert!(fix.lat_deg.is_finite() && fix.lon_deg.is_finite() && fix.radius95_m.is_finite());
+
+    let refused =
+        self::localizer(Options::paper()).locate(&photo(&town(2), place, 0.0), &Prior::none());
+    assert!(matches!(refused, Err(LocateError::NotAPaperPack { .. })));
+}

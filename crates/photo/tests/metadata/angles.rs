@@ -1,0 +1,116 @@
+//! Headings and camera angles: which are believed.
+
+use super::*;
+
+#[test]
+fn the_gimbal_is_preferred_to_the_aircraft() {
+    let metadata = read_xmp(&dji_elements(&FULL));
+    let view = resolve(&metadata);
+    let heading = view.heading.unwrap();
+    assert!((heading.heading_deg - 315.8).abs() < 1e-9);
+    assert_eq!(heading.sigma_deg, 5.0);
+    assert!(used(&view, "gimbal yaw") && aside(&view, "flight yaw", "gimbal"));
+    // -89.9 is straight down.
+    assert!(view.tilt.is_none() && used(&view, "gimbal pitch"));
+    // 40.1 m and 4000 px at 3666.67 px.
+    let footprint = view.footprint.unwrap();
+    assert!((footprint.width_m - 40.1 * 4000.0 / 3666.666504).abs() < 1e-9);
+    assert!(footprint.is_doubtful() && footprint.relative_sigma < 0.16);
+    assert!(aside(&view, "GPS altitude", "above sea level"));
+}
+
+#[rstest]
+#[case::gimbal_zero_flight_there("0.00", "+0.00", "152.1", Some(152.1))]
+#[case::all_zero("0.00", "0.00", "0.00", None)]
+fn angles_that_are_all_zero_were_not_recorded(
+    #[case] gimbal_yaw: &str,
+    #[case] gimbal_pitch: &str,
+    #[case] flight_yaw: &str,
+    #[case] heading_deg: Option<f64>,
+) {
+    let view = resolve(&read_xmp(&dji_elements(&[
+        ("GimbalYawDegree", gimbal_yaw),
+        ("GimbalPitchDegree", gimbal_pitch),
+        ("GimbalRollDegree", "+0.00"),
+        ("FlightYawDegree", flight_yaw),
+    ])));
+    assert_eq!(view.heading.map(|h| h.heading_deg), heading_deg);
+    assert!(view.tilt.is_none());
+    assert!(aside(&view, "gimbal yaw, pitch, roll", "not recorded"));
+    if let Some(heading) = view.heading {
+        assert_eq!(heading.sigma_deg, 10.0);
+        assert!(view.used.iter().any(|e| e.reason.contains("doubtful")));
+    }
+}
+
+#[test]
+fn a_gimbal_pitch_of_exactly_zero_is_not_a_camera_at_the_horizon() {
+    let view = resolve(&read_xmp(&dji_elements(&[
+        ("GimbalYawDegree", "33.0"),
+        ("GimbalPitchDegree", "0.00"),
+        ("GimbalRollDegree", "0.00"),
+    ])));
+    assert_eq!(view.heading.unwrap().heading_deg, 33.0);
+    assert!(view.tilt.is_none() && aside(&view, "gimbal pitch", "not recorded"));
+}
+
+#[test]
+fn a_camera_that_did_look_at_the_horizon_is_not_rectified() {
+    let view = resolve(&read_xmp(&dji_elements(&[
+        ("GimbalYawDegree", "33.0"),
+        ("GimbalPitchDegree", "-4.30"),
+    ])));
+    assert!(view.tilt.is_none() && aside(&view, "gimbal pitch", "no usable ground"));
+}
+
+#[test]
+fn a_flip_by_half_a_turn_makes_the_heading_unknown() {
+    let flipped = |roll: &str| {
+        resolve(&read_xmp(&dji_elements(&[
+            ("GimbalYawDegree", "-130.0"),
+            ("GimbalPitchDegree", "-90.0"),
+            ("GimbalRollDegree", roll),
+            ("FlightYawDegree", "48.0"),
+        ])))
+    };
+    let view = flipped("0.0");
+    assert!(view.heading.is_none());
+    assert!(aside(&view, "gimbal yaw", "flipped") && aside(&view, "flight yaw", "flipped"));
+    // At the pole of the angles a roll of 180 says the same as turning the yaw: nothing contradicts.
+    let view = flipped("180.0");
+    assert!((view.heading.unwrap().heading_deg - 50.0).abs() < 1e-9);
+}
+
+#[rstest]
+#[case::not_a_number("NaN")]
+#[case::infinite("inf")]
+#[case::empty("")]
+#[case::words("unknown")]
+#[case::out_of_range("9999")]
+#[case::over_zero("1/0")]
+fn a_yaw_that_is_no_angle_is_unknown_and_said_so(#[case] value: &str) {
+    let metadata = read_xmp(&dji_attributes(&format!(
+        "drone-dji:GimbalYawDegree=\"{value}\""
+    )));
+    assert_eq!(metadata.gimbal_yaw_deg, None);
+    let view = resolve(&metadata);
+    assert!(view.heading.is_none());
+    assert!(
+        view.set_aside
+            .iter()
+            .any(|e| e.field.contains("GimbalYawDegree"))
+    );
+}
+
+#[test]
+fn image_direction_is_the_last_resort() {
+    let metadata = read_exif(&[
+        (Tag::GPSImgDirectionRef, ascii("M")),
+        (Tag::GPSImgDirection, rationals(&[(2705, 10)])),
+    ]);
+    let view = resolve(&metadata);
+    assert_eq!(view.heading.unwrap().heading_deg, 270.5);
+    assert!(view.used[0].reason.contains("magnetic"));
+    let absurd = read_exif(&[(Tag::GPSImgDirection, rationals(&[(4000, 1)]))]);
+    assert!(resolve(&absurd).heading.is_none());
+}

@@ -1,0 +1,181 @@
+//! Which inputs are refused: every error names the field, its value and what was expected.
+
+use grimnet_geo::LonLat;
+
+use crate::error::InputError;
+use crate::input::{Input, PositionFix};
+
+impl Input {
+    /// Checks that every number is finite and in its range.
+    ///
+    /// # Errors
+    /// [`InputError::Invalid`] names the first field that is not.
+    pub(crate) fn validate(&self) -> Result<(), InputError> {
+        require("time_s", self.time_s(), self.time_s().is_finite(), "finite")?;
+        match self {
+            Self::Attitude(a) => {
+                finite("yaw_deg", a.yaw_deg)?;
+                finite("pitch_deg", a.pitch_deg)?;
+                finite("roll_deg", a.roll_deg)
+            }
+            Self::Height(h) => {
+                let possible = h.agl_m.is_finite() && h.agl_m > 0.0;
+                require("agl_m", h.agl_m, possible, "finite and above 0")?;
+                h.amsl_m.map_or(Ok(()), |value| finite("amsl_m", value))
+            }
+            Self::Velocity(v) => {
+                finite("east_m_s", v.east_m_s)?;
+                finite("north_m_s", v.north_m_s)?;
+                positive("sigma_m_s", v.sigma_m_s)
+            }
+            Self::Motion(m) => {
+                finite("from_time_s", m.from_time_s)?;
+                finite("forward_px", m.forward_px)?;
+                finite("right_px", m.right_px)?;
+                finite("turn_deg", m.turn_deg)?;
+                positive("sigma_px", m.sigma_px)?;
+                let before = m.from_time_s < m.time_s;
+                require("from_time_s", m.from_time_s, before, "before time_s")
+            }
+            Self::Fix(f) => validate_fix(f),
+            Self::Miss(_) => Ok(()),
+        }
+    }
+}
+
+fn validate_fix(fix: &PositionFix) -> Result<(), InputError> {
+    let LonLat { lon_deg, lat_deg } = fix.lonlat;
+    require("lat_deg", lat_deg, fix.lonlat.is_valid(), "in [-90, 90]")?;
+    let on_earth = (-360.0..=360.0).contains(&lon_deg);
+    require("lon_deg", lon_deg, on_earth, "in [-360, 360]")?;
+    let [ee, en, nn] = fix.covariance_en_m2;
+    positive("covariance_en_m2[0]", ee)?;
+    positive("covariance_en_m2[2]", nn)?;
+    let definite = en.is_finite() && en * en < ee * nn;
+    require("covariance_en_m2[1]", en, definite, "positive definite")?;
+    let possible = fix.map_error_m.is_finite() && fix.map_error_m >= 0.0;
+    require(
+        "map_error_m",
+        fix.map_error_m,
+        possible,
+        "finite and not negative",
+    )?;
+    if let Some(heading_deg) = fix.heading_deg {
+        finite("heading_deg", heading_deg)?;
+    }
+    positive("gsd_m", fix.gsd_m)?;
+    let probability = (0.0..=1.0).contains(&fix.confidence);
+    require("confidence", fix.confidence, probability, "in [0, 1]")
+}
+
+fn finite(field: &'static str, value: f64) -> Result<(), InputError> {
+    require(field, value, value.is_finite(), "finite")
+}
+
+fn positive(field: &'static str, value: f64) -> Result<(), InputError> {
+    let possible = value.is_finite() && value > 0.0;
+    require(field, value, possible, "finite and above 0")
+}
+
+fn require(
+    field: &'static str,
+    value: f64,
+    holds: bool,
+    expected: &'static str,
+) -> Result<(), InputError> {
+    if holds {
+        Ok(())
+    } else {
+        Err(InputError::Invalid {
+            field,
+            value,
+            expected,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fix() -> PositionFix {
+        PositionFix {
+            time_s: 1.0,
+            lonlat: LonLat::new(120.7, 24.2),
+            covariance_en_m2: [1.0, 0.2, 2.0],
+            map_error_m: 1.0,
+            heading_deg: Some(10.0),
+            gsd_m: 0.05,
+            confidence: 0.9,
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_is_refused_by_name() {
+        let bad = [
+            (
+                "lat_deg",
+                PositionFix {
+                    lonlat: LonLat::new(0.0, 91.0),
+                    ..fix()
+                },
+            ),
+            (
+                "covariance_en_m2[1]",
+                PositionFix {
+                    covariance_en_m2: [1.0, 2.0, 1.0],
+                    ..fix()
+                },
+            ),
+            (
+                "covariance_en_m2[0]",
+                PositionFix {
+                    covariance_en_m2: [f64::NAN, 0.0, 1.0],
+                    ..fix()
+                },
+            ),
+            (
+                "map_error_m",
+                PositionFix {
+                    map_error_m: -1.0,
+                    ..fix()
+                },
+            ),
+            (
+                "heading_deg",
+                PositionFix {
+                    heading_deg: Some(f64::INFINITY),
+                    ..fix()
+                },
+            ),
+            (
+                "gsd_m",
+                PositionFix {
+                    gsd_m: 0.0,
+                    ..fix()
+                },
+            ),
+            (
+                "confidence",
+                PositionFix {
+                    confidence: 1.1,
+                    ..fix()
+                },
+            ),
+            (
+                "time_s",
+                PositionFix {
+                    time_s: f64::NAN,
+                    ..fix()
+                },
+            ),
+        ];
+        for (name, fix) in bad {
+            match Input::Fix(fix).validate() {
+                Err(InputError::Invalid { field, .. }) => assert_eq!(field, name),
+                other => panic!("{name}: {other:?}"),
+            }
+        }
+        assert!(Input::Fix(fix()).validate().is_ok());
+    }
+}

@@ -1,7 +1,8 @@
 //! Answers as other programs read them.
 //!
 //! An [`Answer`] is what a localiser found for one photo, with the field names that scripts rely on. An [`AnswerFormat`] writes
-//! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once.
+//! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once. [`GpxTrack`]
+//! and [`KmlTrack`] write the positions of a flight.
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod answer;
@@ -13,6 +14,7 @@ mod gpx;
 mod jsonl;
 mod kml;
 mod printable;
+mod track_parts;
 mod xml;
 
 pub use answer::{Answer, State, rounded};
@@ -24,6 +26,7 @@ pub use gpx::Gpx;
 pub use jsonl::Jsonl;
 pub use kml::Kml;
 pub use printable::{printable, printable_text};
+pub use track_parts::{GpxTrack, KmlTrack, TrackPlace};
 
 #[cfg(test)]
 mod tests {

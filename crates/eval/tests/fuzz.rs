@@ -11,16 +11,6 @@ use proptest::prelude::*;
 /// Inputs of each test in a normal run.
 const CASES: u32 = 128;
 
-fn config() -> ProptestConfig {
-    let long_run = std::env::var_os("PROPTEST_CASES").is_some();
-    let default = ProptestConfig::default();
-    ProptestConfig {
-        cases: if long_run { default.cases } else { CASES },
-        failure_persistence: None,
-        ..default
-    }
-}
-
 fn cell() -> impl Strategy<Value = String> {
     prop_oneof![
         (-400.0..400.0f64).prop_map(|v| v.to_string()),
@@ -35,7 +25,7 @@ fn cell() -> impl Strategy<Value = String> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(grimnet_fuzz::config(CASES))]
 
     #[test]
     fn truth_files(
@@ -103,7 +93,7 @@ mod npz {
     }
 
     proptest! {
-        #![proptest_config(config())]
+        #![proptest_config(grimnet_fuzz::config(CASES))]
 
         #[test]
         fn npz_arrays(

@@ -17,16 +17,6 @@ use support::{Tag, ascii, double, short, write_map};
 /// Inputs of each test in a normal run.
 const CASES: u32 = 96;
 
-fn config() -> ProptestConfig {
-    let long_run = std::env::var_os("PROPTEST_CASES").is_some();
-    let default = ProptestConfig::default();
-    ProptestConfig {
-        cases: if long_run { default.cases } else { CASES },
-        failure_persistence: None,
-        ..default
-    }
-}
-
 /// Opens the map and uses it: georeference, a small window.
 fn check(path: &Path, options: &MapOptions) {
     let map = match open_map(path, options) {
@@ -122,7 +112,7 @@ fn geokeys() -> impl Strategy<Value = Vec<[u16; 4]>> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(grimnet_fuzz::config(CASES))]
 
     #[test]
     fn geotiff_keys(

@@ -16,16 +16,6 @@ use serde_json::Value;
 /// Inputs of each test in a normal run: each reads a file of megabytes.
 const CASES: u32 = 24;
 
-fn config() -> ProptestConfig {
-    let long_run = std::env::var_os("PROPTEST_CASES").is_some();
-    let default = ProptestConfig::default();
-    ProptestConfig {
-        cases: if long_run { default.cases } else { CASES },
-        failure_persistence: None,
-        ..default
-    }
-}
-
 /// The bytes of the bundled model.
 fn bundled() -> &'static [u8] {
     static BYTES: OnceLock<Vec<u8>> = OnceLock::new();
@@ -132,7 +122,7 @@ fn a_file_that_is_only_rewritten_is_read() {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(grimnet_fuzz::config(CASES))]
 
     #[test]
     fn headers(changes in vec((any::<prop::sample::Index>(), value()), 1..3)) {

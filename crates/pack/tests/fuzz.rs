@@ -20,16 +20,6 @@ use support::{TestMap, make, one_level, paper, tiny_model};
 /// Inputs of each test in a normal run.
 const CASES: u32 = 64;
 
-fn config() -> ProptestConfig {
-    let long_run = std::env::var_os("PROPTEST_CASES").is_some();
-    let default = ProptestConfig::default();
-    ProptestConfig {
-        cases: if long_run { default.cases } else { CASES },
-        failure_persistence: None,
-        ..default
-    }
-}
-
 /// The bytes of a pack of each mode.
 fn packs() -> &'static [Vec<u8>; 2] {
     static PACKS: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
@@ -114,7 +104,7 @@ fn leaves(value: &Value, path: &str, found: &mut Vec<String>) {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(grimnet_fuzz::config(CASES))]
 
     #[test]
     fn manifests(

@@ -20,16 +20,6 @@ const CASES: u32 = 96;
 /// Memory that a photo may take here.
 const MAX_MEMORY_BYTES: u64 = 8 << 20;
 
-fn config() -> ProptestConfig {
-    let long_run = std::env::var_os("PROPTEST_CASES").is_some();
-    let default = ProptestConfig::default();
-    ProptestConfig {
-        cases: if long_run { default.cases } else { CASES },
-        failure_persistence: None,
-        ..default
-    }
-}
-
 /// Opens the file as the program does.
 fn check(bytes: &[u8]) {
     let folder = tempfile::tempdir().unwrap();
@@ -192,7 +182,7 @@ fn zlib(data: &[u8]) -> Vec<u8> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(grimnet_fuzz::config(CASES))]
 
     #[test]
     fn jpeg_segments(

@@ -43,7 +43,8 @@ impl ContentHash {
     }
 }
 
-fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> Result<u64, GeoError> {
+/// Adds the bytes of a file to a hash. Returns their number.
+pub(crate) fn hash_file(hasher: &mut blake3::Hasher, path: &Path) -> Result<u64, GeoError> {
     let mut file = std::fs::File::open(path).map_err(|e| GeoError::io(path, e))?;
     let mut buffer = vec![0_u8; CHUNK_BYTES];
     let mut length = 0_u64;

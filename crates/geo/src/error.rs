@@ -18,7 +18,7 @@ pub enum GeoError {
 
     /// The file has none of the supported formats.
     #[error(
-        "{}: not a map: {reason}; expected a GeoTIFF, a JPEG, PNG, WebP or TIFF picture, or a .csv that lists pictures and their corners",
+        "{}: not a map: {reason}; expected a GeoTIFF, a JPEG, PNG, WebP or TIFF picture, MBTiles, PMTiles, a folder of tiles or of GeoTIFFs, a .vrt, a .txt that lists GeoTIFFs, or a .csv that lists pictures and their corners",
         path.display()
     )]
     NotAMap {
@@ -153,6 +153,17 @@ pub enum GeoError {
         advice: &'static str,
     },
 
+    /// A map of tiles does not have the zoom that was asked for.
+    #[error("{}: no tiles of zoom {zoom}; {}", path.display(), list(zooms))]
+    NoSuchZoom {
+        /// The file or folder.
+        path: PathBuf,
+        /// As given.
+        zoom: u8,
+        /// Zooms with tiles.
+        zooms: Vec<u8>,
+    },
+
     /// A position outside the domain of the coordinate system.
     #[error("({x}, {y}) cannot be transformed in {crs}: {reason}")]
     OutsideDomain {
@@ -186,6 +197,14 @@ pub enum GeoError {
 /// How to make a file that can be read, for the errors that need it.
 pub(crate) const ADVICE_TILE_IT: &str =
     "convert it: gdal_translate -of COG -co COMPRESS=JPEG IN OUT.tif";
+
+fn list(zooms: &[u8]) -> String {
+    if zooms.is_empty() {
+        return "it is not a map of tiles: give no zoom".to_string();
+    }
+    let zooms: Vec<String> = zooms.iter().map(u8::to_string).collect();
+    format!("it has the zooms {}", zooms.join(", "))
+}
 
 impl GeoError {
     /// Names the file in an error about a transform.

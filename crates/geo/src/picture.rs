@@ -7,8 +7,9 @@ use grimnet_limits::MapLimits;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::GeoError;
-use crate::block::{Block, BlockLayout, BlockSource, Validity};
+use crate::block::{Block, BlockLayout, BlockSource};
 use crate::error::ADVICE_TILE_IT;
+use crate::picture_block::{block_of_picture, jpeg_is_complete};
 
 /// Largest picture that is decoded, pixels (768 MiB as RGB): it must be in memory as a whole.
 const MAX_PIXELS: u64 = MapLimits::DEFAULT.max_picture_px;
@@ -115,36 +116,6 @@ impl BlockSource for Picture {
     }
 
     fn decode(&self, _level: usize, _column: u64, _row: u64) -> Result<Block, GeoError> {
-        let picture = self.decode_whole()?;
-        let validity = if picture.color().has_alpha() {
-            let alpha = picture.to_rgba8();
-            Validity::from_mask(
-                alpha
-                    .pixels()
-                    .map(|p| if p.0[3] >= 128 { 255 } else { 0 })
-                    .collect(),
-            )
-        } else {
-            Validity::All
-        };
-        let width = self.layout[0].width as usize;
-        if validity == Validity::None {
-            return Ok(Block::empty(width));
-        }
-        Ok(Block {
-            width,
-            rgb: picture.into_rgb8().into_raw(),
-            validity,
-        })
-    }
-}
-
-/// Whether the last scan of a JPEG is followed by an end marker. The decoder fills what is missing
-/// with grey without an error.
-fn jpeg_is_complete(bytes: &[u8]) -> bool {
-    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
-    match (last([0xFF, 0xDA]), last([0xFF, 0xD9])) {
-        (Some(scan), Some(end)) => end > scan,
-        _ => false,
+        Ok(block_of_picture(self.decode_whole()?))
     }
 }

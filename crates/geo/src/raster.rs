@@ -44,4 +44,9 @@ pub trait Raster: Send + Sync {
 
     /// A description in one line: format, size, bands, coordinate system, resolution, overviews.
     fn describe(&self) -> String;
+
+    /// What may be wrong with the map, a sentence each: the map can be used, but may not be what was meant.
+    fn caveats(&self) -> Vec<String> {
+        Vec::new()
+    }
 }

@@ -89,6 +89,21 @@ impl TiffMap {
         (self.layouts[0].width, self.layouts[0].height)
     }
 
+    /// Takes this value for that of pixels without data, whatever the file says.
+    pub fn set_nodata(&mut self, nodata: Option<f64>) {
+        self.nodata = nodata;
+    }
+
+    /// Whether samples are shown as they are stored.
+    pub fn is_8_bit(&self) -> bool {
+        self.levels[0].kind == SampleKind::U8
+    }
+
+    /// Whether there is one colour band only.
+    pub fn is_grey(&self) -> bool {
+        self.levels[0].bands.is_grey()
+    }
+
     /// Description of the file for messages.
     pub fn kind(&self) -> String {
         let (level, layout) = (&self.levels[0], self.layouts[0]);

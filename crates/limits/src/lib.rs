@@ -85,6 +85,18 @@ pub struct MapLimits {
     pub max_window_px: u64,
     /// Maximum side of a window, map pixels. Default: 2^27.
     pub max_window_side_px: u64,
+    /// Maximum number of tiles of a map of tiles (folder, MBTiles, PMTiles), all zooms together. Default: 2^24.
+    pub max_tiles: u64,
+    /// Maximum size of one such tile as stored. Default: 64 MiB.
+    pub max_tile_bytes: u64,
+    /// Maximum side of one such tile, pixels. Default: 2^12.
+    pub max_tile_side_px: u32,
+    /// Maximum size of the directories of a PMTiles file, decompressed. Default: 1 GiB.
+    pub max_directory_bytes: u64,
+    /// Maximum number of pictures that a VRT, a list or a folder puts together. Default: 2^16.
+    pub max_mosaic_pictures: u64,
+    /// Maximum size of a VRT, a PAM file (`.aux.xml`) or a list of GeoTIFFs. Default: 128 MiB.
+    pub max_description_bytes: u64,
 }
 
 impl MapLimits {
@@ -94,6 +106,12 @@ impl MapLimits {
         max_block_bytes: 256 * MIB,
         max_window_px: 1 << 28,
         max_window_side_px: 1 << 27,
+        max_tiles: 1 << 24,
+        max_tile_bytes: 64 * MIB,
+        max_tile_side_px: 1 << 12,
+        max_directory_bytes: GIB,
+        max_mosaic_pictures: 1 << 16,
+        max_description_bytes: 128 * MIB,
     };
 }
 
@@ -183,6 +201,30 @@ impl Limits {
             (
                 "side of a window of a map that is read",
                 format!("{} pixels", power(self.map.max_window_side_px)),
+            ),
+            (
+                "map of tiles: tiles of all zooms",
+                power(self.map.max_tiles),
+            ),
+            (
+                "map of tiles: one tile as stored",
+                size(self.map.max_tile_bytes),
+            ),
+            (
+                "map of tiles: side of a tile",
+                format!("{} pixels", power(u64::from(self.map.max_tile_side_px))),
+            ),
+            (
+                "map of tiles: directories of PMTiles, decompressed",
+                size(self.map.max_directory_bytes),
+            ),
+            (
+                "map of several pictures: pictures",
+                power(self.map.max_mosaic_pictures),
+            ),
+            (
+                "map: its VRT, list or .aux.xml",
+                size(self.map.max_description_bytes),
             ),
             (
                 "map pixel on the ground",

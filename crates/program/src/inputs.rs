@@ -23,3 +23,14 @@ pub fn check_regular(path: &Path) -> Result<()> {
         Ok(_) => Ok(()),
     }
 }
+
+/// Checks that a map is a file that can be read from any position, or a folder.
+///
+/// # Errors
+/// Nothing is there, or a pipe or device.
+pub fn check_map(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        return Ok(());
+    }
+    check_regular(path)
+}

@@ -11,6 +11,9 @@ use grimnet_pack::Pack;
 /// Heading of the options that say where a map lies.
 const MAP: &str = "Map without georeference";
 
+/// Heading of the options for maps of tiles.
+const TILES: &str = "Map of tiles";
+
 /// Where a map lies, if its file does not tell it.
 #[derive(Debug, Clone, Default, Args)]
 pub struct MapPlace {
@@ -26,6 +29,10 @@ pub struct MapPlace {
         help_heading = MAP
     )]
     pub corners: Option<CornersChoice>,
+
+    /// Zoom of a map of tiles (MBTiles, PMTiles, a folder) [default: the finest]
+    #[arg(long, value_name = "Z", help_heading = TILES)]
+    pub zoom: Option<u8>,
 }
 
 /// `LL_LON,LL_LAT,UR_LON,UR_LAT`.
@@ -55,6 +62,7 @@ impl MapPlace {
         MapOptions {
             crs: self.crs.clone(),
             corners: self.corners.map(|c| c.0),
+            zoom: self.zoom,
             ..MapOptions::default()
         }
     }

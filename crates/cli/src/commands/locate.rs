@@ -150,7 +150,7 @@ fn drawings(
     };
     let map = match &arguments.map {
         Some(path) => {
-            inputs::check_regular(path)?;
+            inputs::check_map(path)?;
             let map = open_map(path, &arguments.place.options())?;
             check_built_from(pack, map.as_ref(), path)?;
             Some(map)

@@ -119,7 +119,7 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     for working_file in WORKING_FILES {
         policy.check_not_input(beside(out, working_file))?;
     }
-    inputs::check_regular(&arguments.map)?;
+    inputs::check_map(&arguments.map)?;
     let options = BuildOptions {
         levels: levels(arguments)?,
         adapt: arguments.adapt,

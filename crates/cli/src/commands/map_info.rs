@@ -84,7 +84,7 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
             .protect(&arguments.pack)
             .protect(map);
         policy.check_file(picture, &[])?;
-        inputs::check_regular(map)?;
+        inputs::check_map(map)?;
         let raster = open_map(map, &arguments.place.options())?;
         check_built_from(&pack, raster.as_ref(), map)?;
         let drawn = grimnet_pack::draw(&pack, arguments.level, raster.as_ref())?;

@@ -120,7 +120,7 @@ impl ReportFolder {
     ) -> Result<Self> {
         let map = match map {
             Some(path) => {
-                inputs::check_regular(path)?;
+                inputs::check_map(path)?;
                 Some(open_map(path, &place.options())?)
             }
             None => None,

@@ -117,7 +117,7 @@ fn maps(arguments: &ServeArgs, options: &Options) -> Result<Vec<ServedMap>> {
         packs.push((Pack::open(path)?, None));
     }
     for path in &arguments.map {
-        inputs::check_regular(path)?;
+        inputs::check_map(path)?;
         let map = open_map(path, &arguments.place.options())?;
         let mut of_map = None;
         for (pack, slot) in &mut packs {

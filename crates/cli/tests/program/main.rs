@@ -4,6 +4,7 @@
 
 mod damage;
 mod evaluation;
+mod guide;
 mod interruptions;
 mod outputs;
 mod track;

@@ -59,18 +59,9 @@ mod tests {
             lat_deg: Some(24.261_918_45),
             lon_deg: Some(120.720_283_91),
             heading_deg: Some(152.1),
-            gsd_m: Some(0.12),
             radius95_m: Some(2.5),
-            covariance_en_m2: Some([1.0, 0.1, 1.2]),
             inliers: Some(41),
             time_ms: [("total".to_owned(), 37.0)].into(),
-            matches: Some(96),
-            outline_lon_lat_deg: Some(vec![
-                [120.0, 24.0],
-                [121.0, 24.0],
-                [121.0, 23.0],
-                [120.0, 23.0],
-            ]),
             ..Answer::default()
         };
         [fix, Answer::no_fix("c\x1b[2J.jpg", "too few matches")]

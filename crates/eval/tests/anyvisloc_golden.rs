@@ -50,7 +50,7 @@ fn a_scene_is_read_on_either_map() {
         assert_near(&[camera.1, camera.0], &frame["camera"]);
     }
     assert_eq!(found.left_out.len(), 1);
-    assert!(found.left_out[0].contains("L07_0003.npz: the camera looks 88 degrees off"));
+    assert!(found.left_out[0].contains("L07_0003.npz: the camera is tilted 88 degrees from nadir"));
 
     let satellite = read(
         &scene,

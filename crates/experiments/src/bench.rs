@@ -16,9 +16,9 @@ use grimnet_output::{OutputError, OutputPolicy};
 use grimnet_pack::{BuildOptions, Levels, Pack, PackError, build};
 use grimnet_photo::{HeadingPrior, Metadata, Photo, PhotoError, ViewPrior};
 
+use crate::given::Given;
 use crate::photometry::Photometry;
 use crate::sift_map::{SiftMap, SiftMapError};
-use crate::told::Told;
 
 /// What localises the photos.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -45,8 +45,8 @@ pub struct Setup {
     pub photometry: Photometry,
     /// Domain whose normalisation statistics are used for photos instead of their own.
     pub photos_as: Option<Domain>,
-    /// What the method is told of the photos.
-    pub told: Told,
+    /// What the method is given beside the pixels.
+    pub given: Given,
 }
 
 /// What was measured with one setup on one scene.
@@ -237,12 +237,12 @@ pub fn pack_of(
     Ok(path)
 }
 
-/// The level that photos are compared with: the nearest to their resolution if that is told, else the finest. Packs of paper mode
+/// The level that photos are compared with: the nearest to their resolution if that is given, else the finest. Packs of paper mode
 /// have one.
 fn level_of(pack: &Pack, scene: &Scene, setup: &Setup) -> Result<usize, BenchError> {
-    let width_m = match setup.told {
-        Told::Nothing => None,
-        Told::Scale | Told::HeadingAndScale => scene.ground_width_m()?,
+    let width_m = match setup.given {
+        Given::Nothing => None,
+        Given::Scale | Given::HeadingAndScale => scene.ground_width_m()?,
     };
     Ok(width_m.map_or(0, |width_m| {
         pack.nearest_level(width_m / setup.options.query_width_px)
@@ -259,11 +259,11 @@ fn run(
     let changed = Changed {
         method,
         photometry: setup.photometry,
-        told: setup.told,
+        given: setup.given,
     };
-    let heading = match setup.told {
-        Told::HeadingAndScale => HeadingMode::Known,
-        Told::Nothing | Told::Scale => HeadingMode::Unknown,
+    let heading = match setup.given {
+        Given::HeadingAndScale => HeadingMode::Known,
+        Given::Nothing | Given::Scale => HeadingMode::Unknown,
     };
     let trials = evaluate(&changed, &scene.shots, heading, &mut |_| ());
     let mut measured = Measured::default();
@@ -295,12 +295,12 @@ fn run(
 struct Changed<'a> {
     method: &'a dyn Method,
     photometry: Photometry,
-    told: Told,
+    given: Given,
 }
 
 impl Method for Changed<'_> {
     fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        if self.photometry == Photometry::Original && self.told != Told::Nothing {
+        if self.photometry == Photometry::Original && self.given != Given::Nothing {
             return self.method.locate(photo, prior);
         }
         let mut changed = Photo {
@@ -308,7 +308,7 @@ impl Method for Changed<'_> {
             ..photo.clone()
         };
         let mut prior = *prior;
-        if self.told == Told::Nothing {
+        if self.given == Given::Nothing {
             changed.metadata = Metadata {
                 orientation: photo.metadata.orientation,
                 ..Metadata::default()

@@ -27,7 +27,7 @@ const EQUATOR_M_PER_DEG: [f64; 2] = [111_320.0, 110_574.0];
 #[derive(Debug, thiserror::Error)]
 pub enum GalleryError {
     /// A file or folder could not be read.
-    #[error("cannot read the foreign pictures: {0}")]
+    #[error("cannot read the distractors: {0}")]
     Io(#[from] std::io::Error),
     /// A map or picture could not be read.
     #[error(transparent)]
@@ -257,7 +257,7 @@ impl Raster for Gallery {
 
     fn describe(&self) -> String {
         format!(
-            "{}; beside it {} foreign pictures",
+            "{}, with {} distractor pictures beside it",
             self.map.describe(),
             self.foreign.len()
         )

@@ -44,7 +44,7 @@ pub struct GalleryRecall<'a> {
     pub distractors: &'a Path,
     /// Ground resolution that is searched, metres per pixel.
     pub gsd_m: f64,
-    /// What the localiser is told of headings, a column each.
+    /// Headings that the localiser is given, a column each.
     pub headings: &'a [HeadingMode],
     /// Folder of the packs.
     pub packs: &'a Path,

@@ -92,7 +92,7 @@ mod tests {
     use crate::experiment_table::{Column, Row};
 
     #[test]
-    fn the_page_plots_and_tells_every_table() {
+    fn the_page_plots_and_shows_every_table() {
         let table = ExperimentTable {
             title: "Blur <px>".into(),
             columns: vec![Column::percent("within 5 m"), Column::metres("median")],

@@ -1,4 +1,4 @@
-//! The two methods that every experiment runs, and what they are told of the photos.
+//! The two methods that every experiment runs, and what they are given beside the pixels.
 
 use grimnet_eval::scene::Scene;
 use grimnet_locate::Options;
@@ -7,7 +7,7 @@ use grimnet_pack::{BuildOptions, TILE_PX};
 use grimnet_photo::PhotoError;
 
 use crate::bench::{Setup, at_gsd};
-use crate::told::Told;
+use crate::given::Given;
 
 /// The two methods.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
@@ -19,47 +19,51 @@ pub enum Recipe {
     Paper,
 }
 
-/// A method with what it is told: a row of a table.
+/// A method with what it is given: a row of a table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// The method.
     pub recipe: Recipe,
-    /// What it is told.
-    pub told: Told,
+    /// What it is given.
+    pub given: Given,
 }
 
 impl Variant {
-    /// The paper's procedure as published: nothing is told, and tiles are cut from the map's own pixels.
+    /// The paper's procedure as published: nothing is given, and tiles are cut from the map's own pixels.
     pub const PAPER: Self = Self {
         recipe: Recipe::Paper,
-        told: Told::Nothing,
+        given: Given::Nothing,
     };
     /// The default method with as little.
-    pub const DEFAULT_UNTOLD: Self = Self {
+    pub const DEFAULT_WITHOUT_PRIOR: Self = Self {
         recipe: Recipe::Default,
-        told: Told::Nothing,
+        given: Given::Nothing,
     };
     /// The paper's procedure with what its text does not use: photos are turned by their heading, and the map is resampled so that a
     /// tile is as wide as a photo.
-    pub const PAPER_TOLD: Self = Self {
+    pub const PAPER_WITH_PRIOR: Self = Self {
         recipe: Recipe::Paper,
-        told: Told::HeadingAndScale,
+        given: Given::HeadingAndScale,
     };
     /// The default method with heading and scale.
-    pub const DEFAULT_TOLD: Self = Self {
+    pub const DEFAULT_WITH_PRIOR: Self = Self {
         recipe: Recipe::Default,
-        told: Told::HeadingAndScale,
+        given: Given::HeadingAndScale,
     };
     /// All four: within each half the inputs are equal.
     pub const ALL: [Self; 4] = [
         Self::PAPER,
-        Self::DEFAULT_UNTOLD,
-        Self::PAPER_TOLD,
-        Self::DEFAULT_TOLD,
+        Self::DEFAULT_WITHOUT_PRIOR,
+        Self::PAPER_WITH_PRIOR,
+        Self::DEFAULT_WITH_PRIOR,
     ];
-    /// Those of the tables with many rows. [`Variant::DEFAULT_UNTOLD`], which searches over headings and scales, is left to the tables
+    /// Those of the tables with many rows. [`Variant::DEFAULT_WITHOUT_PRIOR`], which searches over headings and scales, is left to the tables
     /// that compare methods.
-    pub const SWEPT: [Self; 3] = [Self::PAPER, Self::PAPER_TOLD, Self::DEFAULT_TOLD];
+    pub const SWEPT: [Self; 3] = [
+        Self::PAPER,
+        Self::PAPER_WITH_PRIOR,
+        Self::DEFAULT_WITH_PRIOR,
+    ];
 
     /// The setup for photos of a scene.
     ///
@@ -67,7 +71,7 @@ impl Variant {
     /// A photo cannot be read.
     pub fn setup(self, scene: &Scene) -> Result<Setup, PhotoError> {
         let setup = self.plain_setup();
-        if self.recipe != Recipe::Paper || self.told == Told::Nothing {
+        if self.recipe != Recipe::Paper || self.given == Given::Nothing {
             return Ok(setup);
         }
         let width_m = scene.ground_width_m()?;
@@ -90,10 +94,10 @@ impl Variant {
         Setup {
             build,
             options: Options {
-                turn_by_heading: self.told == Told::HeadingAndScale,
+                turn_by_heading: self.given == Given::HeadingAndScale,
                 ..options
             },
-            told: self.told,
+            given: self.given,
             ..Setup::default()
         }
     }
@@ -105,15 +109,17 @@ impl Variant {
             Recipe::Default => "default mode".to_owned(),
             Recipe::Paper => paper_name(model),
         };
-        match (self.recipe, self.told) {
-            (Recipe::Paper, Told::Nothing) => method,
-            (Recipe::Paper, Told::Scale) => format!("{method}; map at footprint / 512"),
-            (Recipe::Paper, Told::HeadingAndScale) => {
-                format!("{method}; heading told, map at footprint / 512")
+        match (self.recipe, self.given) {
+            (Recipe::Paper, Given::Nothing) => method,
+            (Recipe::Paper, Given::Scale) => format!("{method}; map at footprint / 512"),
+            (Recipe::Paper, Given::HeadingAndScale) => {
+                format!("{method}; heading given, map at footprint / 512")
             }
-            (Recipe::Default, Told::Nothing) => format!("{method}; nothing told"),
-            (Recipe::Default, Told::Scale) => format!("{method}; scale told"),
-            (Recipe::Default, Told::HeadingAndScale) => format!("{method}; heading and scale told"),
+            (Recipe::Default, Given::Nothing) => format!("{method}; nothing given"),
+            (Recipe::Default, Given::Scale) => format!("{method}; scale given"),
+            (Recipe::Default, Given::HeadingAndScale) => {
+                format!("{method}; heading and scale given")
+            }
         }
     }
 }
@@ -149,6 +155,11 @@ mod tests {
     fn the_published_row_gets_no_heading() {
         assert!(!Variant::PAPER.plain_setup().options.turn_by_heading);
         assert_eq!(Variant::PAPER.plain_setup().options, Options::paper());
-        assert!(Variant::PAPER_TOLD.plain_setup().options.turn_by_heading);
+        assert!(
+            Variant::PAPER_WITH_PRIOR
+                .plain_setup()
+                .options
+                .turn_by_heading
+        );
     }
 }

@@ -76,7 +76,7 @@ fn scene_columns(scenes: &[Scene]) -> Vec<Column> {
         Column::metres("average"),
         Column::percent("with a fix"),
         Column::percent("within 20 m"),
-        Column::seconds("time a frame"),
+        Column::seconds("time per frame"),
     ]);
     columns
 }
@@ -108,7 +108,7 @@ pub(super) fn paper_scenes(rows: &[PaperRow]) -> (Vec<Column>, Vec<Row>) {
 pub(super) const ALE_NOTE: &str = "Metres are average errors over the frames with a fix (ALE); a frame without one has no error, and is counted in the columns of shares.";
 
 /// The note of tables with rows of different inputs.
-pub(super) const INPUTS_NOTE: &str = "The rows of the paper's procedure without further words are told nothing beside the pixels, as published; all other rows are told heading and ground width.";
+pub(super) const INPUTS_NOTE: &str = "The rows of the paper's procedure without other words are given nothing but the pixels, as published; all other rows are given heading and ground width.";
 
 /// A table of errors by scene without rows.
 pub(super) fn table(id: &str, title: &str, number: u32, scenes: &[Scene]) -> ExperimentTable {

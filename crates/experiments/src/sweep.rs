@@ -7,9 +7,9 @@ use grimnet_world::Season;
 
 use crate::bench::{Bench, BenchError, Setup};
 use crate::experiment_table::{Column, ExperimentTable, Row};
+use crate::given::Given;
 use crate::photometry::Photometry;
 use crate::recipe::{Recipe, Variant};
-use crate::told::Told;
 use crate::world_flight::{FlightError, PoseChange, WorldFlight};
 use grimnet_eval::metrics::Summary;
 
@@ -85,15 +85,15 @@ impl Sweep {
     pub fn title(self) -> &'static str {
         match self {
             Self::Yaw => "Heading of the photos, degrees",
-            Self::Scale => "Height above ground, times the usual 100 to 130 m",
-            Self::Pitch => "Camera ahead of straight down, degrees",
-            Self::Brightness => "Brightness of the photos, times",
-            Self::Contrast => "Contrast of the photos, times",
+            Self::Scale => "Height above ground, as a factor of 100 to 130 m",
+            Self::Pitch => "Camera pitch from nadir, degrees",
+            Self::Brightness => "Brightness of the photos, factor",
+            Self::Contrast => "Contrast of the photos, factor",
             Self::Blur => "Blur of the photos, pixels (1 sigma)",
-            Self::Noise => "Noise of the photos, tones of 255 (1 sigma)",
+            Self::Noise => "Gaussian noise of the photos, grey levels of 255 (1 sigma)",
             Self::Season => "Season of the photos; the map is of summer",
             Self::MapAge => {
-                "Share of buildings and trees that may have come or gone since the map; half of these have"
+                "Share of buildings and trees that may have changed since the map; half of these have"
             }
             Self::WrongArea => "Photos of another place than the map's: none may get a fix",
             Self::PaperYaw => {
@@ -108,12 +108,15 @@ impl Sweep {
             (Variant::PAPER, "as published"),
             (
                 Variant {
-                    told: Told::Scale,
-                    ..Variant::PAPER_TOLD
+                    given: Given::Scale,
+                    ..Variant::PAPER_WITH_PRIOR
                 },
                 "map at footprint / 512",
             ),
-            (Variant::PAPER_TOLD, "map at footprint / 512, heading told"),
+            (
+                Variant::PAPER_WITH_PRIOR,
+                "map at footprint / 512, heading given",
+            ),
         ];
         let step = |(variant, name): (Variant, &str), deg: f64| Step {
             name: format!("{deg}, {name}"),
@@ -146,10 +149,10 @@ impl Sweep {
                 .into_iter()
                 .flat_map(|factor| {
                     [
-                        posed(format!("{factor}, told"), PoseChange::Height(factor), true),
+                        posed(format!("{factor}, given"), PoseChange::Height(factor), true),
                         posed(
-                            format!("{factor}, not told"),
-                            PoseChange::UntoldHeight(factor),
+                            format!("{factor}, not given"),
+                            PoseChange::UnreportedHeight(factor),
                             true,
                         ),
                     ]
@@ -161,11 +164,11 @@ impl Sweep {
             _ => [true, false]
                 .into_iter()
                 .flat_map(|known| {
-                    let told = if known { "told" } else { "not told" };
-                    (0..8).map(move |i| (45.0 * f64::from(i), known, told))
+                    let given = if known { "given" } else { "not given" };
+                    (0..8).map(move |i| (45.0 * f64::from(i), known, given))
                 })
-                .map(|(deg, known, told)| {
-                    posed(format!("{deg}, {told}"), PoseChange::Heading(deg), known)
+                .map(|(deg, known, given)| {
+                    posed(format!("{deg}, {given}"), PoseChange::Heading(deg), known)
                 })
                 .collect(),
         }
@@ -177,7 +180,7 @@ impl Sweep {
             name: value.to_string(),
             flight: flight.clone(),
             photometry,
-            variant: Variant::DEFAULT_TOLD,
+            variant: Variant::DEFAULT_WITH_PRIOR,
         };
         let seen = |name: String, flight: WorldFlight, heading_known: bool| Step {
             name,
@@ -221,7 +224,7 @@ impl Sweep {
                         ..flight.clone()
                     };
                     seen(
-                        format!("heading {}", if known { "told" } else { "not told" }),
+                        format!("heading {}", if known { "given" } else { "not given" }),
                         flight,
                         known,
                     )
@@ -235,10 +238,10 @@ impl Sweep {
 fn default_mode(heading_known: bool) -> Variant {
     Variant {
         recipe: Recipe::Default,
-        told: if heading_known {
-            Told::HeadingAndScale
+        given: if heading_known {
+            Given::HeadingAndScale
         } else {
-            Told::Scale
+            Given::Scale
         },
     }
 }

@@ -14,8 +14,8 @@ use crate::experiment_table::{Column, ExperimentTable, Row};
 use crate::photometry::Photometry;
 use crate::recipe::{Recipe, Variant};
 use crate::scene_rows::{
-    ALE_NOTE, INPUTS_NOTE, PAPER_DA_BN, PAPER_MODULES, ale, all_frames, mean, mean_time_s, over,
-    paper_scenes, scene_row, table,
+    ALE_NOTE, INPUTS_NOTE, PAPER_DA_BN, PAPER_MODULES, PaperRow, ale, all_frames, mean,
+    mean_time_s, over, paper_scenes, scene_row, table,
 };
 
 /// Sides of the network's input (table 2), pixels.
@@ -66,7 +66,7 @@ fn resolution(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable
             values[2].push(mean_time_s(&frames));
         }
         let name = variant.name(bench.model());
-        let kinds = ["Average ALE", "Within 20 m", "Time a frame"];
+        let kinds = ["Average ALE", "Within 20 m", "Time per frame"];
         for (kind, values) in kinds.into_iter().zip(values) {
             rows.push(Row::new(format!("{kind}, {name}"), values));
         }
@@ -135,6 +135,33 @@ fn sift_among_retrieved(setup: Setup) -> Setup {
     }
 }
 
+/// Rows of a table: each case with each method, on all scenes.
+fn varied<T: Copy>(
+    bench: &mut Bench<'_>,
+    scenes: &[Scene],
+    cases: &[(&str, T)],
+    change: impl Fn(Setup, T) -> Setup,
+) -> Result<Vec<Row>, BenchError> {
+    let mut rows = Vec::new();
+    for variant in Variant::SWEPT {
+        for &(name, case) in cases {
+            let measured = over(bench, scenes, |scene| {
+                Ok(change(variant.setup(scene)?, case))
+            })?;
+            let name = format!("{name}, {}", variant.name(bench.model()));
+            rows.push(scene_row(&name, &measured));
+        }
+    }
+    Ok(rows)
+}
+
+/// The table with its rows and the paper's, whose inputs are explained last.
+fn filled(mut table: ExperimentTable, rows: Vec<Row>, paper: &[PaperRow]) -> ExperimentTable {
+    table.notes.push(INPUTS_NOTE.to_owned());
+    (table.paper_columns, table.paper) = paper_scenes(paper);
+    ExperimentTable { rows, ..table }
+}
+
 /// What a combination of modules changes of a setup.
 type Change = fn(Setup) -> Setup;
 
@@ -144,15 +171,7 @@ fn modules(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, B
         ("M + L", block_by_block),
         ("G + M + L", |setup| setup),
     ];
-    let mut rows = Vec::new();
-    for variant in Variant::SWEPT {
-        for (name, change) in changes {
-            let measured = over(bench, scenes, |scene| Ok(change(variant.setup(scene)?)))?;
-            let name = format!("{name}, {}", variant.name(bench.model()));
-            rows.push(scene_row(&name, &measured));
-        }
-    }
-    let (paper_columns, paper) = paper_scenes(&PAPER_MODULES);
+    let rows = varied(bench, scenes, &changes, |setup, change| change(setup))?;
     let mut made = table(
         Experiment::Modules.id(),
         "Combinations of modules",
@@ -164,72 +183,34 @@ fn modules(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, B
          M + L matches every tile. The map's features are made beforehand in all rows, SIFT's too."
             .to_owned(),
     );
-    made.notes.push(INPUTS_NOTE.to_owned());
-    Ok(ExperimentTable {
-        rows,
-        paper_columns,
-        paper,
-        ..made
-    })
+    Ok(filled(made, rows, &PAPER_MODULES))
 }
 
 fn top_k(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, BenchError> {
-    let mut rows = Vec::new();
-    for variant in Variant::SWEPT {
-        for k in ERROR_K {
-            let measured = over(bench, scenes, |scene| {
-                let mut setup = variant.setup(scene)?;
-                setup.options.top_k = k;
-                setup.options.max_matched = k;
-                setup.options.min_matched = k;
-                Ok(setup)
-            })?;
-            let name = format!("K = {k}, {}", variant.name(bench.model()));
-            rows.push(scene_row(&name, &measured));
-        }
-    }
-    let (paper_columns, paper) = paper_scenes(&[
+    let paper = [
         ("K = 1", [9.21, 18.43, 22.14, 41.31, 19.86]),
         ("K = 3", [5.88, 13.22, 15.47, 31.79, 15.15]),
         ("K = 5", [4.33, 11.84, 13.96, 29.62, 13.85]),
         ("K = 10", [4.21, 11.71, 13.74, 29.41, 13.81]),
-    ]);
-    let mut made = table(
+    ];
+    let cases: Vec<(&str, usize)> = paper.iter().map(|row| row.0).zip(ERROR_K).collect();
+    let rows = varied(bench, scenes, &cases, |mut setup, k| {
+        setup.options.top_k = k;
+        setup.options.max_matched = k;
+        setup.options.min_matched = k;
+        setup
+    })?;
+    let made = table(
         Experiment::TopK.id(),
         "Error and time for K candidates by descriptor",
         6,
         scenes,
     );
-    made.notes.push(INPUTS_NOTE.to_owned());
-    Ok(ExperimentTable {
-        rows,
-        paper_columns,
-        paper,
-        ..made
-    })
+    Ok(filled(made, rows, &paper))
 }
 
 fn photometry(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, BenchError> {
-    let conditions = [
-        ("Original condition", Photometry::Original),
-        ("Low brightness (x 0.5)", Photometry::Brightness(0.5)),
-        ("High brightness (x 1.5)", Photometry::Brightness(1.5)),
-        ("Low contrast (x 0.6)", Photometry::Contrast(0.6)),
-    ];
-    let mut rows = Vec::new();
-    for variant in Variant::SWEPT {
-        for (name, photometry) in conditions {
-            let measured = over(bench, scenes, |scene| {
-                Ok(Setup {
-                    photometry,
-                    ..variant.setup(scene)?
-                })
-            })?;
-            let name = format!("{name}, {}", variant.name(bench.model()));
-            rows.push(scene_row(&name, &measured));
-        }
-    }
-    let (paper_columns, paper) = paper_scenes(&[
+    let paper = [
         ("Original condition", [4.33, 11.84, 13.96, 29.62, 13.85]),
         ("Low brightness (x 0.5)", [5.25, 13.87, 16.82, 34.01, 16.18]),
         (
@@ -237,51 +218,41 @@ fn photometry(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable
             [4.86, 12.98, 15.37, 32.45, 14.83],
         ),
         ("Low contrast (x 0.6)", [4.71, 12.62, 14.84, 30.80, 14.42]),
-    ]);
-    let mut made = table(
+    ];
+    let conditions = [
+        Photometry::Original,
+        Photometry::Brightness(0.5),
+        Photometry::Brightness(1.5),
+        Photometry::Contrast(0.6),
+    ];
+    let cases: Vec<(&str, Photometry)> = paper.iter().map(|row| row.0).zip(conditions).collect();
+    let rows = varied(bench, scenes, &cases, |setup, photometry| Setup {
+        photometry,
+        ..setup
+    })?;
+    let made = table(
         Experiment::Photometry.id(),
-        "Error under changes of light",
+        "Error under photometric changes",
         7,
         scenes,
     );
-    made.notes.push(INPUTS_NOTE.to_owned());
-    Ok(ExperimentTable {
-        rows,
-        paper_columns,
-        paper,
-        ..made
-    })
+    Ok(filled(made, rows, &paper))
 }
 
 fn da_bn(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, BenchError> {
-    let mut rows = Vec::new();
-    for variant in Variant::SWEPT {
-        for (name, photos_as) in [
-            ("Normalisation of each domain", None),
-            ("The map's for photos, too", Some(Domain::Sat)),
-        ] {
-            let measured = over(bench, scenes, |scene| {
-                Ok(Setup {
-                    photos_as,
-                    ..variant.setup(scene)?
-                })
-            })?;
-            let name = format!("{name}, {}", variant.name(bench.model()));
-            rows.push(scene_row(&name, &measured));
-        }
-    }
-    let (paper_columns, paper) = paper_scenes(&PAPER_DA_BN);
+    let cases = [
+        ("Statistics of each domain", None),
+        ("The map's statistics for photos, too", Some(Domain::Sat)),
+    ];
+    let rows = varied(bench, scenes, &cases, |setup, photos_as| Setup {
+        photos_as,
+        ..setup
+    })?;
     let mut made = table(Experiment::DaBn.id(), "Normalisation by domain", 10, scenes);
     made.notes.push(
         "The second row of each pair runs photos through the statistics and parameters of the map's domain, with the same trained weights; the paper \
          trained a second network with plain batch normalisation."
             .to_owned(),
     );
-    made.notes.push(INPUTS_NOTE.to_owned());
-    Ok(ExperimentTable {
-        rows,
-        paper_columns,
-        paper,
-        ..made
-    })
+    Ok(filled(made, rows, &PAPER_DA_BN))
 }

@@ -17,7 +17,7 @@ use grimnet_eval::metrics::Summary;
 use grimnet_eval::scene::Scene;
 
 /// The methods that the trained networks are measured with.
-const VARIANTS: [Variant; 2] = [Variant::PAPER, Variant::DEFAULT_TOLD];
+const VARIANTS: [Variant; 2] = [Variant::PAPER, Variant::DEFAULT_WITH_PRIOR];
 
 /// Name of the network with nothing changed, which all experiments share.
 const UNCHANGED: &str = "default";

@@ -77,7 +77,7 @@ pub enum PoseChange {
     /// Heights times this, also in the metadata.
     Height(f64),
     /// Heights times this; the metadata keep the original heights.
-    UntoldHeight(f64),
+    UnreportedHeight(f64),
     /// Camera pitch ahead of straight down, degrees, also in the metadata.
     Pitch(f64),
 }
@@ -157,9 +157,9 @@ impl WorldFlight {
         let name = format!("{:03}", index + 1);
         let picture = world.render_photo(&pose, &CAMERA, &self.photo_look);
         let truth = TruthRow::new(&name, &pose, &CAMERA, placement)?;
-        let told_deg = truth.heading_deg + reported.heading_deg - pose.heading_deg;
+        let reported_deg = truth.heading_deg + reported.heading_deg - pose.heading_deg;
         let metadata = Metadata {
-            gimbal_yaw_deg: Some(told_deg.rem_euclid(360.0)),
+            gimbal_yaw_deg: Some(reported_deg.rem_euclid(360.0)),
             gimbal_pitch_deg: Some(reported.pitch_off_nadir_deg - 90.0),
             gimbal_roll_deg: Some(reported.roll_deg),
             relative_altitude_m: Some(reported.height_agl_m),
@@ -175,7 +175,8 @@ impl WorldFlight {
             name,
             photo: PhotoSource::Memory(Arc::new(Photo::from_image(picture, metadata))),
             truth: Truth::at(position),
-            known: Prior::none().with_heading(told_deg.rem_euclid(360.0), TRUE_HEADING_SIGMA_DEG),
+            known: Prior::none()
+                .with_heading(reported_deg.rem_euclid(360.0), TRUE_HEADING_SIGMA_DEG),
             footprint_width_m: None,
         })
     }
@@ -196,7 +197,7 @@ impl PoseChange {
                 pose.height_agl_m *= factor;
                 reported.height_agl_m *= factor;
             }
-            Self::UntoldHeight(factor) => pose.height_agl_m *= factor,
+            Self::UnreportedHeight(factor) => pose.height_agl_m *= factor,
             Self::Pitch(deg) => {
                 pose.pitch_off_nadir_deg += deg;
                 reported.pitch_off_nadir_deg += deg;
@@ -220,7 +221,7 @@ mod tests {
         let pose = Pose::default();
         let (flown, said) = PoseChange::Heading(90.0).of(pose, pose);
         assert_eq!((flown.heading_deg, said.heading_deg), (90.0, 90.0));
-        let (flown, said) = PoseChange::UntoldHeight(2.0).of(pose, pose);
+        let (flown, said) = PoseChange::UnreportedHeight(2.0).of(pose, pose);
         assert_eq!((flown.height_agl_m, said.height_agl_m), (240.0, 120.0));
         let (flown, said) = PoseChange::HeadingError(30.0).of(pose, pose);
         assert_eq!((flown.heading_deg, said.heading_deg), (0.0, 30.0));

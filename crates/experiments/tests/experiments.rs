@@ -8,10 +8,10 @@ use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::scene::{HeadingMode, PhotoSource, Scene, Shot, Truth};
 use grimnet_experiments::bench::{Bench, Localisation, Setup};
 use grimnet_experiments::experiment::Experiment;
+use grimnet_experiments::given::Given;
 use grimnet_experiments::photometry::Photometry;
 use grimnet_experiments::recipe::Variant;
 use grimnet_experiments::tables;
-use grimnet_experiments::told::Told;
 use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_geo::{LonLat, MapOptions, WindowPx, distance_m};
 use grimnet_locate::Prior;
@@ -60,7 +60,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     ] {
         let setup = Setup {
             method,
-            ..Variant::DEFAULT_TOLD.setup(&scene).unwrap()
+            ..Variant::DEFAULT_WITH_PRIOR.setup(&scene).unwrap()
         };
         let measured = bench.measure(&scene, &setup).unwrap();
         let error_m = measured.frames[0].error_m.unwrap();
@@ -72,7 +72,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     }
     let dark = Setup {
         photometry: Photometry::Brightness(0.0),
-        ..Variant::DEFAULT_TOLD.setup(&scene).unwrap()
+        ..Variant::DEFAULT_WITH_PRIOR.setup(&scene).unwrap()
     };
     assert!(!bench.measure(&scene, &dark).unwrap().frames[0].fixed);
 }
@@ -102,7 +102,7 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
             "average",
             "with a fix",
             "within 20 m",
-            "time a frame"
+            "time per frame"
         ]
     );
     assert!(table.rows.iter().all(|row| row.values.len() == names.len()));
@@ -117,10 +117,10 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     assert!(svg.contains("<svg"));
 }
 
-/// The paper's procedure finds a piece of the map as large as a tile whichever way it is turned only if the heading is told, and a
+/// The paper's procedure finds a piece of the map as large as a tile whichever way it is turned only if the heading is given, and a
 /// smaller one only if the map is resampled to its footprint.
 #[test]
-fn what_is_told_reaches_the_method() {
+fn what_is_given_reaches_the_method() {
     let folder = tempfile::tempdir().unwrap();
     let mut scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
         .make(folder.path())
@@ -144,14 +144,14 @@ fn what_is_told_reaches_the_method() {
         let setup = variant.setup(&scene).unwrap();
         bench.measure(&scene, &setup).unwrap().frames[0].error_m
     };
-    assert!(error_m(Variant::PAPER_TOLD).unwrap() < 3.0);
+    assert!(error_m(Variant::PAPER_WITH_PRIOR).unwrap() < 3.0);
     assert!(error_m(Variant::PAPER).is_none_or(|m| m > 5.0));
     let heading_withheld = Variant {
-        told: Told::Scale,
-        ..Variant::PAPER_TOLD
+        given: Given::Scale,
+        ..Variant::PAPER_WITH_PRIOR
     };
     assert!(error_m(heading_withheld).is_none_or(|m| m > 5.0));
-    assert!(error_m(Variant::DEFAULT_TOLD).unwrap() < 1.0);
+    assert!(error_m(Variant::DEFAULT_WITH_PRIOR).unwrap() < 1.0);
 }
 
 #[test]
@@ -183,10 +183,10 @@ fn photos_are_read_with_their_truth_and_scale() {
     assert_eq!(scene.shots.len(), 1, "the other photo does not exist");
     let shot = &scene.shots[0];
     assert_eq!(shot.truth.place.as_deref(), Some("square"));
-    let told = shot.prior(HeadingMode::Known, &shot.photo.open().unwrap());
-    assert_eq!(told.view.gsd_m, Some(0.2), "160 m over 800 px");
+    let given = shot.prior(HeadingMode::Known, &shot.photo.open().unwrap());
+    assert_eq!(given.view.gsd_m, Some(0.2), "160 m over 800 px");
     assert_eq!(
-        told.view.heading,
+        given.view.heading,
         Prior::none().with_heading(30.0, 5.0).view.heading
     );
     assert!((scene.ground_width_m().unwrap().unwrap() - 160.0).abs() < 1e-6);

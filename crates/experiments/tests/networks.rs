@@ -1,4 +1,4 @@
-//! Networks of an experiment: made once, gone on with after a stop, told apart by their budgets.
+//! Networks of an experiment: made once, gone on with after a stop, given apart by their budgets.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 

@@ -59,10 +59,10 @@ fn a_sweep_writes_its_table_and_keeps_files_of_others() {
     std::fs::write(&notes, "my notes").unwrap();
     let refused = program(&arguments);
     assert_eq!(refused.status.code(), Some(2));
-    let told = errors(&refused);
+    let given = errors(&refused);
     assert!(
-        told.contains("sweep-wrong-area.md") && told.contains("--overwrite"),
-        "{told}"
+        given.contains("sweep-wrong-area.md") && given.contains("--overwrite"),
+        "{given}"
     );
     assert_eq!(std::fs::read_to_string(&notes).unwrap(), "my notes");
 }

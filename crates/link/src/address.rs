@@ -39,7 +39,7 @@ pub enum Address {
 /// Why a text is no address.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "{0:?} is no address; expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:PATH:BAUD, \
+    "{0:?} is not an address; expected udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or serial:PATH:BAUD, \
      such as udpin:0.0.0.0:14550 or serial:/dev/ttyACM0:921600"
 )]
 pub struct AddressError(pub String);

@@ -29,7 +29,7 @@ pub enum Damage {
     #[error("a restart marker missing or out of order")]
     RestartMarker,
     /// A scan whose header or tables cannot be used.
-    #[error("an unusable scan header")]
+    #[error("an invalid scan header")]
     ScanHeader,
     /// Another contradiction that the decoder found.
     #[error("compressed data that cannot be decoded")]

@@ -1,7 +1,6 @@
 //! A track as GeoJSON and as GPX.
 
-use std::fmt::Write as _;
-
+use grimnet_answer::{GpxTrack, TrackPlace};
 use serde_json::{Value, json};
 
 use crate::track_store::TrackFrame;
@@ -45,39 +44,21 @@ pub(crate) fn geojson(frames: &[TrackFrame]) -> Value {
     json!({ "type": "FeatureCollection", "features": features })
 }
 
-/// A GPX 1.1 track of the usable positions; where they end or begin a segment does. Times are left out: the client's clock may have
-/// any zero.
+/// A GPX 1.1 track of the usable positions. Times are left out: the client's clock may have any zero.
 pub(crate) fn gpx(id: u64, frames: &[TrackFrame]) -> String {
-    let mut text = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
-         <gpx version=\"1.1\" creator=\"grimnet\" xmlns=\"http://www.topografix.com/GPX/1/1\">\n\
-         <trk>\n <name>track {id}</name>\n <trkseg>\n"
-    );
-    let mut in_segment = false;
+    let mut track = GpxTrack::named(format!("track {id}"));
+    let mut text = track.opening();
     for frame in frames {
-        let usable = frame
-            .point
-            .filter(|point| point.state.is_usable())
-            .and_then(|point| point.estimate);
-        match usable {
-            Some(at) => {
-                in_segment = true;
-                let elevation = at
-                    .altitude_amsl_m
-                    .map_or(String::new(), |amsl_m| format!("<ele>{amsl_m:.2}</ele>"));
-                // Writing to a string does not fail.
-                let _ = writeln!(
-                    text,
-                    "  <trkpt lat=\"{:.8}\" lon=\"{:.8}\">{elevation}</trkpt>",
-                    at.lat_deg, at.lon_deg
-                );
-            }
-            None if in_segment => {
-                in_segment = false;
-                text.push_str(" </trkseg>\n <trkseg>\n");
-            }
-            None => {}
-        }
+        let usable = frame.point.filter(|point| point.state.is_usable());
+        let place = usable
+            .and_then(|point| point.estimate)
+            .map(|at| TrackPlace {
+                lon_deg: at.lon_deg,
+                lat_deg: at.lat_deg,
+                altitude_amsl_m: at.altitude_amsl_m,
+                time: None,
+            });
+        text += &track.point(place);
     }
-    text + " </trkseg>\n</trk>\n</gpx>\n"
+    text + track.closing()
 }

@@ -70,7 +70,7 @@ pub struct LocateArgs {
     #[command(flatten)]
     overwrite: OverwriteChoice,
 
-    /// Also state how far each answer lies from the position in the photo's metadata
+    /// Also print the distance of each answer from the position in the photo's metadata
     #[arg(long, help_heading = OUTPUT)]
     check: bool,
 

@@ -30,7 +30,7 @@ pub enum VehicleChoice {
     /// Can stop and turn at any time
     #[default]
     Multirotor,
-    /// Flies on, faster, and turns by banking
+    /// Faster; cannot stop; turns by banking
     Plane,
 }
 
@@ -112,7 +112,7 @@ pub struct KnownArgs {
     #[arg(long, value_name = "LAT,LON,RADIUS_M", allow_hyphen_values = true, help_heading = KNOWN)]
     pub start: Option<Near>,
 
-    /// What kind of aircraft it is
+    /// Type of aircraft
     #[arg(long, value_enum, default_value_t, help_heading = KNOWN)]
     pub vehicle: VehicleChoice,
 

@@ -176,6 +176,17 @@ impl TrackLine {
         Some([self.lon_deg?, self.lat_deg?])
     }
 
+    /// The position for formats that write positions alone; `None` where it may not be used.
+    pub fn place(&self) -> Option<TrackPlace<'_>> {
+        let [lon_deg, lat_deg] = self.lon_lat_deg()?;
+        Some(TrackPlace {
+            lon_deg,
+            lat_deg,
+            altitude_amsl_m: self.altitude_amsl_m,
+            time: self.time.date(),
+        })
+    }
+
     /// The photo, or nothing.
     pub fn photo(&self) -> &str {
         self.note.as_ref().map_or("", |note| &note.photo)

@@ -10,7 +10,7 @@ use crate::experiment_table::{Column, ExperimentTable, Figure, Row};
 use crate::recipe::Variant;
 use crate::scene_rows::{PAPER_SCENES, all_frames, over, paper_scenes, scene_row, table};
 
-/// What each half of the rows is told.
+/// What each half of the rows is given.
 const NOTE: &str = "Within each half of the rows the inputs are equal: nothing but the photo and the map's own pixels, or heading and ground width as well. \
     SIFT searches every tile and answers with the one of most inliers. The paper's procedure always answers; without heading and scale its tiles are 512 \
     map pixels wide, whatever a photo shows. GLVL has not been run: its authors' weights are not part of this program.";
@@ -21,8 +21,8 @@ pub(super) fn methods(
 ) -> Result<ExperimentTable, BenchError> {
     let (mut rows, mut runs) = (Vec::new(), Vec::new());
     for half in [
-        [Variant::PAPER, Variant::DEFAULT_UNTOLD],
-        [Variant::PAPER_TOLD, Variant::DEFAULT_TOLD],
+        [Variant::PAPER, Variant::DEFAULT_WITHOUT_PRIOR],
+        [Variant::PAPER_WITH_PRIOR, Variant::DEFAULT_WITH_PRIOR],
     ] {
         let sift = over(bench, scenes, |scene| {
             Ok(Setup {
@@ -30,9 +30,9 @@ pub(super) fn methods(
                 ..half[1].setup(scene)?
             })
         })?;
-        let told = half[1].name(bench.model());
-        let told = told.split_once("; ").map_or("", |(_, told)| told);
-        let mut measured = vec![(format!("SIFT; {told}"), sift)];
+        let given = half[1].name(bench.model());
+        let given = given.split_once("; ").map_or("", |(_, given)| given);
+        let mut measured = vec![(format!("SIFT; {given}"), sift)];
         for variant in half {
             let name = variant.name(bench.model());
             measured.push((
@@ -97,7 +97,7 @@ pub(super) fn success(
             "Error below 20 m",
             [96.6, 91.5, 83.8, 84.5, 91.7, 89.3].map(Some).to_vec(),
         )],
-        notes: vec!["A frame without a fix is no success.".to_owned()],
+        notes: vec!["A frame without a fix counts as a failure.".to_owned()],
         figures,
         ..table(
             Experiment::Success.id(),

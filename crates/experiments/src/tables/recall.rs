@@ -40,7 +40,7 @@ pub(super) fn top_k_recall(
         notes: vec![
             INPUTS_NOTE.to_owned(),
             "SDM@K (Dai et al. 2024) and PDM@K (Ye et al. 2026) score each of the first K tiles by its distance from the truth, the earlier ranks more.".to_owned(),
-            "At a stride of 256 px only a fifth of all places has any tile centre within 64 px: the paper's figures cannot be had with its own tiling.".to_owned(),
+            "At a stride of 256 px only a fifth of all places has any tile centre within 64 px: the paper's figures cannot be reached with its own tiling.".to_owned(),
         ],
         ..table(Experiment::TopKRecall.id(), "Recall for K candidates", 5, scenes)
     })

@@ -18,7 +18,7 @@ use crate::commands::map_place::MapPlace;
 use crate::values;
 
 /// Heading of the options about clients.
-const CLIENTS: &str = "Who may ask";
+const CLIENTS: &str = "Access";
 
 /// Heading of the limits.
 const LIMITS: &str = "Limits";
@@ -79,11 +79,11 @@ pub struct ServeArgs {
     #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080", help_heading = CLIENTS)]
     pub listen: SocketAddr,
 
-    /// Ask clients for the token in this file, 22 characters or more
+    /// Require the token in this file (22 characters or more) of clients
     #[arg(long, value_name = "FILE", help_heading = CLIENTS)]
     pub token_file: Option<PathBuf>,
 
-    /// Answer everybody who reaches the address
+    /// Do not require a token
     #[arg(long, conflicts_with = "token_file", help_heading = CLIENTS)]
     pub no_token: bool,
 

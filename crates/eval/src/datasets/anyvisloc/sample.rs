@@ -36,7 +36,7 @@ pub(super) enum SampleError {
     },
     /// The camera looks past the map.
     #[error(
-        "the camera looks {pitch_deg:.0} degrees off straight down; expected at most {MAX_PITCH_DEG:.0}"
+        "the camera is tilted {pitch_deg:.0} degrees from nadir; expected at most {MAX_PITCH_DEG:.0}"
     )]
     Pitch {
         /// Angle off straight down, degrees.

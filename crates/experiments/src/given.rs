@@ -1,8 +1,8 @@
-//! What a method is told of the photos.
+//! What a method is given beside the pixels.
 
-/// What a method is told of a photo beside its pixels.
+/// What a method is given beside the pixels of a photo.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
-pub enum Told {
+pub enum Given {
     /// Nothing, as in the paper: metadata are removed.
     Nothing,
     /// The metadata and the ground width, without the heading.

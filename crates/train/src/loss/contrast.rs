@@ -7,7 +7,7 @@ use burn::tensor::activation::log_softmax;
 use burn::tensor::{Int, Tensor, TensorData};
 
 /// Side of a descriptor cell, pixels.
-const CELL_PX: f32 = 8.0;
+const CELL_PX: f32 = grimnet_net::KEYPOINT_CELL_PX as f32;
 
 /// Descriptors at points of pictures by bilinear interpolation between cell centres (the centre of cell i is pixel 8 i + 3.5),
 /// scaled to unit length.

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::frame_time::Epoch;
 use crate::errors;
-use grimnet_answer::rounded;
+use grimnet_answer::{TrackPlace, rounded};
 
 /// A time as it is written.
 #[derive(Debug, Clone, PartialEq, Serialize)]

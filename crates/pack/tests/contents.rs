@@ -1,5 +1,7 @@
 //! What a pack holds is what the network says about the map.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests")]
+
 mod support;
 
 use grimnet_geo::{LevelPx, Raster, WindowPx};

@@ -168,8 +168,9 @@ fn published_data_sets_are_told_by_their_files() {
     let run = eval(&golden.join("Scene_07"), "anyvisloc").assert();
     // Builds without the feature may leave the reader out.
     if cfg!(feature = "anyvisloc") || run.get_output().status.success() {
-        run.success()
-            .stderr(contains("L07_0003.npz: the camera is tilted 88 degrees from nadir"));
+        run.success().stderr(contains(
+            "L07_0003.npz: the camera is tilted 88 degrees from nadir",
+        ));
         let summary = json(&folder.path().join("anyvisloc/summary.json"));
         assert_eq!(summary["about"]["data"], "AnyVisLoc Scene_07");
         assert_eq!(summary["heading_from_the_photo"]["frames"], 2);

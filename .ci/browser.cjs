@@ -120,6 +120,45 @@ async function main() {
     await page.screenshot({ path: path.join(out, "track.png") });
   });
 
+  await check("a track is saved as one file, which opens without the service", async () => {
+    const [download] = await Promise.all([page.waitForEvent("download"), page.click("#save-track")]);
+    const file = path.resolve(out, "session.html");
+    await download.saveAs(file);
+    const alone = await browser.newPage({ viewport: { width: 900, height: 700 } });
+    const asked = [];
+    const errors = [];
+    alone.on("request", (request) => { if (!request.url().startsWith("data:")) asked.push(request.url()); });
+    alone.on("console", (message) => errors.push(message.text()));
+    alone.on("pageerror", (error) => errors.push(String(error)));
+    await alone.goto(`file://${file}`);
+    const shown = (text) => alone.waitForFunction((text) => document.getElementById("status").textContent.includes(text), text, { timeout });
+    await shown("at frame 2 (1 s)");
+    await alone.focus("#slider");
+    await alone.keyboard.press("ArrowLeft");
+    await shown("at frame 1 (0 s)");
+    await alone.click("#play");
+    await shown("at frame 2 (1 s)");
+    // The map's pictures are drawn: many colours.
+    const colours = await alone.evaluate(() => {
+      const view = document.getElementById("view");
+      const { data } = view.getContext("2d").getImageData(0, 0, view.width, view.height);
+      const found = new Set();
+      for (let at = 0; at < data.length; at += 4 * 97) found.add((data[at] << 16) | (data[at + 1] << 8) | data[at + 2]);
+      return found.size;
+    });
+    assert.ok(colours > 300, `${colours} colours`);
+    await alone.click("#nearer");
+    await alone.focus("#view");
+    await alone.keyboard.press("ArrowUp");
+    await alone.mouse.move(450, 350);
+    await alone.mouse.wheel(0, -300);
+    await alone.screenshot({ path: path.join(out, "session.png") });
+    assert.deepEqual(errors, []);
+    assert.deepEqual(asked, [`file://${file}`]);
+    console.log(`# session: ${fs.statSync(file).size} bytes`);
+    await alone.close();
+  });
+
   await check("no error in the console, no request to another host", async () => {
     // Chromium itself reports responses of status 4xx, which two checks ask for.
     const errors = seen.errors.filter((text) => !/the server responded with a status of (415|422)/.test(text) && !/GPU stall|swiftshader|WebGL/i.test(text));

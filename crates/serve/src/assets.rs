@@ -109,6 +109,11 @@ static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
         ),
         Asset::new("/web/tracks.js", SCRIPT, include_bytes!("../web/tracks.js")),
         Asset::new(
+            "/web/track_shapes.js",
+            SCRIPT,
+            include_bytes!("../web/track_shapes.js"),
+        ),
+        Asset::new(
             "/web/map_view.js",
             SCRIPT,
             include_bytes!("../web/map_view.js"),

@@ -50,6 +50,7 @@ mod token;
 mod track_events;
 mod track_formats;
 mod track_routes;
+mod track_session;
 mod track_store;
 mod upload;
 

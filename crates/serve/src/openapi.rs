@@ -40,6 +40,7 @@ pub(crate) struct Binary(Vec<u8>);
         crate::track_routes::end,
         crate::track_routes::frame,
         crate::track_events::events,
+        crate::track_session::session,
         crate::health::health,
         crate::health::metrics,
     ),

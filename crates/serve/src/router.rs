@@ -21,6 +21,7 @@ use crate::state::State;
 use crate::tile_routes::{tile, tilejson};
 use crate::track_events::events;
 use crate::track_routes::{begin, end, frame, list, track};
+use crate::track_session::session;
 
 /// Largest description of a new track, bytes.
 const MAX_NEW_TRACK_BYTES: usize = 16 << 10;
@@ -46,6 +47,7 @@ pub(crate) fn router(state: Arc<State>) -> Router {
         .route("/v1/tracks/{id}", get(track).delete(end))
         .route("/v1/tracks/{id}/frames", post(frame))
         .route("/v1/tracks/{id}/events", get(events))
+        .route("/v1/tracks/{id}/session", get(session))
         .route("/healthz", get(health))
         .route("/metrics", get(metrics))
         .route("/openapi.json", get(document))

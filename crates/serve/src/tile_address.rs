@@ -32,12 +32,38 @@ impl TileAddress {
         self.z
     }
 
+    /// The tile of zoom `z` that holds a place; `None` where there is none.
+    pub(crate) fn at(z: u32, place: LonLat) -> Option<Self> {
+        let across = place.lon_deg / 360.0 + 0.5;
+        let down = 0.5 - place.lat_deg.to_radians().tan().asinh() / (2.0 * PI);
+        let tiles = f64::from(1_u32.checked_shl(z)?);
+        let number = |share: f64| {
+            let number = (share * tiles).floor();
+            (number >= 0.0 && number < tiles).then_some(number as u32)
+        };
+        Self::new(z, number(across)?, number(down)?)
+    }
+
+    /// The tiles of the rectangle from this one in the north-west to another of the same zoom, row by row.
+    pub(crate) fn rectangle(self, to: Self) -> Vec<Self> {
+        let rows = self.y..=to.y;
+        rows.flat_map(|y| (self.x..=to.x).map(move |x| Self { z: self.z, x, y }))
+            .collect()
+    }
+
+    /// A point of the tile, 0 to 1 from its top left corner, in the world from 0 to 1: x to the east, y to the south.
+    pub(crate) fn world(self, right: f64, down: f64) -> [f64; 2] {
+        let tiles = f64::from(1_u32 << self.z);
+        [
+            (f64::from(self.x) + right) / tiles,
+            (f64::from(self.y) + down) / tiles,
+        ]
+    }
+
     /// Longitude and latitude of a point of the tile, pixels from its top left corner.
     pub(crate) fn lonlat(self, right_px: f64, down_px: f64) -> LonLat {
-        let tiles = f64::from(1_u32 << self.z);
         let side_px = f64::from(TILE_SIDE_PX);
-        let across = (f64::from(self.x) + right_px / side_px) / tiles;
-        let down = (f64::from(self.y) + down_px / side_px) / tiles;
+        let [across, down] = self.world(right_px / side_px, down_px / side_px);
         LonLat {
             lon_deg: across * 360.0 - 180.0,
             lat_deg: (PI * (1.0 - 2.0 * down)).sinh().atan().to_degrees(),
@@ -77,6 +103,11 @@ mod tests {
         let south_east = tile.lonlat(256.0, 256.0);
         let next = TileAddress::new(10, 512, 341).unwrap().lonlat(0.0, 0.0);
         assert_eq!(south_east, next);
+        assert_eq!(TileAddress::at(10, tile.lonlat(9.0, 250.0)), Some(tile));
+        assert_eq!(TileAddress::at(10, LonLat::new(181.0, 0.0)), None);
+        assert_eq!(TileAddress::at(10, LonLat::new(0.0, 89.0)), None);
+        let below = TileAddress::new(10, 512, 341).unwrap();
+        assert_eq!(tile.rectangle(below).len(), 4);
     }
 
     #[test]

@@ -115,15 +115,7 @@ pub(crate) async fn tile(
                 "there is no tile {z}/{x}/{y}; zooms go from {minzoom} to {MAX_ZOOM}"
             ))
         })?;
-    let key = (id, layer, address);
-    let tile = match state.tiles.get(&key) {
-        Some(tile) => tile,
-        None => {
-            let tile = rendered(&state, key.0.clone(), layer, address).await?;
-            state.tiles.insert(key, tile.clone());
-            tile
-        }
-    };
+    let tile = tile_of(&state, &id, layer, address).await?;
     let mut response = if headers.get(header::IF_NONE_MATCH) == Some(&tile.tag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else {
@@ -137,6 +129,25 @@ pub(crate) async fn tile(
     headers.insert(header::ETAG, tile.tag);
     headers.insert(header::CACHE_CONTROL, FRESH);
     Ok(response)
+}
+
+/// A tile of a map that there is.
+///
+/// # Errors
+/// Status 500 if it cannot be read.
+pub(crate) async fn tile_of(
+    state: &Arc<State>,
+    id: &str,
+    layer: Layer,
+    address: TileAddress,
+) -> Result<Tile, Problem> {
+    let key = (id.to_owned(), layer, address);
+    if let Some(tile) = state.tiles.get(&key) {
+        return Ok(tile);
+    }
+    let tile = rendered(state, id.to_owned(), layer, address).await?;
+    state.tiles.insert(key, tile.clone());
+    Ok(tile)
 }
 
 /// The tile that three parts of a path name.

@@ -1,5 +1,5 @@
 // The map page: photos in, answers on the map and in words.
-import { ask, locate, ServiceError } from "/web/service.js";
+import { ask, locate, saveAs, ServiceError } from "/web/service.js";
 import { connectTracks } from "/web/tracks.js";
 
 const byId = (id) => document.getElementById(id);
@@ -146,11 +146,7 @@ async function save(button) {
       headers: { accept: button.dataset.type, "content-type": "application/json" },
       body: JSON.stringify(entries.map((entry) => entry.answer)),
     });
-    const link = document.createElement("a");
-    link.href = URL.createObjectURL(await response.blob());
-    link.download = button.dataset.name;
-    link.click();
-    setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+    saveAs(await response.blob(), button.dataset.name);
     say(`Saved ${button.dataset.name}.`);
   } catch (error) {
     say(error.message);

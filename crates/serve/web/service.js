@@ -23,6 +23,15 @@ export async function ask(path, token, options = {}) {
   throw new ServiceError(problem.detail ?? `${response.status} ${response.statusText}`, response.status);
 }
 
+/** Saves data as a file of the user's. */
+export function saveAs(blob, name) {
+  const link = document.createElement("a");
+  link.href = URL.createObjectURL(blob);
+  link.download = name;
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 10000);
+}
+
 /** Localises one photo. `prior` holds texts by field; empty ones are left out. */
 export async function locate(file, map, prior, token) {
   const known = {};

@@ -1,35 +1,11 @@
 // Tracks: followed as their frames come, and looked through afterwards.
-import { ask, ServiceError } from "/web/service.js";
+import { ask, saveAs, ServiceError } from "/web/service.js";
+import { ellipse, frameText, usable } from "/web/track_shapes.js";
 
-const METRES_PER_DEGREE = 111320;
-/** Square root of the 95 % quantile of chi-square with two degrees of freedom: from 1 sigma to 95 %. */
-const TO_95 = 2.4477;
 /** Pause before a connection that broke is tried again. */
 const RETRY_MS = 2000;
 
 const byId = (id) => document.getElementById(id);
-const usable = (point) => ["tracking", "coasting"].includes(point?.state);
-
-/** The 95 % ellipse of a position as a closed ring of longitude and latitude. */
-export function ellipse(point) {
-  const [ee, en, nn] = point.covariance_en_m2;
-  const mean = (ee + nn) / 2;
-  const spread = Math.hypot((ee - nn) / 2, en);
-  const [long, short] = [mean + spread, Math.max(mean - spread, 0)].map((variance) => TO_95 * Math.sqrt(variance));
-  const turn = Math.atan2(2 * en, ee - nn) / 2;
-  const ring = [];
-  for (let i = 0; i <= 48; i++) {
-    const angle = (i / 48) * 2 * Math.PI;
-    const [along, across] = [long * Math.cos(angle), short * Math.sin(angle)];
-    const east = along * Math.cos(turn) - across * Math.sin(turn);
-    const north = along * Math.sin(turn) + across * Math.cos(turn);
-    ring.push([
-      point.lon_deg + east / (METRES_PER_DEGREE * Math.cos((point.lat_deg * Math.PI) / 180)),
-      point.lat_deg + north / METRES_PER_DEGREE,
-    ]);
-  }
-  return ring;
-}
 
 /** What is drawn of the frames up to one of them. */
 export function drawn(frames, upTo) {
@@ -90,16 +66,14 @@ export function connectTracks({ token, showTrack }) {
     showTrack(drawn(frames, upTo));
     const frame = frames.findLast((each) => each.number <= upTo);
     if (!frame) return;
-    const { point } = frame;
-    const where = point?.lat_deg === undefined ? "" : `, ${point.lat_deg.toFixed(6)}, ${point.lon_deg.toFixed(6)}, within ${point.radius95_m.toFixed(1)} m`;
-    say(`${point?.state ?? "too old"} at frame ${frame.number} (${frame.time_s} s)${where}`);
+    say(frameText(frame));
   };
 
   byId("read-tracks").addEventListener("click", async () => {
     try {
       const { tracks } = await (await ask("/v1/tracks", token())).json();
       byId("track-choice").replaceChildren(...tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
-      byId("follow").disabled = tracks.length === 0;
+      byId("follow").disabled = byId("save-track").disabled = tracks.length === 0;
       say(tracks.length === 0 ? "There are no tracks: a program begins one with POST /v1/tracks." : "");
     } catch (error) {
       say(error.message);
@@ -119,6 +93,16 @@ export function connectTracks({ token, showTrack }) {
         if (atEnd) slider.value = frame.number;
         show();
       });
+    } catch (error) {
+      say(error.message);
+    }
+  });
+  byId("save-track").addEventListener("click", async () => {
+    const id = byId("track-choice").value;
+    try {
+      const response = await ask(`/v1/tracks/${id}/session`, token());
+      saveAs(await response.blob(), `track-${id}.html`);
+      say(`Saved track-${id}.html, which opens without this service.`);
     } catch (error) {
       say(error.message);
     }

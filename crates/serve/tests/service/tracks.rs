@@ -71,6 +71,44 @@ fn frames_become_a_track() {
         .problem(406, "not-acceptable");
 }
 
+#[test]
+fn a_track_is_one_file_that_names_no_other_host() {
+    let id = begin(shared());
+    for (number, (photo, _)) in area().flight.iter().take(3).enumerate() {
+        let name = "%3C/script%3E%3Cscript%3Ealert(1)%3C/script%3E";
+        let line = format!("POST /v1/tracks/{id}/frames?time_s={number}&name={name}");
+        assert_eq!(send(shared(), &line, &[PHOTO], photo).status, 200);
+    }
+    let answer = get(shared(), &format!("/v1/tracks/{id}/session"));
+    assert_eq!(answer.status, 200, "{}", answer.text());
+    assert_eq!(
+        answer.header("content-type"),
+        Some("text/html; charset=utf-8")
+    );
+    assert_eq!(
+        answer.header("content-disposition"),
+        Some(&*format!("attachment; filename=\"track-{id}.html\""))
+    );
+    let page = answer.text();
+    assert!(page.len() < 4_000_000, "{} bytes", page.len());
+    assert!(page.contains("default-src 'none'"));
+    assert!(!page.contains("http://") && !page.contains("https://"));
+    assert_eq!(page.matches("</script>").count(), 2);
+    let (_, rest) = page.split_once("id=\"session\">").unwrap();
+    let (json, _) = rest.split_once("</script>").unwrap();
+    let session: Value = serde_json::from_str(json).unwrap();
+    assert_eq!(session["track"].to_string(), id);
+    assert_eq!(session["frames"].as_array().unwrap().len(), 3);
+    assert!(session["frames"][0]["answer"]["lat_deg"].is_f64());
+    let tiles = session["tiles"].as_array().unwrap();
+    assert!(tiles.len() > 1);
+    for tile in tiles {
+        let picture = tile["picture"].as_str().unwrap();
+        assert!(picture.starts_with("data:image/"), "{picture:.40}");
+    }
+    get(shared(), "/v1/tracks/999999/session").problem(404, "not-found");
+}
+
 /// Numbers of the next `count` events on a stream.
 fn numbers(stream: &mut impl std::io::BufRead, count: usize) -> Vec<u64> {
     let mut found = Vec::new();

@@ -13,6 +13,10 @@ pub enum AnswerError {
     /// KML or GPX.
     #[error("cannot write an answer as XML: {0}")]
     Xml(#[from] std::io::Error),
+    /// GeoPackage.
+    #[cfg(feature = "geopackage")]
+    #[error("cannot write answers as a GeoPackage: {0}")]
+    Database(#[from] rusqlite::Error),
 }
 
 /// A result of this crate.

@@ -1,7 +1,8 @@
 //! Answers as other programs read them.
 //!
 //! An [`Answer`] is what a localiser found for one photo, with the field names that scripts rely on. An [`AnswerFormat`] writes
-//! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once. [`GpxTrack`]
+//! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once. With the feature
+//! `geopackage`, `geopackage_of` writes them as a GeoPackage. [`GpxTrack`]
 //! and [`KmlTrack`] write the positions of a flight.
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
@@ -10,6 +11,8 @@ mod csv;
 mod error;
 mod format;
 mod geojson;
+#[cfg(feature = "geopackage")]
+mod geopackage;
 mod gpx;
 mod jsonl;
 mod kml;
@@ -22,6 +25,8 @@ pub use csv::Csv;
 pub use error::AnswerError;
 pub use format::{AnswerFormat, or_dash, text_of};
 pub use geojson::Geojson;
+#[cfg(feature = "geopackage")]
+pub use geopackage::geopackage_of;
 pub use gpx::Gpx;
 pub use jsonl::Jsonl;
 pub use kml::Kml;

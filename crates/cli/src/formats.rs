@@ -1,11 +1,13 @@
 //! Answers as text: a table for people, and the formats that other programs read.
 
+mod answer_output;
 mod stream;
 mod table;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
+pub use answer_output::AnswerOutput;
 pub use grimnet_answer::or_dash;
 pub use stream::{AnswerStream, TextFormat, TextStream};
 
@@ -24,18 +26,37 @@ pub enum Format {
     Kml,
     /// Waypoints (GPX 1.1), for navigation programs: photos with a fix alone
     Gpx,
+    /// A GeoPackage (OGC), for QGIS: points, outlines and 95 % ellipses as layers; a file, written when the run ends
+    #[cfg(feature = "sqlite")]
+    Gpkg,
 }
 
 impl Format {
-    fn start(self) -> Box<dyn AnswerFormat> {
-        match self {
+    /// The format as text; `None` for one that is not text.
+    fn start(self) -> Option<Box<dyn AnswerFormat>> {
+        Some(match self {
             Self::Table => Box::<table::Table>::default(),
             Self::Jsonl => Box::new(Jsonl),
             Self::Csv => Box::new(Csv),
             Self::Geojson => Box::<Geojson>::default(),
             Self::Kml => Box::new(Kml),
             Self::Gpx => Box::new(Gpx),
+            #[cfg(feature = "sqlite")]
+            Self::Gpkg => return None,
+        })
+    }
+
+    /// The format that a file's name asks for, where only one can be meant.
+    pub fn of_name(path: &std::path::Path) -> Option<Self> {
+        #[cfg(feature = "sqlite")]
+        if path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("gpkg"))
+        {
+            return Some(Self::Gpkg);
         }
+        let _ = path;
+        None
     }
 
     /// All answers as one text.
@@ -43,7 +64,8 @@ impl Format {
     /// # Errors
     /// An answer cannot be written in this format.
     pub fn text_of<'a>(self, answers: impl IntoIterator<Item = &'a Answer>) -> Result<String> {
-        Ok(grimnet_answer::text_of(self.start().as_mut(), answers)?)
+        let mut format = self.start().context("a GeoPackage is not text")?;
+        Ok(grimnet_answer::text_of(format.as_mut(), answers)?)
     }
 }
 

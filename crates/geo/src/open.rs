@@ -9,9 +9,10 @@ use crate::geokeys::FileCrs;
 use crate::map_form::{MapForm, form_of};
 use crate::map_options::MapOptions;
 use crate::mosaic_map::{open_list, open_vrt};
+use crate::pam::read_pam;
 use crate::picture::Picture;
 use crate::placing::{
-    corners_georeference, no_georeference, tiff_georeference, world_georeference,
+    corners_georeference, no_georeference, pam_georeference, tiff_georeference, world_georeference,
 };
 use crate::pmtiles::PmTiles;
 use crate::single_map::SingleMap;
@@ -33,8 +34,8 @@ const DEFAULT_CACHE_BYTES: usize = 192 << 20;
 /// - tiles of the Web Mercator grid: an MBTiles file (with the feature `mbtiles`), a PMTiles file, or a folder
 ///   `{zoom}/{column}/{row}.png`.
 ///
-/// The georeference is, in this order, that of `options.corners`, of the file's GeoTIFF tags, of a
-/// world file; the CRS is `options.crs`, else the file's own.
+/// The georeference is, in this order, that of `options.corners`, of the file's GeoTIFF tags, of GDAL's
+/// `.aux.xml`, of a world file; the CRS is `options.crs`, else the file's own.
 ///
 /// # Errors
 /// Returns an error if the file cannot be read, is not a map, is truncated or damaged, or has no valid georeference.
@@ -60,7 +61,10 @@ pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, Ge
             advice: "convert it: gdal_translate -of COG -co COMPRESS=JPEG IN.mbtiles OUT.tif",
         }),
         MapForm::Tiff => {
-            let map = TiffMap::open(path)?;
+            let mut map = TiffMap::open(path)?;
+            if map.nodata().is_none() {
+                map.set_nodata(read_pam(path)?.nodata);
+            }
             let georeference = tiff_georeference(path, &map, crs, options)?;
             let files = map.images().files.clone();
             let kind = map.kind();
@@ -125,9 +129,14 @@ fn open_picture(
     let size_px = picture.size_px();
     let georeference = match corners_georeference(&crs, options, size_px)? {
         Some(georeference) => georeference,
-        None => world_georeference(path, crs.map(FileCrs::from), size_px)?.ok_or_else(|| {
-            no_georeference(path, "the picture has none, and there is no world file")
-        })?,
+        None => match pam_georeference(path, crs.clone(), size_px)? {
+            Some(georeference) => georeference,
+            None => {
+                world_georeference(path, crs.map(FileCrs::from), size_px)?.ok_or_else(|| {
+                    no_georeference(path, "the picture has none, and there is no world file")
+                })?
+            }
+        },
     };
     let kind = picture.kind().to_string();
     let files = vec![path.to_path_buf()];

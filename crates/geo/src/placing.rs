@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::geokeys::{FileCrs, crs_from_geokeys};
 use crate::map_options::MapOptions;
+use crate::pam::read_pam;
 use crate::tiff::TiffMap;
 use crate::tiff_georeference::place_of;
 use crate::world_file::{find_world_file, read_world_file};
@@ -32,6 +33,17 @@ pub(crate) fn tiff_georeference(
     }
     let place = place_of(&map.images().levels[0].image).map_err(|e| e.in_file(path))?;
     let Some(affine) = place.affine else {
+        let pam_crs = crs
+            .clone()
+            .map(Ok)
+            .or_else(|| {
+                let keys = place.geokeys.as_ref()?;
+                Some(crs_from_geokeys(keys, path).map(|file| file.crs))
+            })
+            .transpose()?;
+        if let Some(georeference) = pam_georeference(path, pam_crs, size_px)? {
+            return Ok(georeference);
+        }
         // Some writers store the CRS in the file and the transform beside it.
         let crs = match (crs, &place.geokeys) {
             (Some(crs), _) => Some(crs.into()),
@@ -83,6 +95,19 @@ pub(crate) fn corners_georeference(
     let corners = Corners::new(ll, ur, size_px, location, CORNERS_ORDER)?;
     let affine = corners.affine(size_px)?;
     Ok(Some(Georeference::new(affine, crs, size_px)))
+}
+
+/// The georeference that GDAL keeps beside the file, if there is one. `crs` takes the place of its own.
+pub(crate) fn pam_georeference(
+    path: &Path,
+    crs: Option<Crs>,
+    size_px: (u64, u64),
+) -> Result<Option<Georeference>, GeoError> {
+    let pam = read_pam(path)?;
+    let (Some(affine), Some(crs)) = (pam.affine, crs.or(pam.crs)) else {
+        return Ok(None);
+    };
+    georeference(path, affine, crs.into(), size_px).map(Some)
 }
 
 /// The georeference of a world file, if there is one.

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::block::BlockSource;
 use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
+use crate::pam::find_pam;
 use crate::windowed::read_window;
 use crate::world_file::find_world_file;
 use crate::{GeoError, Georeference, Raster, RasterPatch, WindowPx};
@@ -31,6 +32,7 @@ impl SingleMap {
         cache: Arc<BlockCache>,
     ) -> Self {
         files.extend(find_world_file(path));
+        files.extend(find_pam(path));
         let hash = ContentHash::of(files);
         Self {
             path: path.to_path_buf(),

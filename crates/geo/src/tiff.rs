@@ -89,6 +89,11 @@ impl TiffMap {
         (self.layouts[0].width, self.layouts[0].height)
     }
 
+    /// The value of pixels without data.
+    pub fn nodata(&self) -> Option<f64> {
+        self.nodata
+    }
+
     /// Takes this value for that of pixels without data, whatever the file says.
     pub fn set_nodata(&mut self, nodata: Option<f64>) {
         self.nodata = nodata;

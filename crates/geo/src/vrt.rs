@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_limits::MapLimits;
 
+use crate::pam::affine_of;
 use crate::wkt::crs_from_text;
 use crate::xml_tree::{Element, read_xml};
 use crate::{Affine, Crs, GeoError, WindowPx};
@@ -55,7 +56,7 @@ pub(crate) fn read_vrt(path: &Path) -> Result<Vrt, GeoError> {
     };
     let size_px = (side("rasterXSize")?, side("rasterYSize")?);
     let affine = match root.child_text("GeoTransform") {
-        Some(text) => Some(reader.affine(text)?),
+        Some(text) => Some(affine_of(path, text)?),
         None => None,
     };
     let crs = match root.child_text("SRS") {
@@ -84,16 +85,6 @@ impl Reader<'_> {
             what: what.to_string(),
             advice: ADVICE,
         }
-    }
-
-    fn affine(&self, text: &str) -> Result<Affine, GeoError> {
-        let numbers: Vec<f64> = text
-            .split(',')
-            .filter_map(|word| word.trim().parse().ok())
-            .collect();
-        let numbers = <[f64; 6]>::try_from(numbers)
-            .map_err(|_| GeoError::damaged(self.path, "GeoTransform is not six numbers"))?;
-        Affine::from_gdal(numbers).map_err(|e| e.in_file(self.path))
     }
 
     /// The pictures of the colour bands, which must be the same in each, and whether there is one band only.

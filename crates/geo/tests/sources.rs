@@ -513,3 +513,39 @@ fn geotiffs_that_do_not_fit_together_are_refused() {
     let error = refused(&dir.path().join("empty.txt")).to_string();
     assert!(error.contains("lists no GeoTIFFs"), "{error}");
 }
+
+#[test]
+fn georeference_and_nodata_beside_the_file_are_used() {
+    for name in ["pam.png", "pam_baseline.tif"] {
+        check(name, open(name).as_ref(), name);
+    }
+    // It belongs to the map.
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["pam.png", "pam.png.aux.xml"] {
+        std::fs::copy(path_of(name), dir.path().join(name)).unwrap();
+    }
+    let path = dir.path().join("pam.png");
+    let hash = |path: &Path| {
+        let map = open_map(path, &MapOptions::default()).unwrap();
+        map.content_hash().unwrap()
+    };
+    let before = hash(&path);
+    let sidecar = dir.path().join("pam.png.aux.xml");
+    let text = std::fs::read_to_string(&sidecar).unwrap();
+    std::fs::write(
+        &sidecar,
+        text.replace("5.2000000000000000e+06", "5.2000010000000000e+06"),
+    )
+    .unwrap();
+    assert_ne!(before, hash(&path));
+    std::fs::write(
+        &sidecar,
+        "<PAMDataset><GeoTransform>1, 2</GeoTransform></PAMDataset>",
+    )
+    .unwrap();
+    let error = refused(&path).to_string();
+    assert!(
+        error.contains("aux.xml") && error.contains("six numbers"),
+        "{error}"
+    );
+}

@@ -119,7 +119,7 @@ pub fn build_interruptible(
     if options.mode == Mode::Paper {
         warn_of_another_network(model);
     }
-    let recipe = recipe(options);
+    let recipe = recipe_of(options);
     let recipe = recipe.as_ref();
     let plans = plan_levels(
         raster.georeference(),
@@ -205,7 +205,7 @@ fn warn_of_another_network(model: &Model) {
 }
 
 /// What the options' mode does differently.
-fn recipe(options: &BuildOptions) -> Box<dyn Recipe> {
+pub(crate) fn recipe_of(options: &BuildOptions) -> Box<dyn Recipe> {
     match options.mode {
         Mode::Default => Box::new(Cells),
         Mode::Paper => Box::new(PaperTiles {

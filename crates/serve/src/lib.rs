@@ -25,6 +25,7 @@ mod answers_route;
 mod assets;
 mod connections;
 mod error;
+mod forwarded;
 mod guard;
 mod health;
 mod limits;

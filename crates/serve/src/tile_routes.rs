@@ -12,6 +12,7 @@ use image::codecs::jpeg::JpegEncoder;
 use image::{DynamicImage, ImageError, ImageFormat, RgbaImage};
 use serde::Serialize;
 
+use crate::forwarded::scheme_of;
 use crate::problem::Problem;
 use crate::query::Query;
 use crate::state::{Shared, State};
@@ -65,7 +66,8 @@ pub(crate) async fn tilejson(
         tilejson: "3.0.0",
         name: map.id().to_owned(),
         tiles: vec![format!(
-            "http://{host}/v1/maps/{}/tiles/{{z}}/{{x}}/{{y}}",
+            "{}://{host}/v1/maps/{}/tiles/{{z}}/{{x}}/{{y}}",
+            scheme_of(&headers),
             map.id()
         )],
         scheme: "xyz",

@@ -19,7 +19,7 @@ pub use super::locate_options::{AdaptChoice, LocateOptions};
 use super::map_place::{MapPlace, check_built_from};
 use crate::drawings::Drawings;
 use crate::exit::Exit;
-use crate::formats::{AnswerStream, Format};
+use crate::formats::{AnswerOutput, Format};
 pub use crate::localise::{adapt_to_flight, locate_one};
 use crate::outputs::OverwriteChoice;
 use crate::{errors, inputs, interrupt, photos, progress};
@@ -30,6 +30,7 @@ pub const EXAMPLES: &str = "\
 Examples:
   grim locate --pack town.grim flight/*.jpg
   grim locate --pack town.grim flight/ -o fixes.geojson --format geojson
+  grim locate --pack town.grim flight/ -o fixes.gpkg                     a GeoPackage for QGIS
   grim locate --pack town.grim a.jpg --heading unknown --height-agl 120 --hfov 73
   grim locate --pack town.grim flight/ --draw drawings --map town.tif
 
@@ -56,7 +57,8 @@ pub struct LocateArgs {
     #[command(flatten)]
     limits: LimitsChoice,
 
-    /// How to write the answers [default: table on a terminal, jsonl in a pipe or file]
+    /// How to write the answers [default: table on a terminal, gpkg in FILE.gpkg, jsonl in
+    /// a pipe or another file]
     #[arg(long, value_enum, help_heading = OUTPUT)]
     format: Option<Format>,
 
@@ -104,7 +106,8 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     let mut drawings = drawings(arguments, &pack, &paths, &policy)?;
     let localizer = localizer(arguments, pack, &paths)?;
 
-    let format = arguments.format.unwrap_or_else(|| {
+    let named = arguments.out.as_deref().and_then(Format::of_name);
+    let format = arguments.format.or(named).unwrap_or_else(|| {
         let readable = arguments.out.is_none() && std::io::stdout().is_terminal();
         if readable {
             Format::Table
@@ -112,10 +115,7 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
             Format::Jsonl
         }
     });
-    let mut stream = match &arguments.out {
-        Some(path) => AnswerStream::to_file(format, path, &policy)?,
-        None => AnswerStream::to_stdout(format),
-    };
+    let mut stream = AnswerOutput::open(format, arguments.out.as_deref(), &policy)?;
     let partial = stream.partial_path();
     locate_all(arguments, &localizer, &paths, &mut stream, &mut drawings)
         .and_then(|exit| stream.finish().map(|()| exit))
@@ -177,7 +177,7 @@ fn locate_all(
     arguments: &LocateArgs,
     localizer: &Localizer,
     paths: &[PathBuf],
-    stream: &mut AnswerStream,
+    stream: &mut AnswerOutput,
     drawings: &mut Option<Drawings>,
 ) -> Result<Exit> {
     let stop = Arc::new(AtomicBool::new(false));

@@ -5,6 +5,7 @@ use clap::Subcommand;
 
 pub use super::map_build::build_with_bar;
 use super::map_build::{self, BuildArgs};
+use super::map_check::{self, CheckArgs};
 use super::map_info::{self, InfoArgs, VerifyArgs};
 use crate::exit::Exit;
 
@@ -13,10 +14,17 @@ use crate::exit::Exit;
 pub enum MapCommand {
     /// Compute a map pack: the features of a map, once, for all photos
     ///
-    /// Reads GeoTIFF and COG in any common projection, a picture with a world file (with --crs), a picture with --corners, or
-    /// a CSV of pictures with corners. An interrupted build continues if the same command is given again.
+    /// Reads GeoTIFF and COG in any common projection, several of them (a folder, a .txt list, a .vrt), MBTiles, PMTiles, a
+    /// folder of tiles, a picture with a world file (with --crs), a picture with --corners, or a CSV of pictures with
+    /// corners. An interrupted build continues if the same command is given again.
     #[command(after_help = map_build::EXAMPLES)]
     Build(BuildArgs),
+    /// Show what a map is, what its pack would take, and what looks wrong, before it is built
+    ///
+    /// Coordinate system, extent, ground resolution, a small picture on a terminal, number of tiles, size of the pack and time to
+    /// build it here.
+    #[command(after_help = map_check::EXAMPLES)]
+    Check(CheckArgs),
     /// Show what a pack holds
     #[command(after_help = map_info::INFO_EXAMPLES)]
     Info(InfoArgs),
@@ -34,6 +42,7 @@ pub enum MapCommand {
 pub fn run(command: MapCommand) -> Result<Exit> {
     match command {
         MapCommand::Build(arguments) => map_build::run(&arguments),
+        MapCommand::Check(arguments) => map_check::run(&arguments),
         MapCommand::Info(arguments) => map_info::info(&arguments),
         MapCommand::Verify(arguments) => map_info::verify(&arguments),
     }

@@ -3,7 +3,7 @@
 use std::io::{Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 use grimnet_answer::{Answer, AnswerFormat};
 use grimnet_output::{AtomicFile, OutputPolicy};
 
@@ -71,8 +71,11 @@ enum Out {
 
 impl AnswerStream {
     /// Answers go to standard output.
-    pub fn to_stdout(format: Format) -> Self {
-        Self::rows_to_stdout(Box::new(format.start()))
+    ///
+    /// # Errors
+    /// The format is not text.
+    pub fn to_stdout(format: Format) -> Result<Self> {
+        Ok(Self::rows_to_stdout(Box::new(text_format(format)?)))
     }
 
     /// Answers go to a file.
@@ -80,8 +83,14 @@ impl AnswerStream {
     /// # Errors
     /// As [`TextStream::rows_to_file`].
     pub fn to_file(format: Format, path: &Path, policy: &OutputPolicy) -> Result<Self> {
-        Self::rows_to_file(Box::new(format.start()), path, policy)
+        Self::rows_to_file(Box::new(text_format(format)?), path, policy)
     }
+}
+
+fn text_format(format: Format) -> Result<Box<dyn AnswerFormat>> {
+    format
+        .start()
+        .context("a GeoPackage is a file; give its name with -o FILE.gpkg")
 }
 
 impl<R> TextStream<R> {

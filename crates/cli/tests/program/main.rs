@@ -6,6 +6,7 @@ mod damage;
 mod evaluation;
 mod guide;
 mod interruptions;
+mod maps;
 mod outputs;
 mod track;
 mod words;

@@ -59,11 +59,7 @@ pub fn check_cost(
             what: format!("{tiles} tiles, more than the limit of {}", limits.max_tiles),
         });
     }
-    let number_len = recipe.descriptor_type().number_len() as u64;
-    let bytes_per_keypoint = spec.descriptor_dim as u64 * number_len + 6;
-    let bytes_per_tile = u64::from(recipe.max_keypoints(spec, options)) * bytes_per_keypoint
-        + spec.global_len() as u64 * number_len;
-    let bytes = tiles.saturating_mul(bytes_per_tile);
+    let bytes = tiles.saturating_mul(bytes_per_tile(spec, options, recipe));
     if bytes > limits.max_pack_bytes {
         return Err(PackError::TooCostly {
             what: format!(
@@ -73,4 +69,12 @@ pub fn check_cost(
         });
     }
     Ok(())
+}
+
+/// Largest size of a tile in the pack, bytes.
+pub fn bytes_per_tile(spec: &NetSpec, options: &BuildOptions, recipe: &dyn Recipe) -> u64 {
+    let number_len = recipe.descriptor_type().number_len() as u64;
+    let bytes_per_keypoint = spec.descriptor_dim as u64 * number_len + 6;
+    u64::from(recipe.max_keypoints(spec, options)) * bytes_per_keypoint
+        + spec.global_len() as u64 * number_len
 }

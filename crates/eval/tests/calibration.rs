@@ -40,9 +40,8 @@ fn observations(count: usize, seed: u64) -> Vec<Observation> {
             error_north_m: error_m * normal(rng),
             level_gsd_m: GSD_M,
             support: Support {
-                mutual_matches: 60,
-                mutual_inliers: 30,
-                visible: 100,
+                held_back_points: 100,
+                held_back_excess: 0.0,
                 expected_inliers: 0.5,
                 on_map: 1.0,
                 inliers,

@@ -16,14 +16,13 @@ pub struct Support {
     pub runner_up_inliers: usize,
     /// Standard deviation of the inliers along their short axis, over half the photo's mean side.
     pub spread: f64,
-    /// Number of matches that were found without the transform, by mutual nearest neighbours.
-    pub mutual_matches: usize,
-    /// Number of those that agree with the transform.
-    pub mutual_inliers: usize,
-    /// Number of the photo's keypoints with a keypoint of the map where the transform maps them.
-    pub visible: usize,
     /// Number of inliers that guided matching would find if the descriptors said nothing.
     pub expected_inliers: f64,
+    /// Number of the map's keypoints, apart from the inliers, that the photo shows.
+    pub held_back_points: usize,
+    /// Mean excess of the similarity of their descriptors to the photo's where the transform maps them over that around these
+    /// positions (cosine).
+    pub held_back_excess: f64,
     /// Share of the photo that lies on the map, 0 to 1.
     pub on_map: f64,
     /// Covariance of the centre from the inliers alone, before calibration, square metres: east-east, east-north,
@@ -35,19 +34,23 @@ pub struct Support {
 const CHANCE_INLIERS: usize = 10;
 /// Expected numbers of chance inliers below this are raised to it: photos with few keypoints are no better evidence.
 const MIN_EXPECTED_INLIERS: f64 = 0.1;
+/// The mean excess of so many held-back keypoints counts half, of fewer less.
+const HALF_WEIGHT_POINTS: f64 = 50.0;
 /// Smaller spreads are raised to this to keep the logarithm finite.
 const MIN_SPREAD: f64 = 1e-3;
 
 impl Support {
     /// The features of the logistic model: the logarithms of cells, of inliers over those of the runner-up, of inliers over
-    /// those that chance gives, and of spread.
-    pub fn evidence(&self) -> [f64; 4] {
+    /// those that chance gives, and of spread; and the excess of the held-back keypoints, less for few of them.
+    pub fn evidence(&self) -> [f64; 5] {
         let inliers = self.inliers.max(1) as f64;
+        let held_back = self.held_back_points as f64;
         [
             (self.places.max(1) as f64).ln(),
             (inliers / self.runner_up_inliers.max(CHANCE_INLIERS) as f64).ln(),
             (inliers / self.expected_inliers.max(MIN_EXPECTED_INLIERS)).ln(),
             self.spread.max(MIN_SPREAD).ln(),
+            self.held_back_excess * held_back / (held_back + HALF_WEIGHT_POINTS),
         ]
     }
 
@@ -58,6 +61,7 @@ impl Support {
             model.log_lead,
             model.log_excess,
             model.log_spread,
+            model.held_back,
         ];
         let weighed = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
         let log_odds = model.intercept + weighed.sum::<f64>();
@@ -77,10 +81,9 @@ mod tests {
             matches: 40,
             runner_up_inliers: 16,
             spread: 0.5,
-            mutual_matches: 60,
-            mutual_inliers: 12,
-            visible: 80,
             expected_inliers: 0.5,
+            held_back_points: 150,
+            held_back_excess: 0.2,
             on_map: 1.0,
             inlier_covariance_en_m2: [1.0, 0.0, 1.0],
         };
@@ -90,10 +93,11 @@ mod tests {
             log_lead: 2.0,
             log_excess: 0.5,
             log_spread: 0.1,
+            held_back: 4.0,
             needed: 0.5,
         };
-        // -3 + ln 15 + 2 ln 1.25 + 0.5 ln 40 + 0.1 ln 0.5 = 1.929462
-        let by_hand = 1.0 / (1.0 + (-1.929_462_f64).exp());
+        // -3 + ln 15 + 2 ln 1.25 + 0.5 ln 40 + 0.1 ln 0.5 + 4 * 0.2 * 150 / 200 = 2.529462
+        let by_hand = 1.0 / (1.0 + (-2.529_462_f64).exp());
         assert!((support.confidence(&model) - by_hand).abs() < 1e-6);
         let alone = Support {
             runner_up_inliers: 0,

@@ -28,6 +28,7 @@
 
 mod confidence;
 mod context;
+mod dense_query;
 pub mod draw;
 mod error;
 mod frame_features;

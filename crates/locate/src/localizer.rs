@@ -276,7 +276,7 @@ impl Localizer {
             return Ok(Vec::new());
         };
         let side_px = side_px(context, &round.hypotheses);
-        let (queries, _) = extract_queries(context, photo, &view, &round.hypotheses, side_px)?;
+        let queries = extract_queries(context, photo, &view, &round.hypotheses, side_px)?.features;
         let mut tiles = distinct_tiles(&by_descriptor(
             context.level(first.level),
             &queries,

@@ -7,6 +7,7 @@ pub mod chance;
 pub mod gates;
 pub mod ground_position;
 pub mod guided_matching;
+pub mod held_back;
 pub mod queries;
 pub mod ranking;
 pub mod realign;

@@ -8,6 +8,7 @@ use image::{GrayImage, RgbImage};
 use nalgebra::{Matrix3, Point2};
 
 use crate::{
+    dense_query::DenseQuery,
     error::Result,
     options::{Adapt, Options},
     search::matching::Descriptors,
@@ -41,7 +42,7 @@ pub(crate) const PIXEL_CENTRE: f32 = 0.5;
 pub(crate) const MIN_KEYPOINTS: usize = 8;
 
 impl QueryFeatures {
-    /// Runs the network over a query. Its descriptors become `descriptor_type`, that of the level they are compared with.
+    /// Runs the network over a query and returns the network's output, too. The query's descriptors become `descriptor_type`, that of the level they are compared with.
     pub fn extract(
         extractor: &Extractor,
         image: &RgbImage,
@@ -49,26 +50,29 @@ impl QueryFeatures {
         photo_px_from_query_px: Matrix3<f64>,
         descriptor_type: DescriptorType,
         options: &Options,
-    ) -> Result<Self> {
+    ) -> Result<(Self, DenseQuery)> {
         let extract = ExtractOptions {
             threshold: options.keypoint_threshold,
             max_keypoints: options.max_keypoints,
             nms_radius_px: options.nms_radius_px,
         };
-        let features = match options.adapt {
-            Adapt::Photo => extractor.extract_instance(image, mask, &extract)?,
-            Adapt::None | Adapt::Flight => extractor.extract(image, mask, &extract)?,
+        let dense = match options.adapt {
+            Adapt::Photo => extractor.dense_instance(image, mask)?.0,
+            Adapt::None | Adapt::Flight => extractor.dense(image, mask)?,
         };
+        let features = extractor.features_of(&dense, mask, &extract);
         let seen_px = mask.map_or(image.width() as usize * image.height() as usize, |mask| {
             mask.as_raw().iter().filter(|&&seen| seen > 0).count()
         });
-        Ok(Self::new(
+        let query = Self::new(
             &features,
             image.dimensions(),
             seen_px,
             photo_px_from_query_px,
             descriptor_type,
-        ))
+        );
+        let mask = mask.cloned();
+        Ok((query, DenseQuery { dense, mask }))
     }
 
     fn new(

@@ -99,6 +99,10 @@ pub struct Confidence {
     pub log_excess: f64,
     /// Weight of the natural logarithm of the inliers' spread over the photo (short axis, in half sides).
     pub log_spread: f64,
+    /// Weight of the mean excess of similarity of the map's keypoints that are not inliers; 0 in models that were calibrated
+    /// without it.
+    #[serde(default)]
+    pub held_back: f64,
     /// Fixes of a lower probability are rejected. By the fit, only a small share of photos taken elsewhere (one in a
     /// thousand, unless set otherwise) reaches it. Greater than 0, at most 1.
     pub needed: f64,
@@ -112,6 +116,7 @@ impl Confidence {
             ("log_lead", self.log_lead),
             ("log_excess", self.log_excess),
             ("log_spread", self.log_spread),
+            ("held_back", self.held_back),
         ];
         for (field, found) in weights {
             within(field, found, -LARGEST..=LARGEST, "between -1e6 and 1e6")?;
@@ -170,6 +175,7 @@ mod tests {
                 log_lead: 2.3,
                 log_excess: 2.8,
                 log_spread: 2.5,
+                held_back: 27.0,
                 needed: 0.9,
             }),
             fitted_on: Some(FittedOn::default()),

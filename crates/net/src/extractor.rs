@@ -186,7 +186,7 @@ impl Extractor {
         mask: Option<&GrayImage>,
         options: &ExtractOptions,
     ) -> Result<Features, NetError> {
-        Ok(self.features(&self.dense(image, mask)?, mask, options))
+        Ok(self.features_of(&self.dense(image, mask)?, mask, options))
     }
 
     /// [`Extractor::extract`], normalised with the image's own statistics as by [`Extractor::dense_instance`].
@@ -199,10 +199,11 @@ impl Extractor {
         mask: Option<&GrayImage>,
         options: &ExtractOptions,
     ) -> Result<Features, NetError> {
-        Ok(self.features(&self.dense_instance(image, mask)?.0, mask, options))
+        Ok(self.features_of(&self.dense_instance(image, mask)?.0, mask, options))
     }
 
-    fn features(
+    /// The features of an image from the network's output for it, with the mask of that run.
+    pub fn features_of(
         &self,
         dense: &Dense,
         mask: Option<&GrayImage>,

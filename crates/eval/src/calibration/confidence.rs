@@ -25,8 +25,8 @@ const MIN_TAIL: usize = 60;
 /// then has no maximum.
 const RIDGE: f64 = 1.0;
 
-/// Intercept and four weights.
-const TERMS: usize = 5;
+/// Intercept and five weights.
+const TERMS: usize = 6;
 type Terms = SVector<f64, TERMS>;
 
 /// Fits the weights to right and wrong answers, then the least confidence so that a share `allowed` of the photos taken elsewhere
@@ -35,7 +35,7 @@ type Terms = SVector<f64, TERMS>;
 /// # Errors
 /// Too few of either.
 pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, FitError> {
-    let answers: Vec<([f64; 4], bool)> = observations
+    let answers: Vec<([f64; TERMS - 1], bool)> = observations
         .iter()
         .filter_map(|o| Some((o.answer?.support.evidence(), o.is_right())))
         .collect();
@@ -54,13 +54,21 @@ pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, Fit
         });
     }
     let weights = logistic(&answers);
-    let [intercept, log_places, log_lead, log_excess, log_spread] = weights.into();
+    let [
+        intercept,
+        log_places,
+        log_lead,
+        log_excess,
+        log_spread,
+        held_back,
+    ] = weights.into();
     let mut model = Confidence {
         intercept,
         log_places,
         log_lead,
         log_excess,
         log_spread,
+        held_back,
         needed: 0.0,
     };
     let elsewhere = limiting(observations);
@@ -105,15 +113,22 @@ fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     let start = values[first];
     let excess = values[first..].iter().map(|v| v - start).sum::<f64>() / count as f64;
     let reached = count as f64 / photos as f64;
-    start + excess * (reached / allowed).ln().max(0.0)
+    let extrapolated = start + excess * (reached / allowed).ln().max(0.0);
+    // No more than allowed are above it among those that were seen, either: several maps together have a longer tail.
+    let above = (allowed * photos as f64) as usize;
+    let seen = values
+        .len()
+        .checked_sub(above + 1)
+        .map(|index| values[index]);
+    seen.map_or(extrapolated, |seen| extrapolated.max(seen.next_up()))
 }
 
 /// Newton's method on the standardised evidence; returns the weights of the unscaled evidence.
-fn logistic(answers: &[([f64; 4], bool)]) -> Terms {
+fn logistic(answers: &[([f64; TERMS - 1], bool)]) -> Terms {
     let count = answers.len() as f64;
-    let mut mean = [0.0; 4];
-    let mut deviation = [0.0; 4];
-    for i in 0..4 {
+    let mut mean = [0.0; TERMS - 1];
+    let mut deviation = [0.0; TERMS - 1];
+    for i in 0..TERMS - 1 {
         mean[i] = answers.iter().map(|a| a.0[i]).sum::<f64>() / count;
         let square = answers
             .iter()
@@ -126,7 +141,7 @@ fn logistic(answers: &[([f64; 4], bool)]) -> Terms {
         .map(|(evidence, right)| {
             let at = |i: usize| (evidence[i] - mean[i]) / deviation[i];
             (
-                Terms::from([1.0, at(0), at(1), at(2), at(3)]),
+                Terms::from([1.0, at(0), at(1), at(2), at(3), at(4)]),
                 f64::from(u8::from(*right)),
             )
         })
@@ -152,9 +167,36 @@ fn logistic(answers: &[([f64; 4], bool)]) -> Terms {
         }
     }
     let mut plain = weights;
-    for i in 0..4 {
+    for i in 0..TERMS - 1 {
         plain[i + 1] = weights[i + 1] / deviation[i];
         plain[0] -= plain[i + 1] * mean[i];
     }
     plain
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_more_than_the_allowed_share_of_those_seen_exceeds_the_limit() {
+        // A long tail on one map among many short ones: the mean excess alone would let three of 2,000 pass.
+        let short = (0..1997).map(|i| -10.0 - f64::from(i % 100) / 100.0);
+        let values: Vec<f64> = short.chain([-3.0, -2.0, -1.0]).collect();
+        let limit = tail_limit(values.clone(), 2000, 1e-3);
+        assert_eq!(values.iter().filter(|&&v| v >= limit).count(), 2);
+        // One in a hundred: far below all three.
+        let limit = tail_limit(values, 2000, 1e-2);
+        assert!(limit < -9.0, "{limit}");
+    }
+
+    #[test]
+    fn the_tail_is_extrapolated_beyond_what_was_seen() {
+        // Quantiles of an exponential distribution of scale 1: one in a thousand exceeds ln 1000.
+        let values = (0..400)
+            .map(|i| -((f64::from(i) + 0.5) / 400.0).ln())
+            .collect();
+        let limit = tail_limit(values, 400, 1e-4);
+        assert!((limit - 1e4_f64.ln()).abs() < 0.5, "{limit}");
+    }
 }

@@ -73,10 +73,9 @@ struct Row {
     inlier_ee_m2: Option<f64>,
     inlier_en_m2: Option<f64>,
     inlier_nn_m2: Option<f64>,
-    mutual_matches: Option<usize>,
-    mutual_inliers: Option<usize>,
-    visible: Option<usize>,
     expected_inliers: Option<f64>,
+    held_back_points: Option<usize>,
+    held_back_excess: Option<f64>,
     on_map: Option<f64>,
 }
 
@@ -106,10 +105,9 @@ pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
             inlier_ee_m2: covariance.map(|c| c[0]),
             inlier_en_m2: covariance.map(|c| c[1]),
             inlier_nn_m2: covariance.map(|c| c[2]),
-            mutual_matches: support.map(|s| s.mutual_matches),
-            mutual_inliers: support.map(|s| s.mutual_inliers),
-            visible: support.map(|s| s.visible),
             expected_inliers: support.map(|s| s.expected_inliers),
+            held_back_points: support.map(|s| s.held_back_points),
+            held_back_excess: support.map(|s| s.held_back_excess),
             on_map: support.map(|s| s.on_map),
         })?;
     }
@@ -141,10 +139,9 @@ impl Row {
                     matches: self.matches?,
                     runner_up_inliers: self.runner_up_inliers?,
                     spread: self.spread?,
-                    mutual_matches: self.mutual_matches?,
-                    mutual_inliers: self.mutual_inliers?,
-                    visible: self.visible?,
                     expected_inliers: self.expected_inliers?,
+                    held_back_points: self.held_back_points?,
+                    held_back_excess: self.held_back_excess?,
                     on_map: self.on_map?,
                     inlier_covariance_en_m2: [
                         self.inlier_ee_m2?,

@@ -141,7 +141,7 @@ fn extract_query(
     let photo_px_from_query_px = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
-    let query = QueryFeatures::extract(
+    let (query, _) = QueryFeatures::extract(
         context.extractor,
         &image,
         None,
@@ -178,7 +178,7 @@ fn extract_turned_query(
     let turned_from_query = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
-    let query = QueryFeatures::extract(
+    let (query, _) = QueryFeatures::extract(
         context.extractor,
         &image,
         Some(&mask),

@@ -3,7 +3,7 @@
 use grimnet_geo::distance_m;
 use grimnet_net::Calibration;
 use grimnet_pack::Level;
-use grimnet_photo::Photo;
+use grimnet_photo::{Photo, View};
 
 use crate::{
     confidence::Support,
@@ -17,6 +17,8 @@ use crate::{
     pipeline::{
         gates::{occupied_cells, spread},
         ground_position::{GroundPosition, ground_position, matched_points},
+        held_back::HeldBack,
+        queries::{extract_queries, side_px},
         ranking::{RankedAnswer, runner_up_inliers},
         verification::VerifiedCandidate,
     },
@@ -29,6 +31,7 @@ use crate::{
 pub(crate) fn outcome(
     context: Context<'_>,
     photo: &Photo,
+    view: &View,
     prior: &Prior,
     best: &RankedAnswer<'_>,
     evidence: EvidenceUsed,
@@ -43,13 +46,15 @@ pub(crate) fn outcome(
         .options
         .keep_matches
         .then(|| Box::new(matched_points(best.verified, level, query, photo)));
-    Ok(match accept(context, photo, prior, best, level, query)? {
-        Ok(accepted) => Outcome::Fix(Box::new(accepted.into_fix(best, level, evidence, drawn))),
-        Err(rejection) => Outcome::NoFix(Box::new(NoFix {
-            drawn,
-            ..no_fix_for(Reason::Rejected(rejection), Some(best.verified), evidence)
-        })),
-    })
+    Ok(
+        match accept(context, photo, view, prior, best, level, query)? {
+            Ok(accepted) => Outcome::Fix(Box::new(accepted.into_fix(best, level, evidence, drawn))),
+            Err(rejection) => Outcome::NoFix(Box::new(NoFix {
+                drawn,
+                ..no_fix_for(Reason::Rejected(rejection), Some(best.verified), evidence)
+            })),
+        },
+    )
 }
 
 /// An answer that passed every gate.
@@ -63,6 +68,7 @@ struct AcceptedAnswer {
 fn accept(
     context: Context<'_>,
     photo: &Photo,
+    view: &View,
     prior: &Prior,
     best: &RankedAnswer<'_>,
     level: &Level,
@@ -91,7 +97,10 @@ fn accept(
     {
         return Ok(Err(rejection));
     }
+    let held_back = held_back(context, photo, view, best)?;
     let support = Support {
+        held_back_points: held_back.points,
+        held_back_excess: held_back.excess,
         on_map: position.on_map,
         ..support(
             best.verified,
@@ -169,7 +178,29 @@ fn confidence_rejection(
     options.gates?.check_confidence(confidence?, needed).err()
 }
 
-/// What a fix rests on.
+/// The agreement of the photo with the keypoints that the best answer does not rest on.
+fn held_back(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    best: &RankedAnswer<'_>,
+) -> Result<HeldBack> {
+    let level = context.level(best.round.level);
+    let number = best.verified.candidate.query;
+    if let Some(query) = &best.round.dense {
+        return HeldBack::of(query, level, best.verified);
+    }
+    // The network's output of one of several hypotheses was not kept.
+    let side_px = side_px(context, &best.round.hypotheses);
+    let hypothesis = best.round.hypotheses[number];
+    let again = extract_queries(context, photo, view, &[hypothesis], side_px)?;
+    again.dense.map_or_else(
+        || Ok(HeldBack::default()),
+        |query| HeldBack::of(&query, level, best.verified),
+    )
+}
+
+/// What a fix rests on, but for the share of the photo on the map and the held-back keypoints.
 pub(crate) fn support(
     verified: &VerifiedCandidate,
     query: &QueryFeatures,
@@ -184,10 +215,9 @@ pub(crate) fn support(
         matches: verified.pairs.len(),
         runner_up_inliers,
         spread: spread(points, query.half_side_px),
-        mutual_matches: verified.chance.mutual_matches,
-        mutual_inliers: verified.chance.mutual_inliers,
-        visible: verified.chance.visible,
-        expected_inliers: verified.chance.expected_inliers,
+        expected_inliers: verified.expected_inliers,
+        held_back_points: 0,
+        held_back_excess: 0.0,
         on_map: 1.0,
         inlier_covariance_en_m2,
     }

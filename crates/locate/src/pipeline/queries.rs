@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     context::Context,
+    dense_query::DenseQuery,
     error::Result,
     outcome::{TimeMs, elapsed_ms},
     pipeline::tile_frame::level_px_per_query_px,
@@ -23,17 +24,28 @@ pub(crate) fn side_px(context: Context<'_>, hypotheses: &[Hypothesis]) -> u32 {
     }
 }
 
-/// The features of the photo under each hypothesis, and the time for it. The hypotheses differ in heading only.
+/// What the network made of a photo under some hypotheses.
+#[derive(Debug, Default)]
+pub(crate) struct Queries {
+    /// The features of each hypothesis.
+    pub features: Vec<QueryFeatures>,
+    /// The network's output for a single hypothesis. It takes more memory than all else: that of many is not kept.
+    pub dense: Option<DenseQuery>,
+    /// Wall time by stage.
+    pub time_ms: TimeMs,
+}
+
+/// Queries of the photo under each hypothesis. The hypotheses differ in heading only.
 pub(crate) fn extract_queries(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
     hypotheses: &[Hypothesis],
     max_side_px: u32,
-) -> Result<(Vec<QueryFeatures>, TimeMs)> {
+) -> Result<Queries> {
     let mut time_ms = TimeMs::default();
     let Some(first) = hypotheses.first() else {
-        return Ok((Vec::new(), time_ms));
+        return Ok(Queries::default());
     };
     let since = Instant::now();
     let maker = query_maker(context, photo, view, first, max_side_px)?;
@@ -46,21 +58,27 @@ pub(crate) fn extract_queries(
         .collect();
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
-    let features = made
+    let made: Vec<(QueryFeatures, Option<DenseQuery>)> = made
         .par_iter()
         .map(|query| {
-            QueryFeatures::extract(
+            let (features, dense) = QueryFeatures::extract(
                 context.extractor,
                 &query.image,
                 Some(&query.mask),
                 query.photo_px_from_query_px,
                 level.descriptor_type(),
                 context.options,
-            )
+            )?;
+            Ok((features, (hypotheses.len() == 1).then_some(dense)))
         })
         .collect::<Result<_>>()?;
     time_ms.features = elapsed_ms(since);
-    Ok((features, time_ms))
+    let (features, dense): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    Ok(Queries {
+        features,
+        dense: dense.into_iter().flatten().next(),
+        time_ms,
+    })
 }
 
 /// Prepares queries at the resolution of the hypothesis' level.

@@ -12,7 +12,7 @@ use crate::{
     error::Result,
     outcome::{Rejection, elapsed_ms},
     pipeline::{
-        queries::extract_queries,
+        queries::{Queries, extract_queries},
         ranking::RankedAnswer,
         round_result::RoundResult,
         verification::{VerifiedCandidate, verify},
@@ -38,7 +38,11 @@ pub(crate) fn realign(
     };
     let round = best.round;
     let side_px = context.options.query_side_px;
-    let (queries, mut time_ms) = extract_queries(context, photo, view, &[hypothesis], side_px)?;
+    let Queries {
+        features: queries,
+        dense,
+        mut time_ms,
+    } = extract_queries(context, photo, view, &[hypothesis], side_px)?;
     let since = Instant::now();
     let level = context.level(round.level);
     let verified = tiles_around(level, best.verified)
@@ -57,6 +61,7 @@ pub(crate) fn realign(
         level: round.level,
         hypotheses: vec![hypothesis],
         queries,
+        dense,
         verified,
         about: round.about.clone(),
         trace: RoundTrace::default(),

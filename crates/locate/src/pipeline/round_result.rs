@@ -1,8 +1,8 @@
 //! The result of one round of hypotheses.
 
 use crate::{
-    outcome::TimeMs, pipeline::verification::VerifiedCandidate, query_features::QueryFeatures,
-    search::hypotheses::Hypothesis, trace::RoundTrace,
+    dense_query::DenseQuery, outcome::TimeMs, pipeline::verification::VerifiedCandidate,
+    query_features::QueryFeatures, search::hypotheses::Hypothesis, trace::RoundTrace,
 };
 
 /// The hypotheses of a round with their queries, and the candidates that were matched in full.
@@ -14,6 +14,8 @@ pub(crate) struct RoundResult {
     pub hypotheses: Vec<Hypothesis>,
     /// The features of each hypothesis.
     pub queries: Vec<QueryFeatures>,
+    /// The network's output for a single hypothesis.
+    pub dense: Option<DenseQuery>,
     /// The candidates that were matched in full, in that order.
     pub verified: Vec<VerifiedCandidate>,
     /// What was assumed, for the answer's evidence.

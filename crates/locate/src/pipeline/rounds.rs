@@ -10,7 +10,7 @@ use crate::{
     error::Result,
     outcome::{TimeMs, elapsed_ms},
     pipeline::{
-        queries::{extract_queries, side_px},
+        queries::{Queries, extract_queries, side_px},
         ranking::{best_candidate, is_clear},
         round_result::RoundResult,
         verification::{VerifiedCandidate, verify},
@@ -40,7 +40,11 @@ pub(crate) fn run_round(
     let Round { hypotheses, about } = round;
     let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
     let side_px = side_px(context, &hypotheses);
-    let (queries, mut time_ms) = extract_queries(context, photo, view, &hypotheses, side_px)?;
+    let Queries {
+        features: queries,
+        dense,
+        mut time_ms,
+    } = extract_queries(context, photo, view, &hypotheses, side_px)?;
     let mut verified = Vec::new();
     let mut trace = RoundTrace {
         level,
@@ -68,6 +72,7 @@ pub(crate) fn run_round(
         level,
         hypotheses,
         queries,
+        dense,
         verified,
         about,
         trace,

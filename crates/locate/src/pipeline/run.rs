@@ -93,7 +93,7 @@ pub(crate) fn locate(
         .as_ref()
         .and_then(|result| RankedAnswer::of(result, options));
     let best = best.or_realigned(realigned, options);
-    let outcome = outcome(context, photo, prior, &best, evidence)?;
+    let outcome = outcome(context, photo, view, prior, &best, evidence)?;
     let query = &best.round.queries[best.verified.candidate.query];
     let verified = outcome.fix().map(|_| best.verified);
     Ok(Located {

@@ -18,7 +18,7 @@ use crate::{
     options::Options,
     outcome::Rejection,
     pipeline::{
-        chance::Chance,
+        chance::expected_inliers,
         guided_matching::{KeypointPair, match_guided},
         tile_frame::TileFrame,
     },
@@ -40,8 +40,8 @@ pub(crate) struct VerifiedCandidate {
     pub transform: Option<Homography>,
     /// Covariance of the mapped centre, in the same pixels.
     pub covariance_px2: Option<Matrix2<f64>>,
-    /// What chance contributes to the inliers.
-    pub chance: Chance,
+    /// Expected number of inliers if descriptors said nothing.
+    pub expected_inliers: f64,
     /// The photo's centre.
     pub centre_level_px: Option<LevelPx>,
     /// The first gate that the candidate does not pass.
@@ -80,7 +80,7 @@ pub(crate) fn verify_with(
     options: &Options,
 ) -> Result<VerifiedCandidate> {
     let frame = TileFrame::new(level, candidate.tile);
-    let (estimated, pairs, chance) = match_tile(
+    let (estimated, pairs, expected_inliers) = match_tile(
         level,
         query,
         &frame,
@@ -95,7 +95,7 @@ pub(crate) fn verify_with(
         inliers: Vec::new(),
         transform: None,
         covariance_px2: None,
-        chance,
+        expected_inliers,
         centre_level_px: None,
         rejection: None,
     };
@@ -121,7 +121,7 @@ fn match_tile(
     max_rotation_rad: f64,
     scratch: &mut Scratch,
     options: &Options,
-) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>, Chance)> {
+) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>, f64)> {
     let estimation = options.estimation(max_rotation_rad);
     let tile = level.features(tile)?;
     let tile_descriptors = Descriptors::from(&tile.descriptors);
@@ -157,19 +157,14 @@ fn match_tile(
             )
         });
     let threshold_px = estimation.ransac.threshold_px;
-    let chance = |estimated: &EstimatedTransform| {
-        Chance::along(&estimated.homography, &keypoints, &pairs, threshold_px)
+    let (estimated, pairs) = match guided {
+        Some((guided, guided_pairs)) => (Some(guided), guided_pairs),
+        None => (estimated, pairs),
     };
-    Ok(match guided {
-        Some((guided, guided_pairs)) => {
-            let chance = chance(&guided);
-            (Some(guided), guided_pairs, chance)
-        }
-        None => {
-            let chance = estimated.as_ref().map(chance).unwrap_or_default();
-            (estimated, pairs, chance)
-        }
-    })
+    let expected = estimated.as_ref().map_or(0.0, |estimated| {
+        expected_inliers(&estimated.homography, &keypoints, threshold_px)
+    });
+    Ok((estimated, pairs, expected))
 }
 
 fn centre_covariance(

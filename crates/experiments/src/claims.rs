@@ -206,6 +206,8 @@ fn section(page: &mut String, claim: &Claim, summary: &Value) {
     let runs = runs(summary);
     comparison(page, claim, &runs);
     other_figures(page, &runs);
+    footprint_shares(page, &runs);
+    reliability(page, &runs);
     for remark in &claim.remarks {
         put(page, format_args!("\n{remark}\n"));
     }
@@ -309,6 +311,64 @@ fn other_figures(page: &mut String, runs: &[(&String, &Value)]) {
     }
 }
 
+/// Errors as a share of the footprint, where the data set gives each photo's.
+fn footprint_shares(page: &mut String, runs: &[(&String, &Value)]) {
+    let of_photos = |run: &Value| run["footprint"].is_object();
+    if !runs.iter().any(|(_, run)| of_photos(run)) {
+        return;
+    }
+    let mut put = |text: std::fmt::Arguments<'_>| put(page, text);
+    put(format_args!(
+        "\n| answerable photos | with a fix | right (within 5 % of the footprint) | 95 % interval, by place | wrong, of all photos | neither right nor wrong |\n|---|---:|---:|---:|---:|---:|\n"
+    ));
+    for (name, run) in runs.iter().filter(|(_, run)| of_photos(run)) {
+        let shares = &run["footprint"];
+        put(format_args!(
+            "| {}: {} | {} | {} | {} to {}, {} places | {} | {} |\n",
+            name.replace('_', " "),
+            shares["answerable"],
+            shares["answerable_fixes"],
+            shares["right"],
+            percent(shares["right_share_interval"][0].as_f64()),
+            percent(shares["right_share_interval"][1].as_f64()),
+            shares["places"],
+            shares["wrong"],
+            shares["undecided"],
+        ));
+    }
+}
+
+/// How often fixes of a stated confidence are right.
+fn reliability(page: &mut String, runs: &[(&String, &Value)]) {
+    let mut rows = String::new();
+    for (name, run) in runs {
+        for bin in run["reliability"]["bins"].as_array().into_iter().flatten() {
+            put(
+                &mut rows,
+                format_args!(
+                    "| {} | {} to {} | {} | {} | {} | {} to {} |\n",
+                    name.replace('_', " "),
+                    percent(bin["from"].as_f64()),
+                    percent(bin["to"].as_f64()),
+                    bin["fixes"],
+                    percent(bin["mean_confidence"].as_f64()),
+                    bin["right"],
+                    percent(bin["right_share_interval"][0].as_f64()),
+                    percent(bin["right_share_interval"][1].as_f64()),
+                ),
+            );
+        }
+    }
+    if !rows.is_empty() {
+        put(
+            page,
+            format_args!(
+                "\n| | stated confidence | fixes | mean | right | 95 % interval |\n|---|---|---:|---:|---:|---:|\n{rows}"
+            ),
+        );
+    }
+}
+
 /// The runs of a summary: everything but `about`.
 fn runs(summary: &Value) -> Vec<(&String, &Value)> {
     summary
@@ -347,12 +407,20 @@ mod tests {
         .unwrap();
         fs_err::write(claim.join("claim.json"), text).unwrap();
         let summary = r#"{"about":{"mode":"default"},"heading_known":{"frames":10,"fixes":9,"within_5m":0.9,
-            "within_10m":0.9,"within_20m":0.9,"median_m":1.01}}"#;
+            "within_10m":0.9,"within_20m":0.9,"median_m":1.01,
+            "footprint":{"answerable":8,"answerable_fixes":7,"right":6,"right_share_interval":[0.4,0.9],"places":3,
+                "wrong":1,"undecided":0},
+            "reliability":{"bins":[{"from":0.9,"to":0.97,"fixes":7,"mean_confidence":0.95,"right":6,
+                "right_share_interval":[0.5,0.99]}]}}}"#;
         fs_err::write(claim.join("summary.json"), summary).unwrap();
         let page = page(folder.path()).unwrap();
         assert!(page.contains("behind Better (within 5 m) |"), "{page}");
         assert!(!page.contains("behind Worse"), "{page}");
         assert!(page.contains("| 9 of 10 |"), "{page}");
+        let shares = "| heading known: 8 | 7 | 6 | 40 % to 90 %, 3 places | 1 | 0 |";
+        assert!(page.contains(shares), "{page}");
+        let bin = "| heading known | 90 % to 97 % | 7 | 95 % | 6 | 50 % to 99 % |";
+        assert!(page.contains(bin), "{page}");
         fs_err::write(claim.join("summary.json"), "{").unwrap();
         let error = super::page(folder.path()).unwrap_err().to_string();
         assert!(error.contains("summary.json"), "{error}");

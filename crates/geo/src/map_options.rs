@@ -3,7 +3,7 @@
 /// Options for opening a map.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct MapOptions {
-    /// The CRS, if the file does not give it or gives a wrong one; see [`Crs::parse`].
+    /// The CRS, if the file does not give it or gives a wrong one; see [`crate::Crs::parse`].
     pub crs: Option<String>,
     /// Longitude and latitude of the lower left and the upper right corner, degrees:
     /// `[LL_LON, LL_LAT, UR_LON, UR_LAT]`. They override any georeference in the file.

@@ -227,7 +227,7 @@ fn conditions(page: &mut String, claim: &Claim, about: &Value) {
         other => other.to_string(),
     };
     put(format_args!(
-        "`{}`\n\nMode {}, model {} ({}), program {} at commit {}, map error in the radii {} m, error of the truth {} m per axis.\n\n",
+        "`{}`\n\nMode {}, model {} ({}), program {} at commit {}, map error in the radii {} m, error of the truth {}.\n\n",
         claim.command,
         text("mode"),
         text("model_hash"),
@@ -239,7 +239,10 @@ fn conditions(page: &mut String, claim: &Claim, about: &Value) {
         text("version"),
         text("commit"),
         text("map_error_m"),
-        text("truth_error_m"),
+        about["truth_error_m"].as_f64().map_or_else(
+            || "as each photo states it, if it does".to_owned(),
+            |error_m| format!("{error_m} m per axis")
+        ),
     ));
 }
 

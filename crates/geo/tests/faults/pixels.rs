@@ -120,11 +120,10 @@ fn what_is_not_a_picture_is_refused() {
         refused(open(&path), &path, &[]),
         GeoError::Io { .. }
     ));
-    let path = dir.path().to_path_buf();
-    assert!(matches!(
-        refused(open(&path), &path, &[]),
-        GeoError::Io { .. }
-    ));
+    let path = dir.path().join("nothing");
+    std::fs::create_dir(&path).unwrap();
+    let error = refused(open(&path), &path, &[]);
+    assert!(matches!(error, GeoError::NotAMap { .. }), "{error:?}");
 }
 
 #[test]

@@ -23,6 +23,8 @@ mod parallel;
 mod pool;
 mod resize;
 mod simd;
+#[cfg(feature = "training")]
+pub mod strided_product;
 mod tensor;
 pub mod train;
 mod transposed;

@@ -3,8 +3,8 @@
 //! Weights are `[out, in, 3, 3]`. Stride 1 uses Winograd's algorithm ([`grimnet_kernels::train`]); stride 2 and narrow layers use
 //! im2col.
 
-use super::strided_product::{View, product};
 use grimnet_kernels::Isa;
+use grimnet_kernels::strided_product::{View, product};
 use grimnet_kernels::train::{BatchConvSpec, conv3x3, conv3x3_grad_input, conv3x3_grad_weight};
 use rayon::prelude::*;
 

@@ -8,7 +8,6 @@ pub mod convolution;
 mod dispatch;
 pub mod normalisation;
 mod running_moments;
-pub mod strided_product;
 
 pub use dispatch::{conv3x3, norm_relu};
 pub use normalisation::{Group, Moments};

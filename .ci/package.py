@@ -9,6 +9,7 @@ Usage: .ci/package.py [--no-verify] (in the root of the workspace)
 import json
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tarfile
@@ -39,11 +40,14 @@ def main():
     for package in metadata["packages"]:
         if package["publish"] == []:
             command += ["--exclude", package["name"]]
+    target = pathlib.Path(metadata["target_directory"])
+    for package in published:
+        remove_earlier(package, target)
     # The packages are built only to see that they build.
     quick = {"CARGO_PROFILE_DEV_DEBUG": "false", "CARGO_PROFILE_DEV_OPT_LEVEL": "0"}
     subprocess.run(command, check=True, env=os.environ | quick)
 
-    folder = pathlib.Path(metadata["target_directory"]) / "package"
+    folder = target / "package"
     for package in sorted(published, key=lambda package: package["name"]):
         stem = f"{package['name']}-{package['version']}"
         path = folder / f"{stem}.crate"
@@ -58,6 +62,22 @@ def main():
         print(f"{package['name']:24} {size // 1024:7} KiB{note}")
     print("\n".join(findings) if findings else f"{len(published)} packages are complete")
     return 1 if findings else 0
+
+
+def remove_earlier(package, target):
+    """Removes what an earlier run unpacked and built of a package.
+
+    Cargo takes a package of the same version for the same package and would check this one against yesterday's others.
+    """
+    home = pathlib.Path(os.environ.get("CARGO_HOME") or pathlib.Path.home() / ".cargo")
+    stem = f"{package['name']}-{package['version']}"
+    # Registries on a disk, as cargo makes one for the packages of a workspace, have no host before the hyphen.
+    for path in home.glob(f"registry/src/-*/{stem}"):
+        shutil.rmtree(path)
+    for path in home.glob(f"registry/cache/-*/{stem}.crate"):
+        path.unlink()
+    for path in target.glob(f"debug/.fingerprint/{package['name']}-*"):
+        shutil.rmtree(path)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,9 @@ use crate::damage::Damage;
 use crate::error::PhotoError;
 use crate::jpeg;
 
+/// What the metadata of a PNG file may take, decompressed, bytes: colour profiles have less than 4 MiB, XMP less than 1 MiB.
+const MAX_PNG_METADATA_BYTES: u64 = 32 << 20;
+
 /// Pixels of one file, with EXIF orientation applied.
 #[derive(Debug)]
 pub(crate) struct Decoded {
@@ -88,7 +91,14 @@ fn decode_other(
     budget: &MemoryBudget,
     limits: &PhotoLimits,
 ) -> Result<RgbImage, PhotoError> {
-    let mut decoder = ImageReader::with_format(Cursor::new(bytes), format)
+    let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+    if format == ImageFormat::Png {
+        // Its reader decompresses the colour profile before the size of the picture is known here.
+        let mut metadata_limits = image::Limits::default();
+        metadata_limits.max_alloc = Some(MAX_PNG_METADATA_BYTES.min(limits.max_memory_bytes));
+        reader.limits(metadata_limits);
+    }
+    let mut decoder = reader
         .into_decoder()
         .map_err(|error| from_image(path, error))?;
     let colour = decoder.color_type();

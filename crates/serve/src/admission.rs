@@ -4,7 +4,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use axum::http::{StatusCode, header};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::limits::Limits;
@@ -54,8 +53,7 @@ impl Admission {
                 admission: self.clone(),
                 permit,
             }),
-            Err(_) => Err(Problem::new(
-                StatusCode::SERVICE_UNAVAILABLE,
+            Err(_) => Err(Problem::unavailable(
                 "busy",
                 "The service is busy",
                 format!(
@@ -63,8 +61,8 @@ impl Admission {
                     self.all_workers,
                     self.all_places - self.all_workers
                 ),
-            )
-            .with_header(header::RETRY_AFTER, self.retry_after_s())),
+                self.retry_after_s(),
+            )),
         }
     }
 
@@ -125,16 +123,15 @@ impl Place {
         };
         match tokio::time::timeout(limits.locate_time, running).await {
             Ok(result) => result,
-            Err(_) => Err(Problem::new(
-                StatusCode::SERVICE_UNAVAILABLE,
+            Err(_) => Err(Problem::unavailable(
                 "time-limit",
                 "The localisation took too long",
                 format!(
                     "no answer after {} s; a heading, a height or an area (`near`) makes the search shorter",
                     limits.locate_time.as_secs_f64()
                 ),
-            )
-            .with_header(header::RETRY_AFTER, retry_after_time_limit_s(limits))),
+                retry_after_time_limit_s(limits),
+            )),
         }
     }
 }

@@ -97,6 +97,17 @@ impl Problem {
         .with_header(header::CONNECTION, "close")
     }
 
+    /// Something that is taken now, and may be free after `retry_after_s` seconds.
+    pub(crate) fn unavailable(
+        name: &str,
+        title: &'static str,
+        detail: impl std::fmt::Display,
+        retry_after_s: u64,
+    ) -> Self {
+        Self::new(StatusCode::SERVICE_UNAVAILABLE, name, title, detail)
+            .with_header(header::RETRY_AFTER, retry_after_s)
+    }
+
     /// The fault is the service's. What happened is logged and not told.
     pub(crate) fn internal() -> Self {
         Self::new(

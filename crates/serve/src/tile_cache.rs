@@ -11,6 +11,10 @@ use crate::tile_address::TileAddress;
 /// Bytes that all tiles together may take.
 const MAX_BYTES: usize = 64 << 20;
 
+/// What a tile takes besides its bytes: its keys, its tag and its places in the tables, at most. Tiles far from the map have few
+/// bytes, and there are very many.
+const BYTES_BESIDE: usize = 512;
+
 /// What a tile shows.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) enum Layer {
@@ -50,9 +54,9 @@ impl TileCache {
 
     pub(crate) fn insert(&self, key: TileKey, tile: Tile) {
         let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        held.bytes += tile.bytes.len();
+        held.bytes += size(&tile);
         if let Some(old) = held.tiles.insert(key.clone(), tile) {
-            held.bytes -= old.bytes.len();
+            held.bytes -= size(&old);
         } else {
             held.order.push_back(key);
         }
@@ -61,10 +65,14 @@ impl TileCache {
                 break;
             };
             if let Some(tile) = held.tiles.remove(&oldest) {
-                held.bytes -= tile.bytes.len();
+                held.bytes -= size(&tile);
             }
         }
     }
+}
+
+fn size(tile: &Tile) -> usize {
+    tile.bytes.len() + BYTES_BESIDE
 }
 
 #[cfg(test)]
@@ -79,7 +87,7 @@ mod tests {
             ("town".to_owned(), Layer::Map, address)
         };
         let tile = |bytes: usize| Tile {
-            bytes: vec![0; bytes].into(),
+            bytes: vec![0; bytes - BYTES_BESIDE].into(),
             media_type: "image/png",
             tag: HeaderValue::from_static("\"a\""),
         };
@@ -90,5 +98,22 @@ mod tests {
         cache.insert(key(2), tile(MAX_BYTES / 2));
         assert!(cache.get(&key(0)).is_none());
         assert!(cache.get(&key(1)).is_some() && cache.get(&key(2)).is_some());
+    }
+
+    #[test]
+    fn empty_tiles_are_not_kept_without_bound() {
+        let cache = TileCache::default();
+        for x in 0..200_000 {
+            let address = TileAddress::new(24, x, 0).unwrap();
+            let tile = Tile {
+                bytes: Bytes::new(),
+                media_type: "image/png",
+                tag: HeaderValue::from_static("\"a\""),
+            };
+            cache.insert(("town".to_owned(), Layer::Map, address), tile);
+        }
+        let held = cache.0.lock().unwrap();
+        assert!(held.tiles.len() <= MAX_BYTES / BYTES_BESIDE);
+        assert_eq!(held.tiles.len(), held.order.len());
     }
 }

@@ -4,7 +4,7 @@ use std::convert::Infallible;
 use std::sync::Arc;
 
 use axum::extract::Path;
-use axum::http::{HeaderMap, StatusCode};
+use axum::http::HeaderMap;
 use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures_util::stream::{Stream, unfold};
@@ -16,6 +16,9 @@ use crate::track_store::Track;
 
 /// Where a browser says what it has got.
 const LAST_EVENT_ID: &str = "last-event-id";
+
+/// Seconds that a client is told to wait for the place of another one: nobody knows when that ends.
+const LISTENER_RETRY_S: u64 = 10;
 
 /// Follows a track
 ///
@@ -44,11 +47,11 @@ pub(crate) async fn events(
             .ok_or_else(|| Problem::bad_request("Last-Event-ID is not the number of a frame"))?,
     };
     let Ok(place) = state.listeners.clone().try_acquire_owned() else {
-        return Err(Problem::new(
-            StatusCode::SERVICE_UNAVAILABLE,
+        return Err(Problem::unavailable(
             "listeners",
             "Too many clients follow tracks",
-            "no further client can follow a track now",
+            "no further client can follow a track now; one may when another has ended",
+            LISTENER_RETRY_S,
         ));
     };
     let stream = frames(Listener {

@@ -157,13 +157,12 @@ pub(crate) async fn frame(
     let name = name.as_deref().and_then(label).or(upload.name);
     let turn = timeout(state.limits.locate_time, track.turn.clone().acquire_owned());
     let Ok(Ok(turn)) = turn.await else {
-        return Err(Problem::new(
-            StatusCode::SERVICE_UNAVAILABLE,
+        return Err(Problem::unavailable(
             "busy",
             "The track is busy",
             "the frames before this one take too long; send fewer",
-        )
-        .with_header(header::RETRY_AFTER, 1));
+            1,
+        ));
     };
     let shared = state.clone();
     let work = move || {

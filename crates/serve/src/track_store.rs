@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use axum::http::StatusCode;
 use grimnet_answer::Answer;
 use grimnet_flight::Flight;
 use grimnet_track::TrackPoint;
@@ -143,20 +142,17 @@ impl Tracks {
         let mut held = locked(&self.0);
         if held.tracks.len() >= MAX_TRACKS {
             let idle = |track: &Track| locked(&track.used).elapsed().as_secs_f64();
-            let oldest = held
-                .tracks
-                .values()
-                .map(|track| (idle(track), track.id))
-                .max_by(|a, b| a.0.total_cmp(&b.0))
-                .filter(|(idle_s, _)| *idle_s > IDLE_S);
-            let Some((_, id)) = oldest else {
-                return Err(Problem::new(
-                    StatusCode::SERVICE_UNAVAILABLE,
+            let tracks = held.tracks.values().map(|track| (idle(track), track.id));
+            let oldest = tracks.max_by(|a, b| a.0.total_cmp(&b.0));
+            let (idle_s, id) = oldest.unwrap_or_default();
+            if idle_s <= IDLE_S {
+                return Err(Problem::unavailable(
                     "tracks",
                     "There are too many tracks",
                     format!("{MAX_TRACKS} tracks are in use; end one with DELETE"),
+                    (IDLE_S - idle_s).ceil() as u64 + 1,
                 ));
-            };
+            }
             held.tracks.remove(&id);
         }
         held.latest_id += 1;

@@ -183,3 +183,28 @@ fn tracks_that_do_not_exist_and_frames_without_time() {
     assert_eq!(delete.status, 204);
     get(shared(), &format!("/v1/tracks/{id}")).problem(404, "not-found");
 }
+
+#[test]
+fn what_is_full_says_when_to_come_again() {
+    let limits = Limits {
+        listeners: 1,
+        ..Limits::default()
+    };
+    let running = Running::on_area(limits);
+    let address = running.address;
+    let seconds = |refused: Answer, kind: &str| -> u64 {
+        refused.problem(503, kind);
+        refused.header("retry-after").unwrap().parse().unwrap()
+    };
+    let id = begin(address);
+    let _listener = follow(address, &id, "");
+    let second = get(address, &format!("/v1/tracks/{id}/events"));
+    assert!((1..=60).contains(&seconds(second, "listeners")));
+    for _ in 1..64 {
+        begin(address);
+    }
+    let refused = send(address, "POST /v1/tracks", &[], &[]);
+    assert!((1..=601).contains(&seconds(refused, "tracks")));
+    send(address, &format!("DELETE /v1/tracks/{id}"), &[], &[]);
+    begin(address);
+}

@@ -5,6 +5,8 @@
 //! that compare trained networks. The program `grim-experiments` runs them. [`claims`] makes EVALUATION.md from stored figures.
 
 pub mod bench;
+pub mod claim;
+mod claim_section;
 pub mod claims;
 pub mod experiment;
 pub mod experiment_table;

@@ -8,8 +8,8 @@ use nalgebra::Point2;
 pub(crate) struct DenseQuery {
     /// The network's output.
     pub dense: Dense,
-    /// 0 where a pixel shows nothing; `None` if all show the photo.
-    pub mask: Option<GrayImage>,
+    /// 0 where a pixel shows nothing.
+    pub mask: GrayImage,
 }
 
 impl std::fmt::Debug for DenseQuery {
@@ -24,10 +24,6 @@ impl DenseQuery {
         let (width, height) = (self.dense.width_px(), self.dense.height_px());
         let inside = (0.0..f64::from(width)).contains(&point.x)
             && (0.0..f64::from(height)).contains(&point.y);
-        inside
-            && self
-                .mask
-                .as_ref()
-                .is_none_or(|mask| mask.get_pixel(point.x as u32, point.y as u32).0[0] > 0)
+        inside && self.mask.get_pixel(point.x as u32, point.y as u32).0[0] > 0
     }
 }

@@ -1,6 +1,6 @@
 //! The features of a query: keypoints, descriptors, and the position of the photo's centre.
 
-use grimnet_net::{ExtractOptions, Extractor, Features};
+use grimnet_net::{Dense, ExtractOptions, Extractor, Features};
 use grimnet_pack::quantise::{descriptor_scale, quantise_descriptors};
 use grimnet_pack::{DescriptorType, LocalDescriptors};
 use grimnet_photo::QueryPx;
@@ -8,7 +8,6 @@ use image::{GrayImage, RgbImage};
 use nalgebra::{Matrix3, Point2};
 
 use crate::{
-    dense_query::DenseQuery,
     error::Result,
     options::{Adapt, Options},
     search::matching::Descriptors,
@@ -42,7 +41,8 @@ pub(crate) const PIXEL_CENTRE: f32 = 0.5;
 pub(crate) const MIN_KEYPOINTS: usize = 8;
 
 impl QueryFeatures {
-    /// Runs the network over a query and returns the network's output, too. The query's descriptors become `descriptor_type`, that of the level they are compared with.
+    /// Runs the network over a query and returns the network's output, too. The query's descriptors become `descriptor_type`, that
+    /// of the level they are compared with.
     pub fn extract(
         extractor: &Extractor,
         image: &RgbImage,
@@ -50,7 +50,7 @@ impl QueryFeatures {
         photo_px_from_query_px: Matrix3<f64>,
         descriptor_type: DescriptorType,
         options: &Options,
-    ) -> Result<(Self, DenseQuery)> {
+    ) -> Result<(Self, Dense)> {
         let extract = ExtractOptions {
             threshold: options.keypoint_threshold,
             max_keypoints: options.max_keypoints,
@@ -71,8 +71,7 @@ impl QueryFeatures {
             photo_px_from_query_px,
             descriptor_type,
         );
-        let mask = mask.cloned();
-        Ok((query, DenseQuery { dense, mask }))
+        Ok((query, dense))
     }
 
     fn new(

@@ -48,13 +48,18 @@ impl HeldBack {
             .map(|&index| verified.pairs[index].to)
             .collect();
         let features = level.features(tile)?;
-        let shown = shown(query, &features, &frame, &to_query, &inliers);
-        Ok(Self::along(query, &features, &shown))
+        let shifts = shifts();
+        let shown = shown(query, &features, &frame, &to_query, &inliers, &shifts);
+        Ok(Self::along(query, &features, &shown, &shifts))
     }
 
     /// For keypoints of the tile and the positions in the query that they are mapped to.
-    fn along(query: &DenseQuery, features: &TileFeatures, shown: &[(usize, Point2<f64>)]) -> Self {
-        let shifts = shifts();
+    fn along(
+        query: &DenseQuery,
+        features: &TileFeatures,
+        shown: &[(usize, Point2<f64>)],
+        shifts: &[Vector2<f32>],
+    ) -> Self {
         let at: Vec<Keypoint> = shown
             .iter()
             .flat_map(|&(_, point)| {
@@ -109,8 +114,8 @@ fn shown(
     frame: &TileFrame,
     to_query: &Homography,
     inliers: &[Point2<f64>],
+    shifts: &[Vector2<f32>],
 ) -> Vec<(usize, Point2<f64>)> {
-    let shifts = shifts();
     let keypoints = features.xy_px.iter().enumerate();
     keypoints
         .filter_map(|(index, &[x, y])| {
@@ -143,7 +148,7 @@ fn dot(a: &[f32], b: &[f32]) -> f64 {
 mod tests {
     use grimnet_geo::LevelPx;
     use grimnet_net::{Domain, ExtractOptions, Extractor, Model};
-    use image::{Rgb, RgbImage};
+    use image::{GrayImage, Luma, Rgb, RgbImage};
     use nalgebra::Matrix3;
 
     use super::*;
@@ -177,7 +182,7 @@ mod tests {
         };
         let query = DenseQuery {
             dense: extractor.dense(&picture, None).unwrap(),
-            mask: None,
+            mask: GrayImage::from_pixel(SIDE_PX, SIDE_PX, Luma([255])),
         };
         let frame = TileFrame {
             origin: LevelPx::new(0.0, 0.0),
@@ -185,8 +190,9 @@ mod tests {
         };
         let shift = Matrix3::new(1.0, 0.0, shift_px, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
         let to_query = Homography::from_matrix(shift).unwrap();
-        let shown = shown(&query, &features, &frame, &to_query, inliers);
-        HeldBack::along(&query, &features, &shown)
+        let shifts = shifts();
+        let shown = shown(&query, &features, &frame, &to_query, inliers, &shifts);
+        HeldBack::along(&query, &features, &shown, &shifts)
     }
 
     #[test]

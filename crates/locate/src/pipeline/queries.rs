@@ -58,8 +58,9 @@ pub(crate) fn extract_queries(
         .collect();
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
+    let is_single = made.len() == 1;
     let made: Vec<(QueryFeatures, Option<DenseQuery>)> = made
-        .par_iter()
+        .into_par_iter()
         .map(|query| {
             let (features, dense) = QueryFeatures::extract(
                 context.extractor,
@@ -69,7 +70,8 @@ pub(crate) fn extract_queries(
                 level.descriptor_type(),
                 context.options,
             )?;
-            Ok((features, (hypotheses.len() == 1).then_some(dense)))
+            let mask = query.mask;
+            Ok((features, is_single.then_some(DenseQuery { dense, mask })))
         })
         .collect::<Result<_>>()?;
     time_ms.features = elapsed_ms(since);

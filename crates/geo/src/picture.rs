@@ -9,10 +9,13 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use crate::GeoError;
 use crate::block::{Block, BlockLayout, BlockSource};
 use crate::error::ADVICE_TILE_IT;
-use crate::picture_block::{block_of_picture, jpeg_is_complete};
+use crate::picture_block::{block_of_picture, decode_jpeg};
 
 /// Largest picture that is decoded, pixels (768 MiB as RGB): it must be in memory as a whole.
 const MAX_PIXELS: u64 = MapLimits::DEFAULT.max_picture_px;
+
+/// What is wrong with a picture of another size than when it was opened.
+const CHANGED: &str = "it changed while it was open";
 
 /// A picture. It cannot be decoded in parts, so it is one block.
 pub(crate) struct Picture {
@@ -87,11 +90,8 @@ impl Picture {
     fn decode_whole(&self) -> Result<DynamicImage, GeoError> {
         let damaged = |e: image::ImageError| GeoError::damaged(&self.path, e);
         let bytes = std::fs::read(&self.path).map_err(|e| GeoError::io(&self.path, e))?;
-        if self.format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
-            return Err(GeoError::damaged(
-                &self.path,
-                "the JPEG data ends before the picture is complete",
-            ));
+        if self.format == ImageFormat::Jpeg {
+            return self.decode_jpeg(&bytes);
         }
         let mut reader = ImageReader::with_format(Cursor::new(bytes), self.format);
         // 16-bit RGBA, and as much again for the decoder.
@@ -101,12 +101,20 @@ impl Picture {
         let decoder = reader.into_decoder().map_err(damaged)?;
         let size = decoder.dimensions();
         if (u64::from(size.0), u64::from(size.1)) != self.size_px() {
-            return Err(GeoError::damaged(
-                &self.path,
-                "it changed while it was open",
-            ));
+            return Err(GeoError::damaged(&self.path, CHANGED));
         }
         DynamicImage::from_decoder(decoder).map_err(damaged)
+    }
+
+    fn decode_jpeg(&self, bytes: &[u8]) -> Result<DynamicImage, GeoError> {
+        let is_as_opened = |(width, height): (u32, u32)| {
+            if (u64::from(width), u64::from(height)) == self.size_px() {
+                Ok(())
+            } else {
+                Err(CHANGED.to_owned())
+            }
+        };
+        decode_jpeg(bytes, is_as_opened).map_err(|reason| GeoError::damaged(&self.path, reason))
     }
 }
 

@@ -1,5 +1,6 @@
 //! Decoded pictures as blocks.
 
+use grimnet_jpeg::{Damage, Jpeg};
 use image::DynamicImage;
 
 use crate::block::{Block, Validity};
@@ -27,12 +28,25 @@ pub(crate) fn block_of_picture(picture: DynamicImage) -> Block {
     }
 }
 
-/// Whether the last scan of a JPEG is followed by an end marker. The decoder fills what is missing
-/// with grey without an error.
-pub(crate) fn jpeg_is_complete(bytes: &[u8]) -> bool {
-    let last = |marker: [u8; 2]| bytes.windows(2).rposition(|w| w == marker);
-    match (last([0xFF, 0xDA]), last([0xFF, 0xD9])) {
-        (Some(scan), Some(end)) => end > scan,
-        _ => false,
+/// Decodes a JPEG if `check_size` allows its width and height. Damage is an error: what follows it is shifted, and a map must be
+/// where it says.
+///
+/// # Errors
+/// What is wrong, without the name of the file.
+pub(crate) fn decode_jpeg(
+    bytes: &[u8],
+    check_size: impl FnOnce((u32, u32)) -> Result<(), String>,
+) -> Result<DynamicImage, String> {
+    let jpeg = Jpeg::read(bytes).map_err(|error| error.to_string())?;
+    check_size(jpeg.size_px())?;
+    let decoded = jpeg.decode().map_err(|error| error.to_string())?;
+    match decoded.damage {
+        Some(damage) => Err(damage_text(damage)),
+        None => Ok(decoded.image.into()),
     }
+}
+
+/// Damage of JPEG data in words.
+pub(crate) fn damage_text(damage: Damage) -> String {
+    format!("its JPEG data have {damage}")
 }

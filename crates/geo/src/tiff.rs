@@ -221,6 +221,7 @@ impl TiffMap {
         if image.is_unwritten(x, y, w, h) {
             return Ok(None);
         }
+        image.check_jpeg(x, y, w, h)?;
         let bytes = match level.access {
             Access::Stored => image
                 .file

@@ -1,13 +1,19 @@
-//! Strips and tiles as they lie in a TIFF file: reading uncompressed ones without the decoder, and finding those that
-//! were never written.
+//! Strips and tiles as they lie in a TIFF file: reading uncompressed ones without the decoder, and finding those that were never
+//! written or are damaged.
 
 use tiff_reader::RasterLayout;
 
+use crate::GeoError;
+use crate::picture_block::damage_text;
 use crate::samples::SampleKind;
 use crate::tiff_images::TiffImage;
 
 /// TIFF 6.0: no compression.
 const COMPRESSION_NONE: u16 = 1;
+/// TIFF Technical Note 2: JPEG.
+const COMPRESSION_JPEG: u16 = 7;
+/// TIFF Technical Note 2: quantisation and Huffman tables of all blocks.
+const TAG_JPEG_TABLES: u16 = 347;
 
 impl TiffImage {
     /// Whether parts of rows can be read directly from the file: uncompressed strips in the native byte order.
@@ -53,6 +59,52 @@ impl TiffImage {
 
     /// Whether none of the blocks under a rectangle was ever written (sparse files).
     pub(crate) fn is_unwritten(&self, x: usize, y: usize, w: usize, h: usize) -> bool {
+        self.blocks_under(x, y, w, h)
+            .all(|(offset, count)| offset == 0 || count == 0)
+    }
+
+    /// Checks the JPEG data of the blocks under a rectangle, if that is how they are compressed: the decoder goes on after damage, with
+    /// what follows shifted.
+    ///
+    /// # Errors
+    /// [`GeoError::Damaged`] for the first block that is damaged; what the system says if it cannot be read.
+    pub(crate) fn check_jpeg(
+        &self,
+        x: usize,
+        y: usize,
+        w: usize,
+        h: usize,
+    ) -> Result<(), GeoError> {
+        if self.ifd.compression() != COMPRESSION_JPEG {
+            return Ok(());
+        }
+        let tables = self.ifd.tag(TAG_JPEG_TABLES);
+        let tables = tables.and_then(|tag| tag.value.as_bytes());
+        for (offset, count) in self.blocks_under(x, y, w, h) {
+            if offset == 0 || count == 0 {
+                continue;
+            }
+            let stream = self
+                .file
+                .source()
+                .read_exact_at(offset, count as usize)
+                .map_err(|error| self.error(error))?;
+            if let Some(damage) = grimnet_jpeg::check_scans(tables, &stream) {
+                let reason = format!("block at byte {offset}: {}", damage_text(damage));
+                return Err(GeoError::damaged(&self.path, reason));
+            }
+        }
+        Ok(())
+    }
+
+    /// Offset and length of each strip or tile under a rectangle, of all planes.
+    fn blocks_under(
+        &self,
+        x: usize,
+        y: usize,
+        w: usize,
+        h: usize,
+    ) -> impl Iterator<Item = (u64, u64)> {
         let tiled = self.ifd.is_tiled();
         let (width, height) = self.size();
         let (bw, bh) = match (self.ifd.tile_width(), self.ifd.tile_height()) {
@@ -68,12 +120,11 @@ impl TiffImage {
             1
         };
         let (columns, rows) = (width.div_ceil(bw), height.div_ceil(bh));
-        (0..planes).all(|plane| {
-            (y as u64 / bh..=(y + h - 1) as u64 / bh).all(|row| {
-                (x as u64 / bw..=(x + w - 1) as u64 / bw).all(|column| {
+        (0..planes).flat_map(move |plane| {
+            (y as u64 / bh..=(y + h - 1) as u64 / bh).flat_map(move |row| {
+                (x as u64 / bw..=(x + w - 1) as u64 / bw).map(move |column| {
                     let index = (plane * rows + row) * columns + column;
-                    let (offset, count) = self.block_place(index as usize, tiled);
-                    offset == 0 || count == 0
+                    self.block_place(index as usize, tiled)
                 })
             })
         })

@@ -8,7 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::block::{Block, BlockLayout, BlockSource};
 use crate::block_canvas::{BlockCanvas, Part};
-use crate::picture_block::{block_of_picture, jpeg_is_complete};
+use crate::picture_block::{block_of_picture, decode_jpeg};
 use crate::tile_address::TileAddress;
 use crate::tile_index::TileRange;
 use crate::tile_store::TileStore;
@@ -315,8 +315,14 @@ fn decode(
     bytes: Vec<u8>,
 ) -> Result<DynamicImage, GeoError> {
     let format = picture_format(store, address, &bytes)?;
-    if format == ImageFormat::Jpeg && !jpeg_is_complete(&bytes) {
-        return Err(store.damaged(address, "the JPEG data end before the picture is complete"));
+    let check_size = |(width, height): (u32, u32)| {
+        if width.max(height) > MAX_TILE_SIDE_PX {
+            return Err(format!("{width} x {height} pixels"));
+        }
+        Ok(())
+    };
+    if format == ImageFormat::Jpeg {
+        return decode_jpeg(&bytes, check_size).map_err(|reason| store.damaged(address, &reason));
     }
     let damaged = |e: image::ImageError| store.damaged(address, &e.to_string());
     let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -327,9 +333,6 @@ fn decode(
     limits.max_image_height = Some(MAX_TILE_SIDE_PX);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(damaged)?;
-    let (width, height) = decoder.dimensions();
-    if width.max(height) > MAX_TILE_SIDE_PX {
-        return Err(store.damaged(address, &format!("{width} x {height} pixels")));
-    }
+    check_size(decoder.dimensions()).map_err(|reason| store.damaged(address, &reason))?;
     DynamicImage::from_decoder(decoder).map_err(damaged)
 }

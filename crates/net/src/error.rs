@@ -16,6 +16,9 @@ pub enum NetError {
         /// The error of the operating system.
         source: std::io::Error,
     },
+    /// A file could not be written.
+    #[error(transparent)]
+    Output(#[from] grimnet_output::OutputError),
     /// A file is not a usable model.
     #[error("{path}: not a usable grimnet model: {reason}")]
     ModelFile {

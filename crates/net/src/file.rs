@@ -68,37 +68,24 @@ impl Model {
         Ok(model)
     }
 
-    /// Writes the model file: to a temporary file, flushed to disk, then renamed. The same model gives the same bytes.
+    /// Writes the model file: as a whole or not at all, over whatever file is there. The same model gives the same bytes. A program
+    /// that must not replace files of others passes a file of its `grimnet_output::OutputPolicy` to [`Model::write`].
     ///
     /// # Errors
-    /// [`NetError::Io`] if it cannot be written.
+    /// [`NetError::Output`] if it cannot be written.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<(), NetError> {
-        let path = path.as_ref();
-        let io = |source: std::io::Error| NetError::Io {
-            path: path.into(),
-            source,
-        };
-        let header = self.header().map_err(|e| io(e.into()))?;
-        let folder = path
-            .parent()
-            .filter(|folder| !folder.as_os_str().is_empty())
-            .unwrap_or(Path::new("."));
-        let mut file = readable_by_all(&mut tempfile::Builder::new())
-            .tempfile_in(folder)
-            .map_err(io)?;
-        let write = |file: &mut tempfile::NamedTempFile| {
-            let mut out = std::io::BufWriter::new(file.as_file_mut());
-            self.write(&header, &mut out)?;
-            out.flush()
-        };
-        write(&mut file).map_err(io)?;
-        file.as_file().sync_all().map_err(io)?;
-        file.persist(path).map_err(|e| io(e.error))?;
-        Ok(())
+        Ok(grimnet_output::write_atomic(path, |file| self.write(file))?)
     }
 
-    /// Writes the file's bytes.
-    fn write(&self, header: &[u8], out: &mut impl Write) -> std::io::Result<()> {
+    /// Writes the bytes of the model file.
+    ///
+    /// # Errors
+    /// Those of `out`.
+    pub fn write(&self, out: &mut impl Write) -> std::io::Result<()> {
+        self.write_parts(&self.header()?, out)
+    }
+
+    fn write_parts(&self, header: &[u8], out: &mut impl Write) -> std::io::Result<()> {
         out.write_all(&(header.len() as u64).to_le_bytes())?;
         out.write_all(header)?;
         for (_, parameter) in self.parameters() {
@@ -146,7 +133,7 @@ impl Model {
         bytes.resize(bytes.len().next_multiple_of(LENGTH_BYTES), b' ');
 
         let mut hasher = blake3::Hasher::new();
-        self.write(&bytes, &mut hasher)
+        self.write_parts(&bytes, &mut hasher)
             .map_err(serde_json::Error::io)?;
         if let Some(at) = checksum_position(&bytes) {
             bytes[at..][..CHECKSUM_LEN].copy_from_slice(hasher.finalize().to_hex().as_bytes());
@@ -291,22 +278,6 @@ fn missing(name: &str) -> ModelFileError {
 fn floats(bytes: &[u8]) -> Vec<f32> {
     let (values, _) = bytes.as_chunks::<4>();
     values.iter().map(|&b| f32::from_le_bytes(b)).collect()
-}
-
-/// Temporary files are created with mode 0600; a model file has the usual mode (0666 less the umask).
-#[cfg(unix)]
-fn readable_by_all<'a, 'b>(
-    builder: &'b mut tempfile::Builder<'a, 'a>,
-) -> &'b mut tempfile::Builder<'a, 'a> {
-    use std::os::unix::fs::PermissionsExt;
-    builder.permissions(std::fs::Permissions::from_mode(0o666))
-}
-
-#[cfg(not(unix))]
-fn readable_by_all<'a, 'b>(
-    builder: &'b mut tempfile::Builder<'a, 'a>,
-) -> &'b mut tempfile::Builder<'a, 'a> {
-    builder
 }
 
 fn write_little_endian(out: &mut impl Write, values: &Values) -> std::io::Result<()> {

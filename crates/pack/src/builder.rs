@@ -35,7 +35,7 @@ use grimnet_output::rename_into_place;
 use self::assemble::write_pack;
 use self::cells::Cells;
 use self::cost::{check_cost, check_scale};
-use self::journal::Journal;
+use self::journal::{Journal, remove_finished};
 use self::level_build::LevelBuild;
 use self::level_plan::LevelPlan;
 use self::planning::plan_levels;
@@ -132,6 +132,7 @@ pub fn build_interruptible(
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {
+        remove_finished(&beside(out, "partial"), &manifest.fingerprint);
         return Ok(report(&pack, &meter, true));
     }
     let mut resume = Resume::new(&plans, recipe);

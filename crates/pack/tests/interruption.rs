@@ -187,6 +187,35 @@ fn a_killed_process_leaves_the_old_pack_and_its_work() {
     assert_eq!(names(folder.path()), ["area.grim"]);
 }
 
+/// A kill between renaming the pack and deleting the journal.
+#[test]
+fn a_journal_that_a_finished_build_left_is_deleted_by_the_next_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let (out, journal) = (
+        folder.path().join("area.grim"),
+        folder.path().join("area.grim.partial"),
+    );
+    let mut left = Vec::new();
+    let build_one = |options: &BuildOptions, left: &mut Vec<u8>| {
+        build(&map(), &tiny_model(1), options, &out, &mut |progress| {
+            if progress.phase == Phase::Writing {
+                *left = std::fs::read(&journal).unwrap();
+            }
+        })
+        .unwrap()
+    };
+    build_one(&options(), &mut left);
+    let of_another_build = left.clone();
+    build_one(&one_level(), &mut left);
+    assert_eq!(names(folder.path()), ["area.grim"]);
+    for (bytes, stays) in [(left, false), (of_another_build, true)] {
+        std::fs::write(&journal, &bytes).unwrap();
+        let report = build_one(&one_level(), &mut Vec::new());
+        assert!(report.was_complete);
+        assert_eq!(journal.exists(), stays);
+    }
+}
+
 #[test]
 fn a_second_writer_is_refused_and_the_first_goes_on() {
     let folder = tempfile::tempdir().unwrap();

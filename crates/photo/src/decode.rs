@@ -3,15 +3,14 @@
 use std::io::Cursor;
 use std::path::Path;
 
+use grimnet_jpeg::{Damage, DecodedJpeg, Jpeg, JpegError};
 use grimnet_limits::PhotoLimits;
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, RgbImage};
 
 use crate::area;
 use crate::budget::MemoryBudget;
-use crate::damage::Damage;
 use crate::error::PhotoError;
-use crate::jpeg;
 
 /// What the metadata of a PNG file may take, decompressed, bytes: colour profiles have less than 4 MiB, XMP less than 1 MiB.
 const MAX_PNG_METADATA_BYTES: u64 = 32 << 20;
@@ -52,7 +51,7 @@ pub(crate) fn decode(
     };
     let (stored, damage) = match format {
         ImageFormat::Jpeg => {
-            let decoded = jpeg::decode(path, bytes, &budget, limits)?;
+            let decoded = decode_jpeg(path, bytes, &budget, limits)?;
             (decoded.image, decoded.damage)
         }
         ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP => {
@@ -82,6 +81,29 @@ pub(crate) fn decode(
         },
         damage,
     })
+}
+
+fn decode_jpeg(
+    path: &Path,
+    bytes: &[u8],
+    budget: &MemoryBudget,
+    limits: &PhotoLimits,
+) -> Result<DecodedJpeg, PhotoError> {
+    let jpeg = Jpeg::read(bytes).map_err(|error| from_jpeg(path, error))?;
+    budget.check(path, jpeg.size_px(), jpeg.memory_bytes_per_px(), limits)?;
+    jpeg.decode().map_err(|error| from_jpeg(path, error))
+}
+
+fn from_jpeg(path: &Path, error: JpegError) -> PhotoError {
+    let path = path.to_owned();
+    match error {
+        JpegError::Truncated(detail) => PhotoError::Truncated { path, detail },
+        JpegError::Unsupported(found) => PhotoError::Unsupported { path, found },
+        error => PhotoError::Corrupt {
+            path,
+            detail: error.to_string(),
+        },
+    }
 }
 
 fn decode_other(

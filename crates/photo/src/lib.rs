@@ -28,18 +28,12 @@ mod budget;
 pub mod calendar;
 mod camera;
 mod container;
-mod damage;
 mod decode;
 mod error;
 mod evidence;
 mod exif_fields;
 mod exposure_time;
 mod heading;
-mod jpeg;
-mod jpeg_bits;
-mod jpeg_huffman;
-mod jpeg_scan;
-mod jpeg_structure;
 mod metadata;
 mod padded_image;
 mod photo;
@@ -58,14 +52,14 @@ pub use camera::{
     EquivalentFocal, FULL_FRAME_DIAGONAL_MM, MAX_DEPTH_RATIO, MAX_PITCH_FROM_NADIR_DEG,
     NativeFrame, Tilt, focal_px, focal_px_from_35mm, fov_deg,
 };
-pub use damage::Damage;
-
 pub use error::PhotoError;
 pub use evidence::Evidence;
 pub use exposure_time::ExposureTime;
+pub use grimnet_jpeg::Damage;
 pub use grimnet_limits::PhotoLimits;
 pub use metadata::{GpsPosition, ImageDirection, Metadata};
 pub use photo::{Photo, QUERY_LONG_SIDE_PX};
+pub use photo_file::read_photo_file;
 pub use points::{PhotoPx, QueryPx};
 pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
 pub use scale::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};

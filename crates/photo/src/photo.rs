@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
+use grimnet_jpeg::Damage;
 use grimnet_limits::PhotoLimits;
 use image::RgbImage;
 
 use crate::camera::Tilt;
-use crate::damage::Damage;
 use crate::decode;
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
-use crate::photo_file;
+use crate::photo_file::read_photo_file;
 use crate::query::{Query, QueryMaker, QueryOptions};
 use crate::view::{View, ViewPrior};
 
@@ -70,7 +70,7 @@ impl Photo {
         limits: &PhotoLimits,
     ) -> Result<Self, PhotoError> {
         let path = path.as_ref();
-        let bytes = photo_file::read(path, limits)?;
+        let bytes = read_photo_file(path, limits)?;
         Self::from_bytes_within(path, &bytes, max_long_side_px, limits)
     }
 

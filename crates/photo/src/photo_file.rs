@@ -7,9 +7,12 @@ use grimnet_limits::PhotoLimits;
 
 use crate::error::PhotoError;
 
-/// Reads a whole file. The limit is checked before and while reading: the size that a file states may be wrong (`/proc`, growing
-/// files).
-pub(crate) fn read(path: &Path, limits: &PhotoLimits) -> Result<Vec<u8>, PhotoError> {
+/// Reads a whole photo file, for [`Photo::from_bytes_within`](crate::Photo::from_bytes_within). The limit is checked before and while
+/// reading: the size that a file states may be wrong (`/proc`, growing files).
+///
+/// # Errors
+/// [`PhotoError::Read`]; [`PhotoError::FileTooLarge`] if the file alone is larger than a photo may take in memory.
+pub fn read_photo_file(path: &Path, limits: &PhotoLimits) -> Result<Vec<u8>, PhotoError> {
     let limit_bytes = limits.max_memory_bytes;
     let too_large = |bytes| PhotoError::FileTooLarge {
         path: path.to_owned(),

@@ -7,7 +7,8 @@ use grimnet_limits::PhotoLimits;
 use crate::container::Embedded;
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
-use crate::{exif_fields, photo_file, xmp_fields};
+use crate::photo_file::read_photo_file;
+use crate::{exif_fields, xmp_fields};
 
 impl Metadata {
     /// Reads the metadata of a photo without decoding its pixels.
@@ -16,7 +17,15 @@ impl Metadata {
     /// Returns an error if the file cannot be read or is larger than the default limit. Damaged metadata are no error: they are left out, with an entry in
     /// [`Metadata::notes`].
     pub fn read(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
-        let bytes = photo_file::read(path.as_ref(), &PhotoLimits::DEFAULT)?;
+        Self::read_within(path, &PhotoLimits::DEFAULT)
+    }
+
+    /// As [`Metadata::read`], within other limits.
+    ///
+    /// # Errors
+    /// As [`Metadata::read`].
+    pub fn read_within(path: impl AsRef<Path>, limits: &PhotoLimits) -> Result<Self, PhotoError> {
+        let bytes = read_photo_file(path.as_ref(), limits)?;
         Ok(Self::from_bytes(&bytes))
     }
 

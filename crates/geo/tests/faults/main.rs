@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod georeference;
+mod jpeg;
 mod pixels;
 #[path = "../support/mod.rs"]
 mod support;

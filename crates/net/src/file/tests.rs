@@ -115,7 +115,7 @@ fn refusal(bytes: &[u8]) -> ModelFileError {
 
 fn bytes_of(model: &Model) -> Vec<u8> {
     let mut bytes = Vec::new();
-    model.write(&model.header().unwrap(), &mut bytes).unwrap();
+    model.write(&mut bytes).unwrap();
     bytes
 }
 

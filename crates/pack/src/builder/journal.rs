@@ -141,6 +141,20 @@ impl Journal {
     }
 }
 
+/// Deletes the journal of a finished build that was killed between renaming its pack and deleting it. A journal of another build, or one
+/// that another process holds, stays.
+pub fn remove_finished(path: &Path, fingerprint: &str) {
+    let Ok(file) = File::open(path) else { return };
+    let len = file.metadata().map_or(0, |metadata| metadata.len());
+    let mut content = Vec::new();
+    let first = next_record(&mut BufReader::new(&file), len, &mut content);
+    let is_of_this_build = first == Some(Kind::Start) && content == fingerprint.as_bytes();
+    if is_of_this_build && file.try_lock().is_ok() {
+        // The pack is there: what is left does no harm.
+        let _ = fs_err::remove_file(path);
+    }
+}
+
 /// Opens `path`, creating it if it is missing, and locks it without waiting.
 fn lock(path: &Path, output: &Path) -> Result<File> {
     loop {

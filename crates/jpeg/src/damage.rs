@@ -1,4 +1,4 @@
-//! Damage of the compressed data of a photo.
+//! Damage of the compressed data of a picture.
 
 use serde::Serialize;
 

@@ -1,9 +1,7 @@
 //! Structure of a JPEG file: its size, and whether it is complete and supported.
 
-use std::path::Path;
-
-use crate::container::JpegSegments;
-use crate::error::PhotoError;
+use crate::error::JpegError;
+use crate::segments::JpegSegments;
 
 /// What the frame header states (ITU-T T.81, B.2.2).
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -108,7 +106,7 @@ const MAX_PIXELS_PER_BYTE: u64 = 64 * 256;
 
 impl JpegStructure {
     /// Reads the segments up to the first scan.
-    pub(crate) fn read(path: &Path, bytes: &[u8]) -> Result<Self, PhotoError> {
+    pub(crate) fn read(bytes: &[u8]) -> Result<Self, JpegError> {
         let mut frame = None;
         let mut segments = JpegSegments::new(bytes);
         while let Some((marker, body)) = segments.next() {
@@ -119,13 +117,10 @@ impl JpegStructure {
                         break;
                     };
                     if precision != 8 || marker > 0xC2 {
-                        return Err(PhotoError::Unsupported {
-                            path: path.into(),
-                            found: format!(
-                                "a JPEG with {precision} bits per sample and frame type SOF{}",
-                                marker - 0xC0
-                            ),
-                        });
+                        return Err(JpegError::Unsupported(format!(
+                            "a JPEG with {precision} bits per sample and frame type SOF{}",
+                            marker - 0xC0
+                        )));
                     }
                     let size_px = (
                         u32::from(u16::from_be_bytes([w1, w0])),
@@ -133,10 +128,9 @@ impl JpegStructure {
                     );
                     frame = Frame::read(marker == 0xC2, size_px, &body[5..]);
                     if frame.is_none() {
-                        return Err(PhotoError::Corrupt {
-                            path: path.into(),
-                            detail: "the frame header states impossible components".into(),
-                        });
+                        return Err(JpegError::Corrupt(
+                            "the frame header states impossible components".into(),
+                        ));
                     }
                 }
                 0xDA => {
@@ -154,29 +148,25 @@ impl JpegStructure {
             .get(segments.position)
             .is_none_or(|&byte| byte == 0xFF)
         {
-            Err(PhotoError::Truncated {
-                path: path.into(),
-                detail: format!("the file of {} bytes ends within the headers", bytes.len()),
-            })
+            Err(JpegError::Truncated(format!(
+                "the file of {} bytes ends within the headers",
+                bytes.len()
+            )))
         } else {
-            Err(PhotoError::Corrupt {
-                path: path.into(),
-                detail: format!("no JPEG marker at byte {}", segments.position),
-            })
+            Err(JpegError::Corrupt(format!(
+                "no JPEG marker at byte {}",
+                segments.position
+            )))
         }
     }
 
     /// Returns an error if the coded data end before the end-of-image marker. Decoders fill missing parts with grey, which would
     /// disturb matching.
-    pub(crate) fn check_complete(&self, path: &Path, bytes: &[u8]) -> Result<(), PhotoError> {
-        let truncated = |detail: String| PhotoError::Truncated {
-            path: path.into(),
-            detail,
-        };
+    pub(crate) fn check_complete(&self, bytes: &[u8]) -> Result<(), JpegError> {
         let (width_px, height_px) = self.frame.size_px;
         let pixels = u64::from(width_px) * u64::from(height_px);
         if pixels > bytes.len() as u64 * MAX_PIXELS_PER_BYTE {
-            return Err(truncated(format!(
+            return Err(JpegError::Truncated(format!(
                 "{} bytes cannot hold {width_px} x {height_px} px",
                 bytes.len(),
             )));
@@ -184,7 +174,7 @@ impl JpegStructure {
         if bytes.ends_with(&[0xFF, 0xD9]) || self.has_end_marker(bytes) {
             return Ok(());
         }
-        Err(truncated(format!(
+        Err(JpegError::Truncated(format!(
             "the file of {} bytes ends before the end-of-image marker",
             bytes.len()
         )))

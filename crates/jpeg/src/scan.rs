@@ -5,10 +5,11 @@
 //! the blocks that the frame header states, each block at most 64 coefficients, and each mean brightness must be one of 8 bits
 //! (ITU-T T.81, annexes B and F).
 
+use crate::bits::Bits;
 use crate::damage::{Checked, Damage};
-use crate::jpeg_bits::Bits;
-use crate::jpeg_huffman::{END_OF_BLOCK, Table};
-use crate::jpeg_structure::Frame;
+use crate::error::JpegError;
+use crate::huffman::{END_OF_BLOCK, Table};
+use crate::structure::{Frame, JpegStructure};
 
 /// Bound on a dequantised DC coefficient: eight times the samples' range of -128 to 127, and an eighth more for inexact encoders.
 const MAX_DC: i32 = 1024 * 9 / 8;
@@ -16,6 +17,30 @@ const MAX_DC: i32 = 1024 * 9 / 8;
 /// Checks all scans of a baseline file. Returns `None` if nothing contradicts the frame header.
 pub(crate) fn check(bytes: &[u8], frame: &Frame) -> Option<Damage> {
     Checker::new(bytes, frame).run().err()
+}
+
+/// Checks the scans of a stream whose tables may be in another one, as those of a TIFF's tiles are in its tag `JPEGTables` (TIFF
+/// Technical Note 2), and finds what contradicts its frame header. Progressive streams and those of more than 8 bits are not checked.
+#[must_use]
+pub fn check_scans(tables: Option<&[u8]>, stream: &[u8]) -> Option<Damage> {
+    let frame = match JpegStructure::read(stream) {
+        Ok(structure) => structure.frame,
+        Err(JpegError::Unsupported(_)) => return None,
+        Err(_) => return Some(Damage::ScanHeader),
+    };
+    if frame.is_progressive {
+        return None;
+    }
+    let mut checker = Checker::new(tables.unwrap_or(stream), &frame);
+    let tables_are_read = tables.is_none() || checker.run().is_ok();
+    checker.bytes = stream;
+    checker.at = 2;
+    let result = if tables_are_read {
+        checker.run()
+    } else {
+        Err(Damage::ScanHeader)
+    };
+    result.err()
 }
 
 struct Checker<'a> {

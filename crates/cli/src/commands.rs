@@ -9,7 +9,6 @@ pub mod eval;
 pub mod eval_pictures;
 pub mod eval_run;
 mod eval_track;
-pub mod limits_choice;
 pub mod link;
 pub mod link_check;
 pub mod link_options;
@@ -35,6 +34,7 @@ pub mod track_report;
 pub mod track_source;
 pub mod train;
 
+pub use grimnet_program::limits_choice::LimitsChoice;
 pub use grimnet_program::map_place;
 pub use grimnet_program::model_choice::ModelChoice;
 

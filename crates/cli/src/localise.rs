@@ -3,9 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use grimnet_limits::Limits;
 use grimnet_locate::{Localizer, Outcome, Prior};
-use grimnet_photo::{Photo, QUERY_LONG_SIDE_PX};
+use grimnet_photo::{Photo, PhotoLimits, QUERY_LONG_SIDE_PX};
 
 use crate::inputs;
 
@@ -17,15 +16,15 @@ pub fn locate_one(
     localizer: &Localizer,
     path: &Path,
     prior: &Prior,
-    limits: &Limits,
+    limits: &PhotoLimits,
 ) -> Result<(Photo, Outcome)> {
     inputs::check_regular(path)?;
-    let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), &limits.photo)?;
+    let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), limits)?;
     let outcome = localizer.locate(&photo, prior)?;
     Ok((photo, outcome))
 }
 
-/// A localiser whose photo statistics come from all the given photos; unreadable ones are left out.
+/// A localiser whose photo statistics come from all the given photos; those that cannot be read within the limits are left out.
 ///
 /// # Errors
 /// None of the photos can be used.
@@ -33,11 +32,12 @@ pub fn adapt_to_flight(
     localizer: Localizer,
     paths: &[PathBuf],
     prior: &Prior,
+    limits: &PhotoLimits,
 ) -> Result<Localizer> {
     let photos: Vec<Photo> = paths
         .iter()
         .filter(|path| inputs::check_regular(path).is_ok())
-        .filter_map(|path| Photo::open(path).ok())
+        .filter_map(|path| Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), limits).ok())
         .collect();
     Ok(localizer.adapted_to_flight(photos.iter().map(|photo| (photo, prior)))?)
 }

@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 
 use grimnet_locate::{Outcome, Prior, Support};
-use grimnet_photo::Photo;
+use grimnet_photo::{Photo, PhotoLimits, QUERY_LONG_SIDE_PX};
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -40,6 +40,8 @@ pub struct ElsewhereOptions {
     pub seed: u64,
     /// Width of the map, metres.
     pub map_width_m: f64,
+    /// Limits within which pictures are read.
+    pub photo_limits: PhotoLimits,
 }
 
 /// How the ground width of a trial was chosen.
@@ -95,13 +97,14 @@ pub fn run(
         let mut order = source.pictures.clone();
         order.shuffle(&mut rng(options.seed, index, u64::MAX));
         for (number, path) in order.iter().enumerate().take(options.trials) {
-            let photo = match Photo::open(path) {
-                Ok(photo) => photo,
-                Err(error) => {
-                    tracing::warn!("{error}; left out");
-                    continue;
-                }
-            };
+            let photo =
+                match Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), &options.photo_limits) {
+                    Ok(photo) => photo,
+                    Err(error) => {
+                        tracing::warn!("{error}; left out");
+                        continue;
+                    }
+                };
             for trial in (number..options.trials).step_by(order.len()) {
                 let mut rng = rng(options.seed, index, trial as u64);
                 // Rounds of four: both scales with both headings.
@@ -236,6 +239,7 @@ mod tests {
             trials: 40,
             seed: 7,
             map_width_m: 1000.0,
+            photo_limits: PhotoLimits::DEFAULT,
         };
         let mut seen = 0;
         let trials = run(&Gullible, &sources, &options, &mut |_| seen += 1);
@@ -298,6 +302,7 @@ mod tests {
             trials: 9,
             seed: 1,
             map_width_m: 1000.0,
+            photo_limits: PhotoLimits::DEFAULT,
         };
         assert_eq!(run(&Gullible, &[one], &options, &mut |_| ()).len(), 3);
         let none = ElsewhereSummary::of(&[]);

@@ -266,7 +266,10 @@ mod tests {
     #[test]
     fn fixes_misses_and_refusals_are_compared_with_the_truth() {
         let gone = Shot {
-            photo: PhotoSource::File("no/such.jpg".into()),
+            photo: PhotoSource::File {
+                path: "no/such.jpg".into(),
+                limits: grimnet_photo::PhotoLimits::DEFAULT,
+            },
             ..shot("gone", 9)
         };
         let shots = [shot("bright", 200), shot("dark", 0), gone];

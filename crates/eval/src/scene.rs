@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use grimnet_geo::{LonLat, Raster};
 use grimnet_locate::{HeadingPrior, Prior};
-use grimnet_photo::{Photo, PhotoError};
+use grimnet_photo::{Photo, PhotoError, PhotoLimits, QUERY_LONG_SIDE_PX};
 
 /// Standard deviation with which a true heading is given to the localiser, degrees.
 pub const TRUE_HEADING_SIGMA_DEG: f64 = 5.0;
@@ -81,7 +81,12 @@ impl Truth {
 #[derive(Debug, Clone)]
 pub enum PhotoSource {
     /// A file, decoded each time it is needed.
-    File(PathBuf),
+    File {
+        /// Its path.
+        path: PathBuf,
+        /// Limits within which it is read.
+        limits: PhotoLimits,
+    },
     /// A decoded photo.
     Memory(Arc<Photo>),
 }
@@ -93,7 +98,10 @@ impl PhotoSource {
     /// The file cannot be read.
     pub fn open(&self) -> Result<Arc<Photo>, PhotoError> {
         match self {
-            Self::File(path) => Ok(Arc::new(Photo::open(path)?)),
+            Self::File { path, limits } => {
+                let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), limits)?;
+                Ok(Arc::new(photo))
+            }
             Self::Memory(photo) => Ok(photo.clone()),
         }
     }
@@ -102,7 +110,7 @@ impl PhotoSource {
     #[must_use]
     pub fn path(&self) -> Option<&Path> {
         match self {
-            Self::File(path) => Some(path),
+            Self::File { path, .. } => Some(path),
             Self::Memory(_) => None,
         }
     }

@@ -154,6 +154,6 @@ fn observations_are_read_as_they_were_written() {
         real: true,
         answer: None,
     });
-    observation::write(&path, &all).unwrap();
+    observation::write(std::fs::File::create(&path).unwrap(), &all).unwrap();
     assert_eq!(observation::read(&path).unwrap(), all);
 }

@@ -13,7 +13,7 @@ use grimnet_geo::{MapOptions, MapPx, Raster, WindowPx};
 use grimnet_locate::Options;
 use grimnet_net::{Domain, Extractor, Model};
 use grimnet_pack::{BuildOptions, Level, Levels, Pack, build};
-use grimnet_photo::{Metadata, Photo, Query, QueryOptions};
+use grimnet_photo::{Metadata, Photo, PhotoLimits, Query, QueryOptions};
 use rayon::prelude::*;
 
 /// Global descriptors, one after the other.
@@ -102,6 +102,7 @@ fn scene(folder: &Path, footprint_width_m: Option<f64>) -> Result<Scene, Box<dyn
         map: None,
         map_options: MapOptions::default(),
         photos_out: folder,
+        photo_limits: PhotoLimits::DEFAULT,
     })?;
     let map = data.open_map()?;
     let mut scene = data.into_scene(map)?.decoded()?;

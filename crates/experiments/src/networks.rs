@@ -7,9 +7,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use grimnet_net::Model;
+use grimnet_output::OutputPolicy;
 use grimnet_train::{
-    Data, Device, ExportOptions, Progress, TrainConfig, TrainError, Trainer, checkpoint_path,
-    export, save_model,
+    Data, Device, ExportOptions, MODEL, Progress, RunFolder, TrainConfig, TrainError, Trainer,
+    checkpoint_path, export,
 };
 
 /// Validation pairs for the model card of an exported network; the experiment itself measures on scenes.
@@ -17,6 +18,9 @@ const VALIDATION_PAIRS: usize = 24;
 
 /// Digits of the hash that distinguishes variants with different training budgets.
 const KEY_DIGITS: usize = 8;
+
+/// File of how much the loss still fell at the end.
+const LAST_FALL: &str = "last-fall.json";
 
 /// Why a network cannot be trained or opened.
 #[derive(Debug, thiserror::Error)]
@@ -158,8 +162,8 @@ impl Networks {
 
     fn one(&self, name: &str, mut config: TrainConfig) -> Result<Trained, NetworksError> {
         config.out = self.folder.join(self.key(name, &config)?);
-        let path = config.out.join("model.safetensors");
-        let last_fall = config.out.join("last-fall.json");
+        let path = config.out.join(MODEL);
+        let last_fall = config.out.join(LAST_FALL);
         if path.is_file() {
             let last_fall = fs_err::read(&last_fall).ok();
             return Ok(Trained {
@@ -169,11 +173,13 @@ impl Networks {
         }
         let device = config.device.device()?;
         let curve = RefCell::new(Vec::new());
-        let trainer = self.trained(name, &config, &device, &curve)?;
+        let folder = RunFolder::open(&config, &OutputPolicy::new())?;
+        let trainer = self.trained(name, &config, &device, &curve, &folder)?;
         let exported = export(trainer.state(), &config, &self.data, &device, &mut |_| ())?;
         let fall = last_fall_of(&curve.into_inner());
-        fs_err::write(&last_fall, format!("{}\n", serde_json::json!(fall)))?;
-        save_model(&exported.model, &path)?;
+        let text = format!("{}\n", serde_json::json!(fall));
+        folder.write(LAST_FALL, text.as_bytes())?;
+        folder.write_model(&exported.model)?;
         Ok(Trained {
             model: exported.model,
             last_fall: fall,
@@ -186,9 +192,11 @@ impl Networks {
         config: &TrainConfig,
         device: &Device,
         curve: &RefCell<Vec<f64>>,
+        folder: &RunFolder,
     ) -> Result<Trainer, NetworksError> {
         let resume = checkpoint_path(config).is_file();
-        let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?;
+        let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?
+            .with_folder(folder.clone());
         if resume {
             tracing::info!(
                 "{name}: resumes after step {}",

@@ -17,7 +17,7 @@ use grimnet_geo::{LonLat, MapOptions, WindowPx, distance_m};
 use grimnet_locate::Prior;
 use grimnet_net::Model;
 use grimnet_output::{OutputFolder, OutputPolicy};
-use grimnet_photo::{Metadata, Photo};
+use grimnet_photo::{Metadata, Photo, PhotoLimits};
 
 /// A photo cut out of the map, so that any matcher must find it to a fraction of a pixel.
 fn cut(scene: &Scene, [w, h]: [f64; 2]) -> Shot {
@@ -176,6 +176,7 @@ fn photos_are_read_with_their_truth_and_scale() {
         map: None,
         map_options: MapOptions::default(),
         photos_out: folder.path(),
+        photo_limits: PhotoLimits::DEFAULT,
     };
     let found = DataSet::find(&request).unwrap();
     let map = found.open_map().unwrap();

@@ -1,7 +1,8 @@
 //! What the command-line programs of this workspace share.
 //!
 //! [`general::GeneralOptions`] starts the log and the threads, [`exit::Exit`] is how a run ends, [`errors`] puts errors into words.
-//! [`values`] parses options; [`model_choice`], [`map_place`] and [`outputs`] are groups of them. [`progress`] shows long work and
+//! [`values`] parses options; [`model_choice`], [`map_place`], [`limits_choice`] and [`outputs`]
+//! are groups of them. [`progress`] shows long work and
 //! [`interrupt`] stops it.
 
 pub mod errors;
@@ -10,6 +11,7 @@ pub mod general;
 pub mod heading_modes;
 pub mod inputs;
 pub mod interrupt;
+pub mod limits_choice;
 pub mod map_place;
 pub mod model_choice;
 pub mod outputs;

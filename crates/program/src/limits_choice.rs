@@ -1,30 +1,36 @@
 //! Options that change the limits on untrusted input.
 
 use clap::Args;
-use grimnet_limits::{Limits, PhotoLimits};
+use grimnet_limits::PhotoLimits;
 
 use crate::values;
 
 /// The limits that a user may change.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Clone, Copy, Default, Args)]
 pub struct LimitsChoice {
-    /// Refuse photos that need more memory than this to be read and decoded, MiB
+    /// Refuse photos that need more memory than this to be read and decoded, MiB [default: 1024; 512 for those that clients of
+    /// `grim serve` send]
     #[arg(
         long,
         value_name = "MIB",
         value_parser = values::memory_mib,
         allow_hyphen_values = true,
-        default_value_t = PhotoLimits::DEFAULT.max_memory_bytes >> 20,
         help_heading = "Limits"
     )]
-    max_photo_memory: u64,
+    max_photo_memory: Option<u64>,
 }
 
 impl LimitsChoice {
-    /// All limits, with those that were chosen.
-    pub fn limits(&self) -> Limits {
-        let mut limits = Limits::default();
-        limits.photo.max_memory_bytes = self.max_photo_memory << 20;
-        limits
+    /// The limits on a photo: those chosen, else the default ones.
+    #[must_use]
+    pub fn photo(self) -> PhotoLimits {
+        self.photo_or(PhotoLimits::DEFAULT)
+    }
+
+    /// The limits on a photo: those chosen, else `default`.
+    #[must_use]
+    pub fn photo_or(self, default: PhotoLimits) -> PhotoLimits {
+        self.max_photo_memory
+            .map_or(default, |mib| PhotoLimits::of_memory(mib << 20))
     }
 }

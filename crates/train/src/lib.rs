@@ -22,7 +22,7 @@ pub use burn::tensor::Device;
 
 pub use config::{DescriptorLoss, ExportOptions, GlobalLoss, Stage, TrainConfig, Weights};
 pub use error::TrainError;
-pub use measure::export::{Exported, export, save_model};
+pub use measure::export::{Exported, export};
 pub use measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
 pub use measure::statistics::with_recomputed_statistics;
 pub use measure::validation::{
@@ -43,4 +43,5 @@ pub use run::detector::Detector;
 pub use run::labelling::{LabelProgress, label_pictures};
 pub use run::losses::Losses;
 pub use run::optimiser::{Adam, AdamOptions, StepOptions};
+pub use run::run_folder::{FLIGHT, MODEL, RunFolder};
 pub use run::trainer::{Progress, Trainer, checkpoint_path};

@@ -12,7 +12,7 @@ use grimnet_train::data::{
     Folder, Layout, Pair, PairOptions, Serves, Source, Sources, WeightedSource,
 };
 use grimnet_train::{
-    Data, GlobalLoss, Losses, TeacherOptions, TrainConfig, Trainer, Weights, save_model,
+    Data, GlobalLoss, Losses, TeacherOptions, TrainConfig, Trainer, Weights,
     with_recomputed_statistics,
 };
 use image::{Rgb, RgbImage, imageops};
@@ -173,7 +173,7 @@ fn a_trained_model_localises() {
         with_recomputed_statistics(average, &sources, &config, &Device::flex()).unwrap();
     let model = parameters.to_model(Card::default()).unwrap();
     let path = folder.path().join("model.safetensors");
-    save_model(&model, &path).unwrap();
+    model.save(&path).unwrap();
     let model = Model::open(&path).unwrap();
 
     let picture = town(MAP_PX, 1000);

@@ -2,12 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+use grimnet_output::OutputPolicy;
 use grimnet_train::data::{
     Folder, LABEL_NONE, LabelOptions, Layout, Look, PairOptions, Serves, batch_of,
 };
 use grimnet_train::{
-    Checkpoint, Data, Device, Figures, Losses, Stage, TrainConfig, TrainError, Trainer, Validator,
-    checkpoint_path, label_pictures,
+    Checkpoint, Data, Device, Figures, Losses, RunFolder, Stage, TrainConfig, TrainError, Trainer,
+    Validator, checkpoint_path, label_pictures,
 };
 use image::{Rgb, RgbImage};
 use std::path::Path;
@@ -147,7 +148,8 @@ fn scenes_teach_the_encoder_and_the_joint_stage_starts_from_it() {
     );
     let state = Checkpoint::open(&checkpoint_path(&config), &Device::flex()).unwrap();
     assert_eq!(state.parameters.scenes(), 2);
-    let measured = Validator::new(&config, &Data::open(&config).unwrap())
+    let folder = RunFolder::open(&config, &OutputPolicy::new()).unwrap();
+    let measured = Validator::new(&config, &Data::open(&config).unwrap(), &folder)
         .measure(&state)
         .unwrap();
     assert!(!measured.is_empty());

@@ -14,9 +14,10 @@ use grimnet_eval::pictures::file_name;
 use grimnet_eval::scene::Scene;
 use grimnet_geo::MapOptions;
 use grimnet_net::{Calibration, FittedOn, Model};
+use grimnet_photo::PhotoLimits;
 
-use super::ModelChoice;
 use super::elsewhere::{source, width_m};
+use super::{LimitsChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
 use crate::{progress, values};
@@ -91,6 +92,9 @@ pub struct CalibrateArgs {
     /// Fit to the observations of an earlier run with the same model
     #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["observations", "pictures", "datasets", "elsewhere"])]
     observed: Option<PathBuf>,
+
+    #[command(flatten)]
+    limits: LimitsChoice,
 }
 
 /// Runs the command.
@@ -116,15 +120,15 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         None => observe(arguments, &model)?,
     };
     if let Some(path) = &arguments.observations {
-        observation::write(path, &observations)
-            .with_context(|| format!("cannot write {}", path.display()))?;
+        policy.write(path, |file| {
+            observation::write(file, &observations).map_err(std::io::Error::other)
+        })?;
     }
     let data = arguments.data.as_ref().unwrap_or(&data);
     let fitted = calibration::fit(&observations, data, arguments.elsewhere_answered)?;
     let calibration = merged(model.calibration(), fitted, arguments.only);
-    model
-        .with_calibration(calibration.clone())?
-        .save(&arguments.out)?;
+    let calibrated = model.with_calibration(calibration.clone())?;
+    policy.write(&arguments.out, |file| calibrated.write(file))?;
     let mut out = std::io::stdout().lock();
     writeln!(out, "{}", serde_json::to_string_pretty(&calibration)?)?;
     writeln!(
@@ -185,12 +189,13 @@ impl From<PlacesChoice> for PlacesUsed {
 }
 
 /// Reads the data set in a folder.
-fn data_set(folder: &Path, photos_out: &Path) -> Result<Scene> {
+fn data_set(folder: &Path, photos_out: &Path, photo_limits: PhotoLimits) -> Result<Scene> {
     let set = DataSet::find(&DataSetRequest {
         folder,
         map: None,
         map_options: MapOptions::default(),
         photos_out,
+        photo_limits,
     })?;
     let map = set.open_map()?;
     Ok(set.into_scene(map)?)
@@ -211,7 +216,7 @@ fn observe(
     let sets = arguments
         .datasets
         .iter()
-        .map(|set| data_set(set, folder.path()))
+        .map(|set| data_set(set, folder.path(), arguments.limits.photo()))
         .collect::<Result<Vec<Scene>>>()?;
     // A picture must not be on the map: the sources of each scene are those that its map was not made of.
     let folders = vec![None; arguments.worlds]
@@ -244,6 +249,7 @@ fn observe(
                     trials: arguments.elsewhere_trials,
                     seed: arguments.seed + number,
                     map_width_m: width_m(scene.map.as_ref())?,
+                    photo_limits: arguments.limits.photo(),
                 },
             })
         })

@@ -16,6 +16,7 @@ use grimnet_geo::MapOptions;
 use grimnet_locate::{Localizer, Options};
 use grimnet_output::OutputFolder;
 use grimnet_pack::{BuildOptions, Pack};
+use grimnet_photo::PhotoLimits;
 use grimnet_world::WorldConfig;
 
 use super::ModelChoice;
@@ -110,6 +111,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         map: None,
         map_options: MapOptions::default(),
         photos_out: out,
+        photo_limits: PhotoLimits::DEFAULT,
     })?;
     let map = data.open_map()?;
     let scene = data.into_scene(map)?;

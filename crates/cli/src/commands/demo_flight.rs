@@ -5,13 +5,14 @@ use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_geo::Raster;
 use grimnet_locate::{Localizer, Options};
 use grimnet_output::OutputFolder;
+use grimnet_photo::PhotoLimits;
 
 use super::track_report::{Scored, figures_text, page};
 use crate::procedural_flight::make_crossing;
 use crate::progress;
 use crate::tracking::formats::TrackFormat;
 use crate::tracking::frame_time::TimeSource;
-use crate::tracking::frames::{Frames as _, Timing};
+use crate::tracking::frames::{FrameOptions, Frames as _};
 use crate::tracking::photo_list::PhotoList;
 use crate::tracking::session::Session;
 use crate::tracking::truth::Truth;
@@ -28,11 +29,12 @@ pub fn follow_crossing(
 ) -> Result<String> {
     let shares = make_crossing(folder, seed)?;
     let photos = crate::photos::expand(&[folder.path().join("flight")])?;
-    let timing = Timing {
+    let options = FrameOptions {
         source: TimeSource::Auto,
         frames_per_s: None,
+        limits: PhotoLimits::DEFAULT,
     };
-    let mut frames = PhotoList::new(photos, &timing)?;
+    let mut frames = PhotoList::new(photos, &options)?;
     let truth = Truth::read(&folder.path().join("flight_truth.csv"))?;
     let options = Options {
         keep_matches: false,

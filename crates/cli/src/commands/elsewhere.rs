@@ -11,6 +11,7 @@ use grimnet_eval::pictures::{file_name, picture_files_below};
 use grimnet_geo::{MapPx, Raster};
 use grimnet_locate::Localizer;
 use grimnet_output::OutputFolder;
+use grimnet_photo::PhotoLimits;
 
 use crate::exit::Exit;
 use crate::{progress, values};
@@ -85,6 +86,7 @@ pub fn run(
     map: &dyn Raster,
     localizer: &Localizer,
     folder: &OutputFolder,
+    photo_limits: PhotoLimits,
 ) -> Result<Exit> {
     let sources = options.sources()?;
     let total = options.elsewhere_trials * sources.len();
@@ -93,6 +95,7 @@ pub fn run(
         trials: options.elsewhere_trials,
         seed: options.elsewhere_seed,
         map_width_m: width_m(map)?,
+        photo_limits,
     };
     let trials = elsewhere::run(localizer, &sources, &settings, &mut |_| bar.inc(1));
     bar.finish_and_clear();

@@ -80,12 +80,13 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     let model = arguments.model.open()?;
     let mut localizer = localizer(arguments, &model, scene.map.as_ref(), &pack_path)?;
     if arguments.adapt == AdaptChoice::Flight {
+        let limits = arguments.limits.photo();
         let paths: Vec<PathBuf> = scene
             .shots
             .iter()
             .filter_map(|shot| shot.photo.path().map(Path::to_owned))
             .collect();
-        localizer = adapt_to_flight(localizer, &paths, &Prior::none())?;
+        localizer = adapt_to_flight(localizer, &paths, &Prior::none(), &limits)?;
     }
     let about = about(arguments, &scene, &model, &pack_path)?;
     evaluate_and_write(arguments, &scene, &localizer, &folder, about)
@@ -149,7 +150,14 @@ fn run_elsewhere(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -
     let map = grimnet_geo::open_map(&map_path, &options)?;
     let model = arguments.model.open()?;
     let localizer = localizer(arguments, &model, map.as_ref(), pack_path)?;
-    elsewhere::run(&arguments.elsewhere, map.as_ref(), &localizer, &folder)
+    let limits = arguments.limits.photo();
+    elsewhere::run(
+        &arguments.elsewhere,
+        map.as_ref(),
+        &localizer,
+        &folder,
+        limits,
+    )
 }
 
 /// `grim eval --track`: flights instead of single photos.
@@ -205,6 +213,7 @@ fn data_set(arguments: &EvalArgs, policy: &OutputPolicy, scratch: &Path) -> Resu
         map: arguments.map.as_deref(),
         map_options: arguments.place.options(),
         photos_out: scratch,
+        photo_limits: arguments.limits.photo(),
     })?;
     Ok(match arguments.world {
         Some(seed) => DataSet {

@@ -13,10 +13,9 @@ use grimnet_output::OutputPolicy;
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
-use super::ModelChoice;
-use super::limits_choice::LimitsChoice;
 pub use super::locate_options::{AdaptChoice, LocateOptions};
 use super::map_place::{MapPlace, check_built_from};
+use super::{LimitsChoice, ModelChoice};
 use crate::drawings::Drawings;
 use crate::exit::Exit;
 use crate::formats::{AnswerOutput, Format};
@@ -167,7 +166,8 @@ fn localizer(arguments: &LocateArgs, pack: Pack, photos: &[PathBuf]) -> Result<L
     };
     let localizer = Localizer::new(arguments.model.open()?, pack)?.with_options(options);
     if arguments.locate.adapt == AdaptChoice::Flight {
-        return adapt_to_flight(localizer, photos, &arguments.locate.prior());
+        let limits = arguments.limits.photo();
+        return adapt_to_flight(localizer, photos, &arguments.locate.prior(), &limits);
     }
     Ok(localizer)
 }
@@ -182,7 +182,7 @@ fn locate_all(
 ) -> Result<Exit> {
     let stop = Arc::new(AtomicBool::new(false));
     interrupt::stop_on_interrupt(&stop)?;
-    let (prior, limits) = (arguments.locate.prior(), arguments.limits.limits());
+    let (prior, limits) = (arguments.locate.prior(), arguments.limits.photo());
     let bar = progress::bar(paths.len() as u64, "locating", "photos");
     let (mut unreadable, mut without_fix) = (0, 0);
     for (number, path) in paths.iter().enumerate() {

@@ -10,10 +10,10 @@ use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind};
 use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build};
-use grimnet_photo::{HeadingPrior, Photo, ViewPrior};
+use grimnet_photo::{HeadingPrior, Photo, QUERY_LONG_SIDE_PX, ViewPrior};
 
 use super::map_place::MapPlace;
-use super::{ModeChoice, ModelChoice};
+use super::{LimitsChoice, ModeChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
 use crate::{inputs, progress, values};
@@ -101,6 +101,9 @@ pub struct BuildArgs {
     /// Side in pixels that a tile is resized to in paper mode
     #[arg(long, value_name = "PX", default_value_t = 320)]
     resolution: u32,
+
+    #[command(flatten)]
+    limits: LimitsChoice,
 }
 
 /// Runs the command.
@@ -228,7 +231,7 @@ fn levels(arguments: &BuildArgs) -> Result<Levels> {
         2.0 * height * (hfov.to_radians() / 2.0).tan()
     } else if let Some(path) = &arguments.photo {
         inputs::check_regular(path)?;
-        let photo = Photo::open(path)?;
+        let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), &arguments.limits.photo())?;
         let overrides = ViewPrior {
             heading: HeadingPrior::Unknown,
             hfov_deg: arguments.hfov,

@@ -8,13 +8,13 @@ use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, Options, Prior};
 use grimnet_photo::ViewPrior;
 use grimnet_track::{Start, TrackOptions, Vehicle};
 
-use super::ModelChoice;
 use super::map_place::MapPlace;
 use super::track_link::TrackLinkArgs;
+use super::{LimitsChoice, ModelChoice};
 use crate::outputs::OverwriteChoice;
 use crate::tracking::formats::TrackFormat;
 use crate::tracking::frame_time::TimeSource;
-use crate::tracking::frames::Timing;
+use crate::tracking::frames::FrameOptions;
 use crate::values;
 
 /// Heading of the options about frames.
@@ -93,14 +93,18 @@ pub struct FrameArgs {
     /// Frames per second: of photos that are numbered in order and have no times; of a video, how many are taken [default: 2]
     #[arg(long, value_name = "N", value_parser = values::rate_per_s, allow_hyphen_values = true, help_heading = FRAMES)]
     pub fps: Option<f64>,
+
+    #[command(flatten)]
+    pub limits: LimitsChoice,
 }
 
 impl FrameArgs {
-    /// How photos get their times.
-    pub fn timing(&self) -> Timing {
-        Timing {
+    /// How photos are read and get their times.
+    pub fn options(&self) -> FrameOptions {
+        FrameOptions {
             source: self.time_from,
             frames_per_s: self.fps,
+            limits: self.limits.photo(),
         }
     }
 }

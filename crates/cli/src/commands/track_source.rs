@@ -69,22 +69,23 @@ impl Source {
     /// The source cannot be read.
     pub fn open(self, arguments: &TrackArgs) -> Result<Box<dyn Frames>> {
         let frames = &arguments.frames;
-        let timing = frames.timing();
+        let options = frames.options();
         Ok(match self {
-            Self::Photos(paths) => Box::new(PhotoList::new(paths, &timing)?),
+            Self::Photos(paths) => Box::new(PhotoList::new(paths, &options)?),
             Self::Folder(folder) => Box::new(Following::new(
                 &folder,
-                timing,
+                options,
                 frames.idle.map(Duration::from_secs_f64),
                 Duration::from_secs_f64(frames.most_wait),
             )?),
             Self::Video(path) => Box::new(Video::open(
                 &path,
                 frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S),
+                options.limits,
             )?),
             Self::StandardInput => Box::new(StreamedFrames::new(
                 BufReader::new(std::io::stdin()),
-                timing,
+                options,
             )?),
         })
     }

@@ -9,7 +9,7 @@ use anyhow::{Result, bail};
 use grimnet_photo::Metadata;
 
 use super::frame_time::Epoch;
-use super::frames::{Frame, Frames, NO_TIME_HINT, Timing, frame_from_file};
+use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_file};
 use crate::photos;
 use grimnet_answer::printable;
 
@@ -21,7 +21,7 @@ const COMPLETE_AFTER: Duration = Duration::from_millis(150);
 /// See the module.
 pub struct Following {
     folder: PathBuf,
-    timing: Timing,
+    options: FrameOptions,
     /// Ends after so long without a new file.
     idle: Option<Duration>,
     /// A frame that waited longer than this is left out if there is a newer one.
@@ -53,7 +53,7 @@ impl Following {
     /// It is no folder.
     pub fn new(
         folder: &Path,
-        timing: Timing,
+        options: FrameOptions,
         idle: Option<Duration>,
         most_wait: Duration,
     ) -> Result<Self> {
@@ -65,7 +65,7 @@ impl Following {
         }
         Ok(Self {
             folder: folder.to_owned(),
-            timing,
+            options,
             idle,
             most_wait,
             growing: HashMap::new(),
@@ -119,10 +119,10 @@ impl Following {
 
     /// Puts a complete file among those that are ready, if it has a time.
     fn take(&mut self, path: PathBuf, now: Instant) {
-        let metadata = Metadata::read(&path).unwrap_or_default();
+        let metadata = Metadata::read_within(&path, &self.options.limits).unwrap_or_default();
         let time = self
-            .timing
-            .of(self.taken, &path.to_string_lossy(), &metadata);
+            .options
+            .time_of(self.taken, &path.to_string_lossy(), &metadata);
         let name = path.display().to_string();
         let Some(time) = time else {
             self.without_time += 1;
@@ -166,7 +166,7 @@ impl Frames for Following {
             let now = Instant::now();
             self.look(now)?;
             if let Some(ready) = self.next_ready(now) {
-                let frame = frame_from_file(&ready.path, ready.time_s);
+                let frame = frame_from_file(&ready.path, ready.time_s, &self.options.limits);
                 // What is being processed is no idleness.
                 self.last_new = self.last_new.max(now);
                 return Ok(Some(frame));
@@ -196,13 +196,15 @@ impl Frames for Following {
 mod tests {
     use super::super::frame_time::TimeSource;
     use super::*;
+    use grimnet_photo::PhotoLimits;
 
     fn following(folder: &Path, most_wait: Duration) -> Following {
-        let timing = Timing {
+        let options = FrameOptions {
             source: TimeSource::Auto,
             frames_per_s: None,
+            limits: PhotoLimits::DEFAULT,
         };
-        Following::new(folder, timing, Some(Duration::from_millis(1)), most_wait).unwrap()
+        Following::new(folder, options, Some(Duration::from_millis(1)), most_wait).unwrap()
     }
 
     #[test]
@@ -248,7 +250,7 @@ mod tests {
         assert!(following.next(&AtomicBool::new(false)).unwrap().is_none());
         following.idle = None;
         assert!(following.next(&AtomicBool::new(true)).unwrap().is_none());
-        let gone = Following::new(&folder.path().join("no"), following.timing, None, POLL);
+        let gone = Following::new(&folder.path().join("no"), following.options, None, POLL);
         assert!(gone.is_err());
     }
 }

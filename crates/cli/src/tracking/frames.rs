@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result};
-use grimnet_photo::{Metadata, Photo, QUERY_LONG_SIDE_PX};
+use grimnet_photo::{Metadata, Photo, PhotoLimits, QUERY_LONG_SIDE_PX, read_photo_file};
 
 use super::frame_time::{Epoch, FrameTime, TimeSource, frame_time};
 use crate::inputs;
@@ -48,18 +48,20 @@ pub trait Frames {
     }
 }
 
-/// How frames get their times.
+/// How frames are read and get their times.
 #[derive(Debug, Clone, Copy)]
-pub struct Timing {
+pub struct FrameOptions {
     /// From what the photo tells.
     pub source: TimeSource,
     /// Frames per second of frames that are numbered in order: overrides what photos tell.
     pub frames_per_s: Option<f64>,
+    /// Limits within which photos are read.
+    pub limits: PhotoLimits,
 }
 
-impl Timing {
+impl FrameOptions {
     /// The time of the frame `number`, counted from 0.
-    pub fn of(&self, number: usize, name: &str, metadata: &Metadata) -> Option<FrameTime> {
+    pub fn time_of(&self, number: usize, name: &str, metadata: &Metadata) -> Option<FrameTime> {
         match self.frames_per_s {
             Some(frames_per_s) => Some(FrameTime {
                 time_s: number as f64 / frames_per_s,
@@ -76,11 +78,11 @@ pub const NO_TIME_HINT: &str = "neither its EXIF data nor its name tell when it 
     frames in order, N a second";
 
 /// Reads and decodes a photo file as a frame.
-pub fn frame_from_file(path: &Path, time_s: f64) -> Frame {
+pub fn frame_from_file(path: &Path, time_s: f64, limits: &PhotoLimits) -> Frame {
     let name = path.display().to_string();
-    let read = inputs::check_regular(path).and_then(|()| Ok(fs_err::read(path)?));
+    let read = inputs::check_regular(path).and_then(|()| Ok(read_photo_file(path, limits)?));
     match read {
-        Ok(bytes) => frame_from_bytes(name, time_s, &bytes),
+        Ok(bytes) => frame_from_bytes(name, time_s, &bytes, limits),
         Err(error) => Frame {
             name,
             time_s,
@@ -91,8 +93,8 @@ pub fn frame_from_file(path: &Path, time_s: f64) -> Frame {
 }
 
 /// Decodes the bytes of a photo as a frame.
-pub fn frame_from_bytes(name: String, time_s: f64, bytes: &[u8]) -> Frame {
-    let photo = Photo::from_bytes(&name, bytes, Some(QUERY_LONG_SIDE_PX))
+pub fn frame_from_bytes(name: String, time_s: f64, bytes: &[u8], limits: &PhotoLimits) -> Frame {
+    let photo = Photo::from_bytes_within(&name, bytes, Some(QUERY_LONG_SIDE_PX), limits)
         .context("the frame cannot be decoded");
     Frame {
         hash: blake3::hash(bytes).to_hex().to_string(),

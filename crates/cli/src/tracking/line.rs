@@ -93,7 +93,7 @@ impl FrameNote {
         Self {
             photo: photo.to_owned(),
             frame: FrameResult::Unusable,
-            reason: Some(errors::message(error)),
+            reason: Some(errors::message_with_hint(error)),
             time_ms: 0.0,
         }
     }

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
-use grimnet_photo::Metadata;
+use grimnet_photo::{Metadata, PhotoLimits};
 
 use super::frame_time::{Epoch, FrameTime};
-use super::frames::{Frame, Frames, NO_TIME_HINT, Timing, frame_from_file};
+use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_file};
 use grimnet_answer::printable;
 
 /// A step of time above this is told, seconds: a clock may have been set, or the aircraft landed.
@@ -20,6 +20,7 @@ pub struct PhotoList {
     next: usize,
     epoch: Epoch,
     without_time: usize,
+    limits: PhotoLimits,
 }
 
 impl PhotoList {
@@ -27,18 +28,18 @@ impl PhotoList {
     ///
     /// # Errors
     /// No photo has a time.
-    pub fn new(paths: Vec<PathBuf>, timing: &Timing) -> Result<Self> {
+    pub fn new(paths: Vec<PathBuf>, options: &FrameOptions) -> Result<Self> {
         let count = paths.len();
         let mut timed: Vec<(PathBuf, FrameTime)> = Vec::with_capacity(count);
         let mut without_time = 0;
         for (number, path) in paths.into_iter().enumerate() {
-            let metadata = if timing.frames_per_s.is_some() {
+            let metadata = if options.frames_per_s.is_some() {
                 Metadata::default()
             } else {
                 // An unreadable photo has no metadata; the flight says so when its turn comes.
-                Metadata::read(&path).unwrap_or_default()
+                Metadata::read_within(&path, &options.limits).unwrap_or_default()
             };
-            match timing.of(number, &path.to_string_lossy(), &metadata) {
+            match options.time_of(number, &path.to_string_lossy(), &metadata) {
                 Some(time) => timed.push((path, time)),
                 None => {
                     without_time += 1;
@@ -70,6 +71,7 @@ impl PhotoList {
             next: 0,
             epoch,
             without_time,
+            limits: options.limits,
         })
     }
 }
@@ -118,7 +120,7 @@ impl Frames for PhotoList {
             return Ok(None);
         };
         self.next += 1;
-        Ok(Some(frame_from_file(path, *time_s)))
+        Ok(Some(frame_from_file(path, *time_s, &self.limits)))
     }
 
     fn epoch(&self) -> Epoch {
@@ -144,10 +146,11 @@ mod tests {
         list.photos.iter().map(name).collect()
     }
 
-    fn timing(frames_per_s: Option<f64>) -> Timing {
-        Timing {
+    fn options(frames_per_s: Option<f64>) -> FrameOptions {
+        FrameOptions {
             source: TimeSource::Auto,
             frames_per_s,
+            limits: PhotoLimits::DEFAULT,
         }
     }
 
@@ -160,13 +163,13 @@ mod tests {
             "d_9.0.jpg",
             "20260621_100000.jpg",
         ];
-        let list = PhotoList::new(paths.map(PathBuf::from).to_vec(), &timing(None)).unwrap();
+        let list = PhotoList::new(paths.map(PathBuf::from).to_vec(), &options(None)).unwrap();
         assert_eq!(names(&list), ["d_9.0.jpg", "b_10.5.jpg", "a_11.0.jpg"]);
         assert_eq!((list.without_time, list.epoch), (2, Epoch::Start));
         let numbered = ["c.jpg", "a.jpg"].map(PathBuf::from).to_vec();
-        let list = PhotoList::new(numbered, &timing(Some(2.0))).unwrap();
+        let list = PhotoList::new(numbered, &options(Some(2.0))).unwrap();
         assert_eq!(names(&list), ["c.jpg", "a.jpg"]);
         assert_eq!(list.photos[1].1, 0.5);
-        assert!(PhotoList::new(vec!["c.jpg".into()], &timing(None)).is_err());
+        assert!(PhotoList::new(vec!["c.jpg".into()], &options(None)).is_err());
     }
 }

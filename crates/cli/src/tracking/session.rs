@@ -122,7 +122,7 @@ impl Session {
                 (answer.point, answer.inputs, note)
             }
             Err(error) => {
-                let message = errors::message(error);
+                let message = errors::message_with_hint(error);
                 tracing::warn!("{}: {}", printable(&frame.name), printable(&message));
                 let note = FrameNote::unusable(&frame.name, error);
                 (self.flight.point_at(time_s), Vec::new(), note)

@@ -8,7 +8,7 @@ use anyhow::{Context as _, Result};
 use grimnet_photo::Metadata;
 
 use super::frame_time::Epoch;
-use super::frames::{Frame, Frames, NO_TIME_HINT, Timing, frame_from_bytes, frame_from_file};
+use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_bytes, frame_from_file};
 use super::jpeg_stream::JpegStream;
 use grimnet_answer::printable;
 
@@ -18,7 +18,7 @@ const JPEG_BEGIN: u8 = 0xff;
 /// See the module. The first byte says which of the two it is.
 pub struct StreamedFrames<R> {
     input: Input<R>,
-    timing: Timing,
+    options: FrameOptions,
     epoch: Option<Epoch>,
     number: usize,
     without_time: usize,
@@ -34,7 +34,7 @@ impl<R: BufRead> StreamedFrames<R> {
     ///
     /// # Errors
     /// Nothing can be read.
-    pub fn new(mut input: R, timing: Timing) -> Result<Self> {
+    pub fn new(mut input: R, options: FrameOptions) -> Result<Self> {
         let first = input.fill_buf().context("cannot read standard input")?;
         let input = if first.first() == Some(&JPEG_BEGIN) {
             Input::Pictures(JpegStream::new(input))
@@ -43,7 +43,7 @@ impl<R: BufRead> StreamedFrames<R> {
         };
         Ok(Self {
             input,
-            timing,
+            options,
             epoch: None,
             number: 0,
             without_time: 0,
@@ -52,6 +52,7 @@ impl<R: BufRead> StreamedFrames<R> {
 
     /// The next frame, with the metadata that may tell its time. `None` at the end.
     fn read(&mut self) -> Result<Option<(Frame, Metadata)>> {
+        let limits = &self.options.limits;
         match &mut self.input {
             Input::Pictures(stream) => {
                 let picture = stream
@@ -60,7 +61,7 @@ impl<R: BufRead> StreamedFrames<R> {
                 Ok(picture.map(|bytes| {
                     let name = format!("frame_{:06}.jpg", self.number);
                     let metadata = Metadata::from_bytes(&bytes);
-                    (frame_from_bytes(name, 0.0, &bytes), metadata)
+                    (frame_from_bytes(name, 0.0, &bytes, limits), metadata)
                 }))
             }
             Input::Names(input) => {
@@ -78,8 +79,8 @@ impl<R: BufRead> StreamedFrames<R> {
                     }
                     let name = line.trim();
                     if !name.is_empty() {
-                        let frame = frame_from_file(Path::new(name), 0.0);
-                        let metadata = Metadata::read(name).unwrap_or_default();
+                        let frame = frame_from_file(Path::new(name), 0.0, limits);
+                        let metadata = Metadata::read_within(name, limits).unwrap_or_default();
                         return Ok(Some((frame, metadata)));
                     }
                 }
@@ -94,7 +95,7 @@ impl<R: BufRead> Frames for StreamedFrames<R> {
             let Some((mut frame, metadata)) = self.read()? else {
                 break;
             };
-            let time = self.timing.of(self.number, &frame.name, &metadata);
+            let time = self.options.time_of(self.number, &frame.name, &metadata);
             self.number += 1;
             match time {
                 Some(time) if *self.epoch.get_or_insert(time.epoch) == time.epoch => {
@@ -127,15 +128,17 @@ impl<R: BufRead> Frames for StreamedFrames<R> {
 mod tests {
     use super::super::frame_time::TimeSource;
     use super::*;
+    use grimnet_photo::PhotoLimits;
 
     #[test]
     fn names_are_read_line_by_line() {
-        let timing = Timing {
+        let options = FrameOptions {
             source: TimeSource::Auto,
             frames_per_s: None,
+            limits: PhotoLimits::DEFAULT,
         };
         let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
-        let mut frames = StreamedFrames::new(text.as_bytes(), timing).unwrap();
+        let mut frames = StreamedFrames::new(text.as_bytes(), options).unwrap();
         let stop = AtomicBool::new(false);
         let mut next = || frames.next(&stop).unwrap();
         let first = next().unwrap();

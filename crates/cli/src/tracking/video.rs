@@ -6,9 +6,10 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result, bail};
+use grimnet_photo::PhotoLimits;
 
 use super::frame_time::{Epoch, TimeSource};
-use super::frames::{Frame, Frames, Timing};
+use super::frames::{Frame, FrameOptions, Frames};
 use super::standard_input::StreamedFrames;
 
 /// Endings of video files, lower case.
@@ -40,7 +41,7 @@ impl Video {
     ///
     /// # Errors
     /// There is no such file, or no `ffmpeg` on the PATH.
-    pub fn open(source: &Path, frames_per_s: f64) -> Result<Self> {
+    pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits) -> Result<Self> {
         let name = source.display().to_string();
         if !name.contains("://") {
             crate::inputs::check_regular(source)?;
@@ -63,13 +64,14 @@ impl Video {
         let Some(output) = ffmpeg.stdout.take() else {
             bail!("{name}: ffmpeg has no output");
         };
-        let timing = Timing {
+        let options = FrameOptions {
             source: TimeSource::Auto,
             frames_per_s: Some(frames_per_s),
+            limits,
         };
         Ok(Self {
             ffmpeg,
-            frames: StreamedFrames::new(BufReader::new(output), timing)?,
+            frames: StreamedFrames::new(BufReader::new(output), options)?,
             name,
             given: 0,
         })

@@ -83,8 +83,8 @@ struct Row {
 ///
 /// # Errors
 /// The file cannot be written.
-pub fn write(path: &Path, observations: &[Observation]) -> csv::Result<()> {
-    let mut writer = csv::Writer::from_path(path)?;
+pub fn write(to: impl std::io::Write, observations: &[Observation]) -> csv::Result<()> {
+    let mut writer = csv::Writer::from_writer(to);
     for o in observations {
         let answer = o.answer.as_ref();
         let support = answer.map(|a| a.support);

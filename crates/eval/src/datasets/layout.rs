@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_geo::{GeoError, MapOptions, Raster, open_map};
 use grimnet_locate::Prior;
-use grimnet_photo::Metadata;
+use grimnet_photo::{Metadata, PhotoLimits};
 
 use super::anyvisloc::{self, AnyVisLocError};
 use super::msdi;
@@ -25,6 +25,8 @@ pub struct DataSetRequest<'a> {
     pub map_options: MapOptions,
     /// Where photos are written that the data set stores in another form (AnyVisLoc).
     pub photos_out: &'a Path,
+    /// Limits within which photos are read.
+    pub photo_limits: PhotoLimits,
 }
 
 /// A data set as read from its folder.
@@ -38,6 +40,8 @@ pub struct DataSet {
     pub map_options: MapOptions,
     /// The photos with a known position.
     pub frames: Vec<(TruthFrame, PathBuf)>,
+    /// Limits within which the photos are read.
+    pub photo_limits: PhotoLimits,
 }
 
 /// Why a data set cannot be read.
@@ -161,7 +165,7 @@ impl DataSet {
         let (on, off): (Vec<_>, Vec<_>) = self
             .frames
             .into_iter()
-            .filter_map(|(frame, path)| shot(frame, path))
+            .filter_map(|(frame, path)| shot(frame, path, self.photo_limits))
             .partition(|shot| is_on(map.as_ref(), shot));
         let Some(first) = on.first().or(off.first()) else {
             return Err(DataSetError::NoTruth(self.map));
@@ -198,6 +202,7 @@ impl DataSet {
                 .map_or_else(|| folder.join(MAP_FILE), Path::to_owned),
             map_options: request.map_options.clone(),
             frames: scorable(frames, &folder.join(PHOTO_FOLDER))?,
+            photo_limits: request.photo_limits,
         })
     }
 
@@ -216,6 +221,7 @@ impl DataSet {
                 ..map_options
             },
             frames: scorable(scene.frames, &scene.photos)?,
+            photo_limits: request.photo_limits,
         })
     }
 
@@ -233,6 +239,7 @@ impl DataSet {
                 ..MapOptions::default()
             },
             frames: scorable(scene.frames, request.photos_out)?,
+            photo_limits: request.photo_limits,
         })
     }
 
@@ -264,7 +271,11 @@ impl DataSet {
                     folder: source.clone(),
                 });
             }
-            frames.extend(found.into_iter().filter_map(frame_from_exif));
+            frames.extend(
+                found
+                    .into_iter()
+                    .filter_map(|path| frame_from_exif(path, &request.photo_limits)),
+            );
         }
         if frames.is_empty() {
             return Err(DataSetError::NoTruth(folder.to_owned()));
@@ -274,6 +285,7 @@ impl DataSet {
             map: map.to_owned(),
             map_options: request.map_options.clone(),
             frames,
+            photo_limits: request.photo_limits,
         })
     }
 }
@@ -285,8 +297,8 @@ const MAP_FILE: &str = "map.tif";
 /// Name of the folder of photos beside it.
 const PHOTO_FOLDER: &str = "photos";
 
-fn frame_from_exif(path: PathBuf) -> Option<(TruthFrame, PathBuf)> {
-    let Ok(metadata) = Metadata::read(&path) else {
+fn frame_from_exif(path: PathBuf, limits: &PhotoLimits) -> Option<(TruthFrame, PathBuf)> {
+    let Ok(metadata) = Metadata::read_within(&path, limits) else {
         tracing::warn!("{}: cannot be read; skipped", path.display());
         return None;
     };
@@ -303,7 +315,7 @@ fn frame_from_exif(path: PathBuf) -> Option<(TruthFrame, PathBuf)> {
 }
 
 /// A photo file with its truth; `None` if the truth has no position.
-fn shot(frame: TruthFrame, path: PathBuf) -> Option<Shot> {
+fn shot(frame: TruthFrame, path: PathBuf, limits: PhotoLimits) -> Option<Shot> {
     let known = Prior::none();
     Some(Shot {
         truth: Truth {
@@ -315,7 +327,7 @@ fn shot(frame: TruthFrame, path: PathBuf) -> Option<Shot> {
             tilt_deg: frame.tilt_deg,
         },
         name: frame.photo,
-        photo: PhotoSource::File(path),
+        photo: PhotoSource::File { path, limits },
         known: frame.heading_deg.map_or(known, |heading_deg| {
             known.with_heading(heading_deg, TRUE_HEADING_SIGMA_DEG)
         }),

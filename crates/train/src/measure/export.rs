@@ -15,7 +15,6 @@ use crate::run::checkpoint::Checkpoint;
 use crate::run::data::Data;
 use burn::tensor::Device;
 use grimnet_net::{Card, ExtractOptions, Model, NetSpec, Precision};
-use std::path::Path;
 
 /// Seed of the held-out pairs.
 const HELD_OUT_SEED: u64 = 11;
@@ -248,15 +247,4 @@ fn training_pairs<'a>(
             )
         })
         .take(count)
-}
-
-/// Writes a model file atomically; creates its folder if necessary.
-///
-/// # Errors
-/// [`TrainError::Io`], [`TrainError::Net`].
-pub fn save_model(model: &Model, path: &Path) -> Result<(), TrainError> {
-    if let Some(folder) = path.parent() {
-        fs_err::create_dir_all(folder)?;
-    }
-    Ok(model.save(path)?)
 }

@@ -6,12 +6,11 @@ use crate::error::TrainError;
 use crate::measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
 use crate::measure::validation::{PairOutputs, Validation, pairs_of, validation_options};
 use crate::model::input::Norms;
-use crate::output::write_file;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::data::Data;
+use crate::run::run_folder::{RunFolder, VALIDATION};
 use grimnet_net::{Card, Model};
 use std::fmt;
-use std::path::PathBuf;
 use std::time::Instant;
 
 /// Pairs of each held-out source.
@@ -91,7 +90,7 @@ impl fmt::Display for Figures {
 
 /// Measures a run every `validate_minutes` and appends the figures to `validation.csv`.
 pub struct Validator {
-    path: PathBuf,
+    folder: RunFolder,
     stage: Stage,
     norms: Norms,
     minutes: f64,
@@ -101,7 +100,7 @@ pub struct Validator {
 
 impl Validator {
     /// Draws the pairs, which are the same for every run; none if `validate_minutes` is 0.
-    pub fn new(config: &TrainConfig, data: &Data) -> Self {
+    pub fn new(config: &TrainConfig, data: &Data, folder: &RunFolder) -> Self {
         let (views, count) = match config.stage {
             Stage::Scenes => (config.pairs.clone(), SCENE_PAIRS),
             Stage::Joint | Stage::Shapes => (validation_options(&config.pairs), PAIRS),
@@ -111,7 +110,7 @@ impl Validator {
             .iter()
             .filter(|_| config.validate_minutes > 0.0);
         Self {
-            path: config.out.join("validation.csv"),
+            folder: folder.clone(),
             stage: config.stage,
             norms: config.norms,
             minutes: config.validate_minutes,
@@ -143,7 +142,7 @@ impl Validator {
     /// # Errors
     /// As [`Validator::measure_if_due`].
     pub fn measure(&self, state: &Checkpoint) -> Result<Vec<(String, Figures)>, TrainError> {
-        let mut text = match fs_err::read_to_string(&self.path) {
+        let mut text = match fs_err::read_to_string(self.folder.path().join(VALIDATION)) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
                 format!("step,held_out,{}\n", Figures::header(self.stage))
@@ -161,7 +160,7 @@ impl Validator {
             ));
             out.push(((*name).to_owned(), figures));
         }
-        write_file(&self.path, text.as_bytes())?;
+        self.folder.write(VALIDATION, text.as_bytes())?;
         Ok(out)
     }
 

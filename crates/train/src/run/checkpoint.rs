@@ -3,7 +3,6 @@
 use crate::config::Stage;
 use crate::error::TrainError;
 use crate::model::parameters::{Parameters, host};
-use crate::output::write_file;
 use crate::run::optimiser::Adam;
 use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::{Card, Model, NetSpec};
@@ -12,6 +11,9 @@ use serde::{Deserialize, Serialize};
 use std::collections::HashMap;
 use std::io::Read as _;
 use std::path::Path;
+
+/// The file of the checkpoint in the folder of a run.
+pub const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -56,11 +58,11 @@ fn values_of(bytes: &[u8]) -> Vec<f32> {
 const LONGEST_HEADER: u64 = 100_000_000;
 
 impl Checkpoint {
-    /// Replaces the file atomically.
+    /// The bytes of the file.
     ///
     /// # Errors
-    /// [`TrainError::Io`]; an error if values cannot be read from the device.
-    pub fn save(&self, path: &Path) -> Result<(), TrainError> {
+    /// An error if values cannot be read from the device.
+    pub fn to_bytes(&self) -> Result<Vec<u8>, TrainError> {
         let mut buffers: Vec<(String, Vec<u8>)> = Vec::new();
         for (prefix, parameters) in [("value/", &self.parameters), ("average/", &self.average)] {
             for (name, values) in parameters.to_host()? {
@@ -72,7 +74,7 @@ impl Checkpoint {
             buffers.push((format!("second/{name}"), bytes_of(&host(second.clone())?)));
         }
         let wrong = |reason: String| TrainError::Checkpoint {
-            path: path.to_owned(),
+            path: CHECKPOINT.into(),
             reason,
         };
         let json = |error: serde_json::Error| wrong(error.to_string());
@@ -98,9 +100,7 @@ impl Checkpoint {
             })
             .collect::<Result<_, safetensors::SafeTensorError>>()
             .map_err(|error| wrong(error.to_string()))?;
-        let bytes = safetensors::serialize(views, Some(metadata))
-            .map_err(|error| wrong(error.to_string()))?;
-        write_file(path, &bytes)
+        safetensors::serialize(views, Some(metadata)).map_err(|error| wrong(error.to_string()))
     }
 
     /// Whether the header of a file is that of a checkpoint. The tensors are not read, so that the file may be damaged.

@@ -1,11 +1,10 @@
 //! Training curves: a CSV file with a row for each report, and a plot of it as SVG.
 
 use crate::error::TrainError;
-use crate::output::write_file;
 use crate::run::losses::Losses;
+use crate::run::run_folder::{CURVES, CURVES_PLOT, RunFolder};
 use crate::run::trainer::Progress;
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
 
 /// Columns before and after the losses.
 const BEFORE: [&str; 2] = ["step", "elapsed_s"];
@@ -24,7 +23,7 @@ const POINTS: usize = 300;
 /// The reports of a run.
 #[derive(Debug)]
 pub struct Curves {
-    path: PathBuf,
+    folder: RunFolder,
     columns: Vec<String>,
     /// As many values as columns.
     rows: Vec<Vec<f64>>,
@@ -62,8 +61,8 @@ impl Curves {
     ///
     /// # Errors
     /// [`TrainError::Io`] if the file cannot be read.
-    pub fn open(folder: &Path, step: u64) -> Result<Self, TrainError> {
-        let path = folder.join("curves.csv");
+    pub fn open(folder: &RunFolder, step: u64) -> Result<Self, TrainError> {
+        let path = folder.path().join(CURVES);
         let before = BEFORE.map(str::to_owned).into_iter();
         let columns: Vec<String> = before
             .chain(loss_columns())
@@ -75,7 +74,7 @@ impl Curves {
             Vec::new()
         };
         Ok(Self {
-            path,
+            folder: folder.clone(),
             columns,
             rows,
         })
@@ -84,7 +83,7 @@ impl Curves {
     /// Adds a report and rewrites both files.
     ///
     /// # Errors
-    /// [`TrainError::Io`] if the files cannot be written.
+    /// [`TrainError::Output`] if the files cannot be written.
     pub fn add(&mut self, p: &Progress) -> Result<(), TrainError> {
         let losses = p.losses.terms().map(|(_, value)| f64::from(value));
         let before = [p.step as f64, p.elapsed_s];
@@ -97,8 +96,8 @@ impl Curves {
             text.push_str(&values.join(","));
             text.push('\n');
         }
-        write_file(&self.path, text.as_bytes())?;
-        write_file(&self.path.with_extension("svg"), self.svg().as_bytes())
+        self.folder.write(CURVES, text.as_bytes())?;
+        self.folder.write(CURVES_PLOT, self.svg().as_bytes())
     }
 
     /// The losses over the steps; losses that are always 0 are not drawn.
@@ -166,6 +165,8 @@ impl Curves {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::TrainConfig;
+    use grimnet_output::OutputPolicy;
 
     fn progress(step: u64) -> Progress {
         Progress {
@@ -186,11 +187,16 @@ mod tests {
     #[test]
     fn a_resumed_run_goes_on_where_its_checkpoint_was() {
         let folder = tempfile::tempdir().unwrap();
-        let mut first = Curves::open(folder.path(), 0).unwrap();
+        let config = TrainConfig {
+            out: folder.path().to_owned(),
+            ..TrainConfig::default()
+        };
+        let run = RunFolder::open(&config, &OutputPolicy::new()).unwrap();
+        let mut first = Curves::open(&run, 0).unwrap();
         for step in [50, 100, 150] {
             first.add(&progress(step)).unwrap();
         }
-        let mut second = Curves::open(folder.path(), 100).unwrap();
+        let mut second = Curves::open(&run, 100).unwrap();
         second.add(&progress(160)).unwrap();
         let text = fs_err::read_to_string(folder.path().join("curves.csv")).unwrap();
         let steps: Vec<&str> = text

@@ -10,14 +10,16 @@ use crate::model::network::Network;
 use crate::model::normalisation::Statistics;
 use crate::model::parameters::Parameters;
 use crate::model::vlad::unit_rows;
-use crate::run::checkpoint::{Checkpoint, Position};
+use crate::run::checkpoint::{CHECKPOINT, Checkpoint, Position};
 use crate::run::losses::Losses;
 use crate::run::objective::{Objective, Tasks};
 use crate::run::optimiser::StepOptions;
+use crate::run::run_folder::RunFolder;
 use crate::run::schedule::{learning_rate, remaining_s, share_done};
 use crate::run::start::initial_state;
 use burn::tensor::{Device, Tensor};
 use grimnet_net::Model;
+use grimnet_output::OutputPolicy;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -108,6 +110,8 @@ pub struct Trainer {
     objective: Objective,
     sources: Sources,
     stop: Arc<AtomicBool>,
+    /// Opened by [`Trainer::run`] if it is not given.
+    folder: Option<RunFolder>,
 }
 
 impl Trainer {
@@ -140,7 +144,16 @@ impl Trainer {
             state,
             sources,
             stop: Arc::default(),
+            folder: None,
         })
+    }
+
+    /// Writes checkpoints into this folder, which the caller writes into as well. Without it, [`Trainer::run`] opens the folder of the
+    /// configuration, where only files of earlier runs may be replaced.
+    #[must_use]
+    pub fn with_folder(mut self, folder: RunFolder) -> Self {
+        self.folder = Some(folder);
+        self
     }
 
     /// The current state.
@@ -163,7 +176,10 @@ impl Trainer {
         on_report: &mut dyn FnMut(&Progress, &Checkpoint) -> bool,
     ) -> Result<(), TrainError> {
         let config = self.config.clone();
-        let path = checkpoint_path(&config);
+        let folder = match &self.folder {
+            Some(folder) => folder.clone(),
+            None => RunFolder::open(&config, &OutputPolicy::new())?,
+        };
         let batches = BatchOptions {
             pair: config.pairs.clone(),
             pairs: config.pairs_per_step,
@@ -199,7 +215,7 @@ impl Trainer {
             last = Instant::now();
             report.add(&losses, gradient, rate);
             if saved.elapsed().as_secs_f64() > config.checkpoint_minutes * 60.0 {
-                self.state.save(&path)?;
+                folder.write(CHECKPOINT, &self.state.to_bytes()?)?;
                 saved = Instant::now();
             }
             if report.is_due(&config) {
@@ -209,7 +225,7 @@ impl Trainer {
                 }
             }
         }
-        self.state.save(&path)
+        folder.write(CHECKPOINT, &self.state.to_bytes()?)
     }
 
     /// One optimisation step.
@@ -387,5 +403,5 @@ fn resumed(config: &TrainConfig, scenes: usize, device: &Device) -> Result<Check
 
 /// The checkpoint file of a run.
 pub fn checkpoint_path(config: &TrainConfig) -> PathBuf {
-    config.out.join("checkpoint.safetensors")
+    config.out.join(CHECKPOINT)
 }

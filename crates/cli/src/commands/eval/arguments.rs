@@ -12,7 +12,7 @@ use crate::commands::eval_track::TrackEvalOptions;
 use crate::commands::locate::AdaptChoice;
 use crate::commands::map_place::MapPlace;
 use crate::commands::retrieval_options::RetrievalOptions;
-use crate::commands::{ModeChoice, ModelChoice};
+use crate::commands::{LimitsChoice, ModeChoice, ModelChoice};
 use crate::outputs::OverwriteChoice;
 use crate::values;
 
@@ -97,4 +97,7 @@ pub struct EvalArgs {
 
     #[command(flatten)]
     pub(super) retrieval: RetrievalOptions,
+
+    #[command(flatten)]
+    pub(super) limits: LimitsChoice,
 }

@@ -13,8 +13,8 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use grimnet_locate::DEFAULT_MAP_ERROR_M;
 
-use crate::commands::ModelChoice;
 use crate::commands::map_place::MapPlace;
+use crate::commands::{LimitsChoice, ModelChoice};
 use crate::values;
 
 /// Heading of the options about clients.
@@ -102,6 +102,9 @@ pub struct ServeArgs {
     /// Longest time of one localisation with its wait, seconds
     #[arg(long, value_name = "S", default_value_t = DEFAULT_TIME_LIMIT_S, value_parser = values::duration_s, help_heading = LIMITS)]
     pub time_limit: f64,
+
+    #[command(flatten)]
+    pub limits: LimitsChoice,
 }
 
 impl ServeArgs {
@@ -120,6 +123,7 @@ impl ServeArgs {
             queue: DEFAULT_QUEUE,
             max_body: DEFAULT_BODY_MIB,
             time_limit: DEFAULT_TIME_LIMIT_S,
+            limits: LimitsChoice::default(),
         }
     }
 }

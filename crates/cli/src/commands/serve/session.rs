@@ -57,6 +57,7 @@ pub fn announce(service: &Service) -> Result<()> {
 fn limits(arguments: &ServeArgs) -> Limits {
     let standard = Limits::default();
     Limits {
+        photo: arguments.limits.photo_or(standard.photo),
         max_body_bytes: arguments.max_body.saturating_mul(1 << 20),
         at_once: arguments.at_once.unwrap_or(standard.at_once),
         queue: arguments.queue,

@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::outputs::OverwriteChoice;
+
 /// Arguments of `grim train`.
 #[derive(Debug, Args)]
 #[cfg_attr(
@@ -26,4 +28,7 @@ pub struct TrainArgs {
     /// Do not train: export the model of the last checkpoint
     #[arg(long, conflicts_with = "resume")]
     pub(super) export: bool,
+
+    #[command(flatten)]
+    pub(super) overwrite: OverwriteChoice,
 }

@@ -6,8 +6,8 @@ use std::sync::atomic::Ordering;
 
 use anyhow::Result;
 use grimnet_train::{
-    Checkpoint, Curves, Data, Device, Progress, Stage, TrainConfig, Trainer, Validator,
-    checkpoint_path, export, save_model,
+    Checkpoint, Curves, Data, Device, MODEL, Progress, RunFolder, Stage, TrainConfig, Trainer,
+    Validator, checkpoint_path, export,
 };
 
 use super::arguments::TrainArgs;
@@ -21,6 +21,9 @@ use crate::interrupt;
 /// # Errors
 /// Returns an error if the data, the checkpoint or the initial weights cannot be used, or a loss is not finite.
 pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> Result<Exit> {
+    // What cannot be written is refused at once, not after the data were read.
+    let policy = arguments.overwrite.policy().protect(path);
+    let folder = RunFolder::open(config, &policy)?;
     let data = Data::open(config)?;
     if data.unreadable > 0 {
         tracing::warn!(
@@ -31,17 +34,18 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
     let device = config.device.device()?;
     if arguments.export {
         let state = Checkpoint::open(&checkpoint_path(config), &device)?;
-        return finish(&state, config, &data, &device);
+        return finish(&state, config, &data, &device, &folder);
     }
     let mut trainer = Trainer::new(
         config.clone(),
         data.training.clone(),
         &device,
         arguments.resume,
-    )?;
+    )?
+    .with_folder(folder.clone());
     let stopped = trainer.stop_switch();
     interrupt::stop_on_interrupt(&stopped)?;
-    train(&mut trainer, config, &data)?;
+    train(&mut trainer, config, &data, &folder)?;
     if stopped.load(Ordering::Relaxed) {
         let mut out = std::io::stderr().lock();
         writeln!(
@@ -52,13 +56,18 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
         )?;
         return Ok(Exit::Done);
     }
-    finish(trainer.state(), config, &data, &device)
+    finish(trainer.state(), config, &data, &device, &folder)
 }
 
-fn train(trainer: &mut Trainer, config: &TrainConfig, data: &Data) -> Result<()> {
-    let mut curves = Curves::open(&config.out, trainer.state().position.step)?;
-    let mut validator = Validator::new(config, data);
-    let mut flight = FlightLog::of(config);
+fn train(
+    trainer: &mut Trainer,
+    config: &TrainConfig,
+    data: &Data,
+    folder: &RunFolder,
+) -> Result<()> {
+    let mut curves = Curves::open(folder, trainer.state().position.step)?;
+    let mut validator = Validator::new(config, data, folder);
+    let mut flight = FlightLog::of(config, folder);
     let bar = share_bar()?;
     let mut failed = None;
     trainer.run(&mut |progress, state| {
@@ -108,7 +117,13 @@ fn line(p: &Progress) -> String {
 }
 
 /// Exports the model and prints its figures. The stages before `joint` make no model: the next stage reads their checkpoint.
-fn finish(state: &Checkpoint, config: &TrainConfig, data: &Data, device: &Device) -> Result<Exit> {
+fn finish(
+    state: &Checkpoint,
+    config: &TrainConfig,
+    data: &Data,
+    device: &Device,
+    folder: &RunFolder,
+) -> Result<Exit> {
     if config.stage != Stage::Joint {
         let mut out = std::io::stdout().lock();
         writeln!(out, "{}", checkpoint_path(config).display())?;
@@ -120,9 +135,8 @@ fn finish(state: &Checkpoint, config: &TrainConfig, data: &Data, device: &Device
         bar.set_position((share * 1000.0) as u64);
     })?;
     bar.finish_and_clear();
-    let path = config.out.join("model.safetensors");
-    save_model(&exported.model, &path)?;
-    report(&exported.model, &path)?;
+    folder.write_model(&exported.model)?;
+    report(&exported.model, &config.out.join(MODEL))?;
     Ok(Exit::Done)
 }
 

@@ -7,6 +7,7 @@ use grimnet_eval::scene::HeadingMode;
 use grimnet_experiments::sweep::Sweep;
 use grimnet_program::general::GeneralOptions;
 use grimnet_program::heading_modes::{BOTH, heading_modes};
+use grimnet_program::limits_choice::LimitsChoice;
 use grimnet_program::map_place::MapPlace;
 use grimnet_program::model_choice::ModelChoice;
 use grimnet_program::outputs::OverwriteChoice;
@@ -91,6 +92,9 @@ pub struct Arguments {
 
     #[command(flatten)]
     pub training: TrainingOptions,
+
+    #[command(flatten)]
+    pub limits: LimitsChoice,
 
     #[command(flatten)]
     pub general: GeneralOptions,

@@ -78,6 +78,7 @@ fn read_scene(folder: &Path, arguments: &Arguments, scratch: &Path) -> Result<Sc
         map: map.map(PathBuf::as_path),
         map_options: arguments.place.options(),
         photos_out: &scratch.join("photos").join(&name),
+        photo_limits: arguments.limits.photo(),
     })?;
     for (frame, _) in &mut data.frames {
         frame.footprint_width_m = arguments.footprint_width.or(frame.footprint_width_m);

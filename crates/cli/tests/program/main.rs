@@ -3,9 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod damage;
+mod determinism;
 mod evaluation;
+mod faults;
 mod guide;
 mod interruptions;
+mod limits;
 mod maps;
 mod outputs;
 mod track;

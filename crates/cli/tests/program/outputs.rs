@@ -291,3 +291,73 @@ fn manual_pages_and_completions() {
     // Packs can be read while they are built into.
     assert!(pack().exists());
 }
+
+#[test]
+#[cfg(unix)]
+fn a_calibration_and_its_observations_spare_files_of_others() {
+    use std::os::unix::fs::FileTypeExt as _;
+    let folder = tempfile::tempdir().unwrap();
+    let observed = folder.path().join("observed.csv");
+    crate::faults::observations::write(&observed, 300);
+    let before = fs::read(&observed).unwrap();
+    let calibrate = |out: &Path, more: &[&str]| {
+        let mut command = grim();
+        command.args(["calibrate", "-o"]).arg(out).args(more);
+        command.assert()
+    };
+    let observed = observed.to_str().unwrap();
+    let letter = folder.path().join("letter.txt");
+    fs::write(&letter, "a letter").unwrap();
+    calibrate(&letter, &["--observed", observed])
+        .code(2)
+        .stderr(contains("--overwrite"));
+    calibrate(Path::new(observed), &["--observed", observed, "--overwrite"])
+        .code(2)
+        .stderr(contains("never replaces an input"));
+    let model = folder.path().join("new.safetensors");
+    let letter = letter.to_str().unwrap();
+    calibrate(&model, &["--observations", letter])
+        .code(2)
+        .stderr(contains("--overwrite"));
+    assert_eq!(fs::read(letter).unwrap(), b"a letter");
+    assert_eq!(fs::read(observed).unwrap(), before);
+    // A device is written through, and stays one.
+    calibrate(Path::new("/dev/null"), &["--observed", observed]).success();
+    let null = fs::metadata("/dev/null").unwrap();
+    assert!(null.file_type().is_char_device());
+    calibrate(&model, &["--observed", observed]).success();
+    calibrate(&model, &["--observed", observed])
+        .code(2)
+        .stderr(contains("--overwrite"));
+}
+
+#[test]
+#[cfg(feature = "train")]
+fn a_training_run_spares_files_of_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("training.toml");
+    let text = "out = \"run\"\nsteps = 1\nworld_share = 1.0\npairs_per_step = 2\nreport_steps = 1\nvalidate_minutes = 0.0\n\
+                [pairs]\nside_px = 64\npoints = 12\n[export]\nwhitening_pairs = 0\nvalidation_pairs = 2\ndistractors = 0\n";
+    fs::write(&config, text).unwrap();
+    let train = |arguments: &[&str]| {
+        let mut command = grim();
+        command.current_dir(folder.path());
+        command.args(["train", "training.toml"]).args(arguments);
+        command.assert()
+    };
+    let run = folder.path().join("run");
+    fs::create_dir(&run).unwrap();
+    for name in ["model.safetensors", "checkpoint.safetensors", "curves.csv"] {
+        fs::write(run.join(name), "mine").unwrap();
+        train(&[]).code(2).stderr(contains(name).and(contains("--overwrite")));
+        assert_eq!(fs::read(run.join(name)).unwrap(), b"mine");
+        fs::remove_file(run.join(name)).unwrap();
+    }
+    train(&[]).success();
+    // Its own files are replaced, and what was edited in the meantime is not.
+    train(&["--resume"]).success();
+    fs::write(run.join("curves.csv"), "my notes").unwrap();
+    train(&[]).code(2).stderr(contains("curves.csv"));
+    assert_eq!(fs::read(run.join("curves.csv")).unwrap(), b"my notes");
+    train(&["--overwrite"]).success();
+}

@@ -126,11 +126,11 @@ fn pictures_that_cannot_be_used_are_named_and_the_next_one_is_answered() {
     let whole = fs::read(photo(1)).unwrap();
     fs::write(path("truncated.jpg"), &whole[..whole.len() / 2]).unwrap();
     let mut corrupt = whole.clone();
-    corrupt[2..40].fill(0x55);
+    corrupt[4..40].fill(0x55);
     fs::write(path("corrupt.jpg"), corrupt).unwrap();
     let cases = [
         (path("truncated.jpg"), "is truncated"),
-        (path("corrupt.jpg"), "is damaged"),
+        (path("corrupt.jpg"), "corrupt.jpg"),
         (
             png_of_size(60_000, 60_000, &path("bomb.png")),
             "60000 x 60000 px and needs",
@@ -185,10 +185,8 @@ fn metadata_that_cannot_be_true_are_unknown_and_it_is_said() {
         "fix" => assert_right(&answer),
         _ => assert!(answer["reason"].as_str().unwrap().len() > 20, "{answer}"),
     }
-    assert!(
-        !answer["assumed"].as_array().unwrap().is_empty(),
-        "{answer}"
-    );
+    let assumed = answer["assumed"].as_str().unwrap();
+    assert!(assumed.contains("ground width"), "{answer}");
     // Height above the sea, a heading that is no number, a focal length of nothing.
     let xmp = "<x:xmpmeta xmlns:drone-dji=\"http://www.dji.com/drone-dji/1.0/\"><rdf:Description \
                drone-dji:AbsoluteAltitude=\"+160\" drone-dji:GimbalYawDegree=\"nan\" drone-dji:GimbalPitchDegree=\"-90\" \
@@ -285,9 +283,9 @@ fn maps_that_do_not_say_where_they_are_give_no_pack() {
     // Latitude and longitude exchanged, where that can be told.
     refused(
         &["--corners", "24.2,120.7,24.3,120.8"],
-        &["map.png", "latitude"],
+        &["corners", "latitude"],
     );
-    refused(&["--corners", "13.4,52.5,13.4,52.5"], &["map.png"]);
+    refused(&["--corners", "13.4,52.5,13.4,52.5"], &["corners"]);
     // A world file whose transform maps everything onto a line, then one without coordinate system.
     fs::write(path("map.pgw"), "1\n1\n1\n1\n500000\n5800000\n").unwrap();
     refused(&["--crs", "EPSG:32633"], &["map."]);
@@ -355,7 +353,7 @@ fn packs_that_do_not_fit_are_refused_with_what_to_do() {
         (&whole[..whole.len() / 2], "truncated", "build"),
         (&[][..], "truncated", "build"),
         (b"a letter to somebody", "not a grimnet pack", "build"),
-        (&older[..], "version", "build the pack again"),
+        (&older[..], "pack format 0", "build the pack again"),
     ] {
         fs::write(&path, bytes).unwrap();
         for command in [

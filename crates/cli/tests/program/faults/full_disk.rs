@@ -23,7 +23,7 @@ fn bash(script: &str, folder: &Path) -> Output {
         .unwrap()
 }
 
-/// Commands that write into `out` files of 20 kB and more, with inputs in `inputs`; and a result of each.
+/// Commands that write into `out` files of some 10 kB and more, with inputs in `inputs`; and a result of each.
 fn commands(inputs: &Path, out: &str) -> Vec<(String, &'static str)> {
     let map = inputs.join("map.png");
     let [option, place] = noise_map(&map, 1100, 1);
@@ -149,10 +149,10 @@ fn a_full_file_system_leaves_the_earlier_results() {
     let full = folder.path().join("full");
     fs::create_dir(&full).unwrap();
     for (command, name) in commands(inputs.path(), full.to_str().unwrap()) {
-        // 20 kB are free when the earlier result and the filler are there.
+        // One page is free when the earlier result and the filler are there.
         let script = format!(
             "set -e; mount -t tmpfs -o size=64m none '{full}'; printf earlier > '{full}/{name}'\n\
-             free=$(df --output=avail -B1 '{full}' | tail -1); head -c $((free - 20480)) /dev/zero > '{full}/filler'\n\
+             free=$(df --output=avail -B1 '{full}' | tail -1); head -c $((free - 4096)) /dev/zero > '{full}/filler'\n\
              status=0; \"$GRIM\" {command} --overwrite 2> errors || status=$?\n\
              echo $status; cat '{full}/{name}'; echo; grep -c 'No space left' errors; grep -c '{name}' errors\n\
              rm '{full}/filler'; status=0; \"$GRIM\" {command} --overwrite > /dev/null 2> errors || status=$?\n\

@@ -311,9 +311,12 @@ fn a_calibration_and_its_observations_spare_files_of_others() {
     calibrate(&letter, &["--observed", observed])
         .code(2)
         .stderr(contains("--overwrite"));
-    calibrate(Path::new(observed), &["--observed", observed, "--overwrite"])
-        .code(2)
-        .stderr(contains("never replaces an input"));
+    calibrate(
+        Path::new(observed),
+        &["--observed", observed, "--overwrite"],
+    )
+    .code(2)
+    .stderr(contains("never replaces an input"));
     let model = folder.path().join("new.safetensors");
     let letter = letter.to_str().unwrap();
     calibrate(&model, &["--observations", letter])
@@ -349,7 +352,9 @@ fn a_training_run_spares_files_of_others() {
     fs::create_dir(&run).unwrap();
     for name in ["model.safetensors", "checkpoint.safetensors", "curves.csv"] {
         fs::write(run.join(name), "mine").unwrap();
-        train(&[]).code(2).stderr(contains(name).and(contains("--overwrite")));
+        train(&[])
+            .code(2)
+            .stderr(contains(name).and(contains("--overwrite")));
         assert_eq!(fs::read(run.join(name)).unwrap(), b"mine");
         fs::remove_file(run.join(name)).unwrap();
     }

@@ -21,7 +21,10 @@ fn the_list_of_faults_names_tests_that_exist() {
             let test = test.trim().trim_matches('`');
             let (file, name) = test.split_once("::").unwrap_or_else(|| panic!("{row}"));
             let text = std::fs::read_to_string(crates.join(file)).unwrap_or_default();
-            assert!(text.contains(&format!("fn {name}(")), "{test} does not exist");
+            assert!(
+                text.contains(&format!("fn {name}(")),
+                "{test} does not exist"
+            );
             count += 1;
         }
     }

@@ -3,7 +3,7 @@
 //! An [`Answer`] is what a localiser found for one photo, with the field names that scripts rely on. An [`AnswerFormat`] writes
 //! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once. With the feature
 //! `geopackage`, `geopackage_of` writes them as a GeoPackage. [`GpxTrack`]
-//! and [`KmlTrack`] write the positions of a flight.
+//! and [`KmlTrack`] write the positions of a flight, and with the same feature `track_geopackage_of`.
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod answer;
@@ -13,10 +13,16 @@ mod format;
 mod geojson;
 #[cfg(feature = "geopackage")]
 mod geopackage;
+#[cfg(feature = "geopackage")]
+mod geopackage_file;
+#[cfg(feature = "geopackage")]
+mod geopackage_geometry;
 mod gpx;
 mod jsonl;
 mod kml;
 mod printable;
+#[cfg(feature = "geopackage")]
+mod track_geopackage;
 mod track_parts;
 mod xml;
 
@@ -31,6 +37,8 @@ pub use gpx::Gpx;
 pub use jsonl::Jsonl;
 pub use kml::Kml;
 pub use printable::{printable, printable_text};
+#[cfg(feature = "geopackage")]
+pub use track_geopackage::{TrackRecord, track_geopackage_of};
 pub use track_parts::{GpxTrack, KmlTrack, TrackPlace};
 
 #[cfg(test)]

@@ -1,5 +1,7 @@
 //! The commands, one file each.
 
+#[cfg(not(feature = "serve"))]
+mod absent;
 pub mod calibrate;
 pub mod completions;
 pub mod demo;
@@ -31,6 +33,8 @@ pub mod track_options;
 pub mod track_output;
 pub mod track_replay;
 pub mod track_report;
+#[cfg(feature = "serve")]
+pub mod track_session;
 pub mod track_source;
 pub mod train;
 

@@ -1,6 +1,7 @@
 //! Answers as text: a table for people, and the formats that other programs read.
 
 mod answer_output;
+mod row_output;
 mod stream;
 mod table;
 
@@ -9,7 +10,11 @@ use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
 pub use answer_output::AnswerOutput;
 pub use grimnet_answer::or_dash;
+pub use row_output::RowOutput;
 pub use stream::{AnswerStream, TextFormat, TextStream};
+
+/// What is said where a database was asked for on standard output.
+pub const NOT_TEXT: &str = "a GeoPackage is a file; give its name with -o FILE.gpkg";
 
 /// How answers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

@@ -1,6 +1,8 @@
 //! What the service adds to a localisation, and how many health probes it answers while localisations run.
 //!
-//! Usage: cargo run --release -p grimnet-serve --example overhead -- AREA.grim PHOTO.jpg [REPEATS]
+//! Usage: cargo run --release -p grimnet-serve --example overhead -- AREA.grim PHOTO.jpg [PAIRS]
+//!
+//! With `RAYON_NUM_THREADS=1` both sides compute on one thread, which makes them vary less.
 
 #![allow(clippy::print_stdout, reason = "an example prints")]
 
@@ -24,7 +26,7 @@ fn main() -> Result<()> {
     let [pack, photo, rest @ ..] = &arguments[..] else {
         return Err("expected a pack and a photo".into());
     };
-    let repeats: usize = rest.first().map_or(Ok(15), |text| text.parse())?;
+    let repeats: usize = rest.first().map_or(Ok(40), |text| text.parse())?;
     let bytes = std::fs::read(photo)?;
     let direct = Localizer::open(pack)?;
     let map = ServedMap::new("area", Localizer::open(pack)?, None)?;
@@ -48,28 +50,64 @@ fn main() -> Result<()> {
     })
 }
 
-/// Takes turns between library and service, and prints the medians and the median of the differences of pairs.
+/// Takes turns between library and service, and prints medians with quartiles: of both, of the differences of pairs, and of what the
+/// service adds by its own clock, which noise of the localisation itself does not touch.
 fn overhead(direct: &Localizer, address: SocketAddr, bytes: &[u8], repeats: usize) -> Result<()> {
-    let (mut library_ms, mut service_ms, mut difference_ms) = (vec![], vec![], vec![]);
-    for _ in 0..repeats {
-        let start = Instant::now();
-        let photo = Photo::from_bytes("photo", bytes, Some(QUERY_LONG_SIDE_PX))?;
-        direct.locate(&photo, &Prior::none())?;
-        let alone = start.elapsed().as_secs_f64() * 1e3;
-        let start = Instant::now();
-        locate(address, bytes)?;
-        let served = start.elapsed().as_secs_f64() * 1e3;
-        library_ms.push(alone);
-        service_ms.push(served);
-        difference_ms.push(served - alone);
+    let (mut library_ms, mut service_ms) = (vec![], vec![]);
+    let (mut difference_ms, mut added_ms) = (vec![], vec![]);
+    for pair in 0..=repeats {
+        let library = || -> Result<f64> {
+            let start = Instant::now();
+            let photo = Photo::from_bytes("photo", bytes, Some(QUERY_LONG_SIDE_PX))?;
+            direct.locate(&photo, &Prior::none())?;
+            Ok(start.elapsed().as_secs_f64() * 1e3)
+        };
+        let service = || -> Result<(f64, f64)> {
+            let before_ms = localised_ms(address)?;
+            let start = Instant::now();
+            locate(address, bytes)?;
+            let served_ms = start.elapsed().as_secs_f64() * 1e3;
+            Ok((served_ms, served_ms - (localised_ms(address)? - before_ms)))
+        };
+        // What drifts favours neither.
+        let (alone_ms, (served_ms, beside_ms)) = if pair % 2 == 0 {
+            let alone_ms = library()?;
+            (alone_ms, service()?)
+        } else {
+            let served = service()?;
+            (library()?, served)
+        };
+        // The first pair fills caches.
+        if pair > 0 {
+            library_ms.push(alone_ms);
+            service_ms.push(served_ms);
+            difference_ms.push(served_ms - alone_ms);
+            added_ms.push(beside_ms);
+        }
     }
-    println!("library: median {:.1} ms", median(&mut library_ms));
-    println!("service: median {:.1} ms", median(&mut service_ms));
+    println!("{repeats} pairs; median (quartiles), ms");
+    println!("library: {}", spread(&mut library_ms));
+    println!("service: {}", spread(&mut service_ms));
+    println!("difference of pairs: {}", spread(&mut difference_ms));
     println!(
-        "median difference of pairs: {:.1} ms",
-        median(&mut difference_ms)
+        "service without decoding and localising: {}",
+        spread(&mut added_ms)
     );
     Ok(())
+}
+
+/// Time that the service spent decoding and localising so far, by its own clock, milliseconds.
+fn localised_ms(address: SocketAddr) -> Result<f64> {
+    let request = format!("GET /metrics HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\n\r\n");
+    let mut stream = TcpStream::connect(address)?;
+    stream.write_all(request.as_bytes())?;
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer)?;
+    let line = answer
+        .lines()
+        .find_map(|line| line.strip_prefix("grimnet_localisation_seconds_sum "))
+        .ok_or("the service does not tell its times")?;
+    Ok(line.trim().parse::<f64>()? * 1e3)
 }
 
 /// Counts health probes on one connection while two localisations run.
@@ -146,7 +184,12 @@ fn locate(address: SocketAddr, bytes: &[u8]) -> Result<()> {
     }
 }
 
-fn median(values: &mut [f64]) -> f64 {
+/// Median and quartiles.
+fn spread(values: &mut [f64]) -> String {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    let at = |share: usize| {
+        let value = values.get(values.len() * share / 4);
+        value.copied().unwrap_or(f64::NAN)
+    };
+    format!("{:.2} ({:.2} to {:.2})", at(2), at(1), at(3))
 }

@@ -29,6 +29,12 @@ pub enum ServeError {
     /// A map has no position on Earth.
     #[error(transparent)]
     Map(#[from] grimnet_geo::GeoError),
+    /// A tile cannot be encoded.
+    #[error("a picture of the map cannot be encoded: {0}")]
+    Picture(#[from] image::ImageError),
+    /// A track cannot be written.
+    #[error("a track cannot be written: {0}")]
+    Session(#[from] serde_json::Error),
     /// The system refuses threads, timers or signals.
     #[error("cannot run the service: {0}")]
     Run(#[from] std::io::Error),

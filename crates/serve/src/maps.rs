@@ -38,13 +38,14 @@ impl ServedMap {
     /// Returns [`ServeError::Map`] if a corner of the map has no position on Earth.
     pub fn new(
         name: &str,
-        localizer: Localizer,
+        localizer: impl Into<Arc<Localizer>>,
         raster: Option<Box<dyn Raster>>,
     ) -> Result<Self, ServeError> {
+        let localizer = localizer.into();
         let outline = outline(&localizer)?;
         Ok(Self {
             id: id_from(name),
-            localizer: Arc::new(localizer),
+            localizer,
             raster,
             outline,
         })

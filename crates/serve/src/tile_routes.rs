@@ -1,15 +1,11 @@
 //! `GET /v1/maps/{id}/tiles/{z}/{x}/{y}` and the TileJSON that describes them.
 
-use std::io::Cursor;
 use std::sync::Arc;
 
 use axum::Json;
-use axum::body::Bytes;
 use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
-use image::codecs::jpeg::JpegEncoder;
-use image::{DynamicImage, ImageError, ImageFormat, RgbaImage};
 use serde::Serialize;
 
 use crate::forwarded::scheme_of;
@@ -18,10 +14,7 @@ use crate::query::Query;
 use crate::state::{Shared, State};
 use crate::tile_address::{MAX_ZOOM, TileAddress};
 use crate::tile_cache::{Layer, Tile};
-use crate::tile_picture::{map_picture, outline_picture};
-
-/// Quality of JPEG tiles.
-const JPEG_QUALITY: u8 = 88;
+use crate::tile_rendering::rendered_tile;
 
 /// How long a client may use a tile without asking, seconds.
 const FRESH: HeaderValue = HeaderValue::from_static("private, max-age=300");
@@ -183,21 +176,8 @@ async fn rendered(
     let work = move || {
         let _worker = worker;
         let map = shared.maps.get(&id)?;
-        let picture = match (layer, &map.raster) {
-            (Layer::Map, Some(raster)) => map_picture(address, raster.as_ref()),
-            _ => outline_picture(address, map.localizer.pack()),
-        };
-        let picture = match picture {
-            Ok(picture) => picture,
-            // The projection does not reach there: nothing of the map is there.
-            Err(grimnet_geo::GeoError::OutsideDomain { .. }) => RgbaImage::new(1, 1),
-            Err(error) => {
-                tracing::error!(%error, "a tile cannot be read");
-                return Err(Problem::internal());
-            }
-        };
-        encoded(picture).map_err(|error| {
-            tracing::error!(%error, "a tile cannot be encoded");
+        rendered_tile(map, layer, address).map_err(|error| {
+            tracing::error!(%error, "a tile cannot be made");
             Problem::internal()
         })
     };
@@ -205,27 +185,6 @@ async fn rendered(
         tracing::error!(%error, "a tile failed");
         Problem::internal()
     })?
-}
-
-/// JPEG, which has no transparency, or PNG.
-fn encoded(picture: RgbaImage) -> Result<Tile, ImageError> {
-    let is_opaque = picture.pixels().all(|pixel| pixel.0[3] == 255);
-    let mut bytes = Cursor::new(Vec::new());
-    let media_type = if is_opaque {
-        let rgb = DynamicImage::ImageRgba8(picture).into_rgb8();
-        rgb.write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY))?;
-        "image/jpeg"
-    } else {
-        picture.write_to(&mut bytes, ImageFormat::Png)?;
-        "image/png"
-    };
-    let bytes = Bytes::from(bytes.into_inner());
-    let tag = format!("\"{}\"", &blake3::hash(&bytes).to_hex()[..32]);
-    Ok(Tile {
-        bytes,
-        media_type,
-        tag: HeaderValue::from_str(&tag).unwrap_or(HeaderValue::from_static("\"\"")),
-    })
 }
 
 #[cfg(test)]

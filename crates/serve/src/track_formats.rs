@@ -3,7 +3,7 @@
 use grimnet_answer::{GpxTrack, TrackPlace};
 use serde_json::{Value, json};
 
-use crate::track_store::TrackFrame;
+use crate::track_frame::TrackFrame;
 
 /// A GeoJSON feature collection (RFC 7946): a line through the usable positions, and a point for each position.
 pub(crate) fn geojson(frames: &[TrackFrame]) -> Value {

@@ -7,7 +7,7 @@ use axum::extract::{Path, Request};
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use grimnet_answer::Answer;
-use grimnet_flight::{Flight, FlightOptions, Known, Searched};
+use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_locate::Prior;
 use serde::{Deserialize, Serialize};
 use tokio::time::timeout;
@@ -18,7 +18,8 @@ use crate::problem::Problem;
 use crate::query::Query;
 use crate::state::{Shared, State};
 use crate::track_formats::{geojson, gpx};
-use crate::track_store::{Track, TrackFrame, TrackSummary};
+use crate::track_frame::TrackFrame;
+use crate::track_store::{Track, TrackSummary};
 use crate::upload::{Upload, label};
 
 /// Largest and smallest time that a frame may have, seconds: times of every usual clock are within.
@@ -189,13 +190,10 @@ fn take_in(
         attitude: None,
     };
     let found = track.flight().frame(&photo, time_s, &known);
-    let mut answer = match &found.outcome {
+    let answer = match &found.outcome {
         Ok(outcome) => Answer::of(name, outcome),
         Err(error) => Answer::no_fix(name, error),
     };
-    // The same for every frame of a flight, and many are kept.
-    answer.used.clear();
-    answer.set_aside.clear();
     let is_fix = answer.reason.is_none();
     state.metrics.answer(&track.map, is_fix, start.elapsed());
     tracing::info!(
@@ -204,14 +202,7 @@ fn take_in(
         ms = start.elapsed().as_millis() as u64,
         "frame"
     );
-    Ok(track.add(TrackFrame {
-        number: 0,
-        time_s,
-        searched: match found.searched {
-            Searched::Window { .. } => "window",
-            _ => "whole_map",
-        },
-        point: found.point,
-        answer,
-    }))
+    // It gets its number there.
+    let frame = TrackFrame::new(0, time_s, &found.searched, found.point, answer);
+    Ok(track.add(frame))
 }

@@ -4,13 +4,12 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Instant;
 
-use grimnet_answer::Answer;
 use grimnet_flight::Flight;
-use grimnet_track::TrackPoint;
 use serde::Serialize;
 use tokio::sync::{Semaphore, watch};
 
 use crate::problem::Problem;
+use crate::track_frame::TrackFrame;
 
 /// Tracks at the same time. A new one takes the place of the one that got no frame for longest.
 const MAX_TRACKS: usize = 64;
@@ -20,23 +19,6 @@ const IDLE_S: f64 = 600.0;
 
 /// Frames that a track keeps; older ones are given up.
 const MAX_FRAMES: usize = 20_000;
-
-/// What one frame gave.
-#[derive(Debug, Clone, Serialize, utoipa::ToSchema)]
-pub(crate) struct TrackFrame {
-    /// Number of the frame in its track, from 1.
-    pub number: u64,
-    /// Time of the exposure, seconds on the clock of the client.
-    pub time_s: f64,
-    /// Whether a window around the expected position was searched (`window`) or the whole map (`whole_map`).
-    pub searched: &'static str,
-    /// The track at that time: `state`, and position, velocity, heading and covariance if there are any; `null` if the frame is too
-    /// old.
-    #[schema(value_type = Option<Object>)]
-    pub point: Option<TrackPoint>,
-    /// The answer for the photo alone.
-    pub answer: Answer,
-}
 
 /// One track.
 #[derive(Debug)]

@@ -126,7 +126,7 @@ function play() {
   }, 1000 / FRAMES_PER_SECOND);
 }
 
-byId("title").textContent = `Track ${session.track} on ${session.map}`;
+byId("title").textContent = session.title;
 document.title = byId("title").textContent;
 for (const [state, colour] of Object.entries(COLOURS)) {
   const entry = document.createElement("li");

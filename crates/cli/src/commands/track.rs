@@ -15,12 +15,12 @@ use grimnet_track::{TrackOptions, TrackPoint};
 use indicatif::ProgressBar;
 
 pub use super::track_options::TrackArgs;
-use super::track_output::open_stream;
+use super::track_output::open_output;
 use super::track_replay::replay;
 use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
 use crate::exit::Exit;
-use crate::formats::TextStream;
+use crate::formats::{RowOutput, TextStream};
 use crate::tracking::frame_time::Epoch;
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
@@ -37,6 +37,7 @@ use crate::{inputs, interrupt, progress};
 pub const EXAMPLES: &str = "\
 Examples:
   grim track --pack town.grim flight/ -o flight.gpx
+  grim track --pack town.grim flight/ -o flight.gpkg --session flight.html --map town.tif
   grim track --pack town.grim incoming/ --follow --start 24.26,120.72,200
   grim track --pack town.grim flight/ --smooth --report report --map town.tif --truth truth.csv
   grim track --pack town.grim DJI_0001.MP4 --fps 2 --hfov 73
@@ -81,6 +82,8 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     inputs::check_regular(pack)?;
     let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
         .with_options(arguments.known.options());
+    let localizer = Arc::new(localizer);
+    let session_file = session_file(arguments, &policy, &localizer)?;
     let report = match &output.report {
         Some(folder) => {
             let map = output.map.as_deref();
@@ -98,13 +101,14 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         Some(folder) => Some(Recorder::create(folder, &policy)?),
         None => None,
     };
-    let stream = open_stream(arguments, &policy)?;
+    let stream = open_output(arguments, &policy)?;
     let mut frames = source.open(arguments)?;
     let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);
     let mut followed = Followed {
         session,
         beside,
         truth,
+        session_file,
         scored: Vec::new(),
         lines: Vec::new(),
         keeps_lines: output.smooth || report.is_some(),
@@ -123,12 +127,48 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     if let Some(report) = report {
         report.write(&followed.scored)?;
     }
+    #[cfg(feature = "serve")]
+    if let Some(file) = &followed.session_file {
+        file.write()?;
+    }
     let exit = summarise(&followed, frames.as_ref(), interrupted)?;
     if let Some(nmea) = followed.beside.nmea {
         nmea.finish()?;
     }
     followed.session.finish()?;
     Ok(exit)
+}
+
+/// The file of `--session`.
+#[cfg(feature = "serve")]
+type SessionFile<'a> = super::track_session::SessionFile<'a>;
+/// This build has none.
+#[cfg(not(feature = "serve"))]
+type SessionFile<'a> = std::marker::PhantomData<&'a ()>;
+
+/// Opens the file of `--session`, if it is asked for.
+///
+/// # Errors
+/// It may not be written, the map cannot be read, or this build has no such files.
+fn session_file<'a>(
+    arguments: &'a TrackArgs,
+    policy: &'a OutputPolicy,
+    localizer: &Arc<Localizer>,
+) -> Result<Option<SessionFile<'a>>> {
+    let output = &arguments.output;
+    let Some(path) = &output.session else {
+        return Ok(None);
+    };
+    #[cfg(feature = "serve")]
+    {
+        let map = output.map.as_deref();
+        SessionFile::open(path, policy, localizer.clone(), map, &output.place).map(Some)
+    }
+    #[cfg(not(feature = "serve"))]
+    {
+        let _ = (path, policy, localizer);
+        bail!(super::absent::message("grim track --session", "serve"))
+    }
 }
 
 /// What may be replaced: nothing that this run reads.
@@ -147,8 +187,10 @@ fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
 }
 
 /// A flight while it is followed.
-struct Followed {
+struct Followed<'a> {
     session: Session,
+    /// The file of the track with its map.
+    session_file: Option<SessionFile<'a>>,
     beside: Beside,
     truth: Option<Truth>,
     scored: Vec<Scored>,
@@ -165,7 +207,7 @@ struct Beside {
     nmea: Option<TextStream<TrackPoint>>,
 }
 
-impl Followed {
+impl Followed<'_> {
     /// Takes in a frame, with the telemetry of its time, and hands the track on.
     fn frame(&mut self, frame: Frame, epoch: Epoch) -> Result<Tracked> {
         let Beside {
@@ -207,9 +249,9 @@ fn telemetry(arguments: &TrackArgs, source: &Source) -> Result<Option<RecordedTe
 
 /// Follows all frames and writes the track, smoothed at the end if that is asked for. Gives whether it was interrupted.
 fn write_track(
-    followed: &mut Followed,
+    followed: &mut Followed<'_>,
     frames: &mut dyn Frames,
-    mut stream: TextStream<TrackLine>,
+    mut stream: RowOutput<'_, TrackLine>,
     smooth: bool,
 ) -> Result<bool> {
     let interrupted = follow(followed, frames, &mut stream, smooth)?;
@@ -226,9 +268,9 @@ fn write_track(
 
 /// Takes frame after frame until the last one or Ctrl-C. Gives whether it was interrupted.
 fn follow(
-    followed: &mut Followed,
+    followed: &mut Followed<'_>,
     frames: &mut dyn Frames,
-    stream: &mut TextStream<TrackLine>,
+    stream: &mut RowOutput<'_, TrackLine>,
     only_at_end: bool,
 ) -> Result<bool> {
     let stop = Arc::new(AtomicBool::new(false));
@@ -240,6 +282,10 @@ fn follow(
     let since = Instant::now();
     while let Some(frame) = frames.next(&stop)? {
         let tracked = bar.suspend(|| followed.frame(frame, frames.epoch()))?;
+        #[cfg(feature = "serve")]
+        if let Some(file) = &mut followed.session_file {
+            file.add(&tracked);
+        }
         show(&bar, &tracked, followed.session.counts().frames, since);
         if !only_at_end {
             bar.suspend(|| stream.write(&tracked.line))?;
@@ -272,7 +318,7 @@ fn show(bar: &ProgressBar, tracked: &Tracked, frames: usize, since: Instant) {
 }
 
 /// Tells what became of the frames.
-fn summarise(followed: &Followed, frames: &dyn Frames, interrupted: bool) -> Result<Exit> {
+fn summarise(followed: &Followed<'_>, frames: &dyn Frames, interrupted: bool) -> Result<Exit> {
     let counts = followed.session.counts();
     if frames.dropped() > 0 {
         tracing::warn!(

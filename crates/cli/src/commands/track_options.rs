@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 use grimnet_flight::{FlightOptions, Known};
 use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, Options, Prior};
 use grimnet_photo::ViewPrior;
@@ -191,6 +191,7 @@ impl KnownArgs {
 
 /// Where the track goes.
 #[derive(Debug, Args)]
+#[command(group(ArgGroup::new("drawn").args(["report", "session"]).multiple(true)))]
 pub struct OutputArgs {
     /// How to write the track [default: by the file's ending; table on a terminal, jsonl in a pipe]
     #[arg(long, value_enum, help_heading = OUTPUT)]
@@ -219,8 +220,12 @@ pub struct OutputArgs {
     #[arg(long, value_name = "DIR", conflicts_with = "replay", help_heading = OUTPUT)]
     pub report: Option<PathBuf>,
 
-    /// The map, as background of --report
-    #[arg(long, value_name = "MAP", requires = "report", help_heading = OUTPUT)]
+    /// Write the track with its map as one HTML file with a slider, which opens without any server
+    #[arg(long, value_name = "FILE.html", conflicts_with = "replay", help_heading = OUTPUT)]
+    pub session: Option<PathBuf>,
+
+    /// The map, as background of --report and --session
+    #[arg(long, value_name = "MAP", requires = "drawn", help_heading = OUTPUT)]
     pub map: Option<PathBuf>,
 
     #[command(flatten)]

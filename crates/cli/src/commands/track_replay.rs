@@ -6,7 +6,7 @@ use anyhow::Result;
 use grimnet_answer::printable;
 
 use super::track_options::TrackArgs;
-use super::track_output::open_stream;
+use super::track_output::open_output;
 use crate::exit::Exit;
 use crate::tracking::recording::Replay;
 
@@ -23,7 +23,7 @@ pub fn replay(arguments: &TrackArgs, folder: &Path) -> Result<Exit> {
     if let Some(path) = &arguments.output.out {
         policy.check_file(path, &[])?;
     }
-    let mut stream = open_stream(arguments, &policy)?;
+    let mut stream = open_output(arguments, &policy)?;
     let mut recorded = Replay::open(folder)?;
     let (mut frames, mut others) = (0, 0);
     while let Some(frame) = recorded.next_frame()? {

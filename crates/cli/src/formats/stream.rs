@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 use grimnet_answer::{Answer, AnswerFormat};
 use grimnet_output::{AtomicFile, OutputPolicy};
 
-use super::Format;
+use super::{Format, NOT_TEXT};
 
 /// The text of rows of one kind, in pieces: opening, rows, closing.
 pub trait TextFormat<R> {
@@ -88,9 +88,7 @@ impl AnswerStream {
 }
 
 fn text_format(format: Format) -> Result<Box<dyn AnswerFormat>> {
-    format
-        .start()
-        .context("a GeoPackage is a file; give its name with -o FILE.gpkg")
+    format.start().context(NOT_TEXT)
 }
 
 impl<R> TextStream<R> {

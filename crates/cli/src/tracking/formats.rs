@@ -2,6 +2,8 @@
 
 mod csv;
 mod geojson;
+#[cfg(feature = "sqlite")]
+pub mod gpkg;
 mod gpx;
 mod jsonl;
 mod kml;
@@ -9,10 +11,10 @@ mod table;
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Context as _, Result};
 
 use super::line::TrackLine;
-use crate::formats::TextFormat;
+use crate::formats::{NOT_TEXT, TextFormat};
 
 /// How a track is written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -29,6 +31,9 @@ pub enum TrackFormat {
     Gpx,
     /// Lines (KML 2.3), for Google Earth and others
     Kml,
+    /// A GeoPackage (OGC), for QGIS: positions, the way and 95 % ellipses as layers; a file, written when the run ends
+    #[cfg(feature = "sqlite")]
+    Gpkg,
 }
 
 impl TrackFormat {
@@ -41,6 +46,8 @@ impl TrackFormat {
             "geojson" => Some(Self::Geojson),
             "gpx" => Some(Self::Gpx),
             "kml" => Some(Self::Kml),
+            #[cfg(feature = "sqlite")]
+            "gpkg" => Some(Self::Gpkg),
             _ => None,
         }
     }
@@ -50,7 +57,7 @@ impl TrackFormat {
     /// # Errors
     /// A line cannot be written in this format.
     pub fn text_of<'a>(self, lines: impl IntoIterator<Item = &'a TrackLine>) -> Result<String> {
-        let mut format = self.start();
+        let mut format = self.start().context(NOT_TEXT)?;
         let mut text = format.opening();
         for line in lines {
             text += &format.row(line)?;
@@ -58,16 +65,18 @@ impl TrackFormat {
         Ok(text + format.closing() + &format.summary())
     }
 
-    /// The format for a track.
-    pub fn start(self) -> Box<dyn TextFormat<TrackLine>> {
-        match self {
+    /// The format for a track; `None` for one that is not text.
+    pub fn start(self) -> Option<Box<dyn TextFormat<TrackLine>>> {
+        Some(match self {
             Self::Table => Box::<table::Table>::default(),
             Self::Jsonl => Box::new(jsonl::Jsonl),
             Self::Csv => Box::new(csv::Csv),
             Self::Geojson => Box::<geojson::Geojson>::default(),
             Self::Gpx => Box::<gpx::Gpx>::default(),
             Self::Kml => Box::<kml::Kml>::default(),
-        }
+            #[cfg(feature = "sqlite")]
+            Self::Gpkg => return None,
+        })
     }
 }
 

@@ -59,6 +59,17 @@ pub enum FrameResult {
     Unusable,
 }
 
+impl FrameResult {
+    /// `fix` and so on, as JSON has it.
+    pub fn text(self) -> &'static str {
+        match self {
+            Self::Fix => "fix",
+            Self::NoFix => "no_fix",
+            Self::Unusable => "unusable",
+        }
+    }
+}
+
 /// What is told of a frame besides the track.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameNote {

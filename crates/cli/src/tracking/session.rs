@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use anyhow::Result;
-use grimnet_flight::{Flight, Known};
+use grimnet_flight::{Flight, Known, Searched};
 use grimnet_track::{Input, InputError, TrackPoint};
 
 use super::frame_time::Epoch;
@@ -11,7 +11,7 @@ use super::frames::Frame;
 use super::line::{FrameNote, FrameResult, TrackLine};
 use super::recording::Recorder;
 use crate::errors;
-use grimnet_answer::printable;
+use grimnet_answer::{Answer, printable};
 
 /// How the frames of a flight went.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -47,6 +47,10 @@ pub struct Tracked {
     pub time_s: f64,
     /// The track at that time.
     pub point: Option<TrackPoint>,
+    /// The answer for the photo alone.
+    pub answer: Answer,
+    /// Where it was searched.
+    pub searched: Searched,
 }
 
 impl Session {
@@ -109,7 +113,7 @@ impl Session {
     pub fn frame(&mut self, frame: Frame, epoch: Epoch) -> Result<Tracked> {
         self.epoch = epoch;
         let time_s = frame.time_s;
-        let (point, inputs, note) = match &frame.photo {
+        let (point, inputs, note, answer, searched) = match &frame.photo {
             Ok(photo) => {
                 let answer = self.flight.frame(photo, time_s, &self.known);
                 for error in &answer.refused {
@@ -119,13 +123,19 @@ impl Session {
                     tracing::warn!("{}: {error}", printable(&frame.name));
                 }
                 let note = FrameNote::of(&frame.name, &answer);
-                (answer.point, answer.inputs, note)
+                let alone = match &answer.outcome {
+                    Ok(outcome) => Answer::of(&frame.name, outcome),
+                    Err(error) => Answer::no_fix(&frame.name, error),
+                };
+                (answer.point, answer.inputs, note, alone, answer.searched)
             }
             Err(error) => {
                 let message = errors::message_with_hint(error);
                 tracing::warn!("{}: {}", printable(&frame.name), printable(&message));
                 let note = FrameNote::unusable(&frame.name, error);
-                (self.flight.point_at(time_s), Vec::new(), note)
+                let alone = Answer::no_fix(&frame.name, message);
+                let point = self.flight.point_at(time_s);
+                (point, Vec::new(), note, alone, Searched::WholeMap)
             }
         };
         self.count(note.frame, point.as_ref());
@@ -141,6 +151,8 @@ impl Session {
             line,
             time_s,
             point,
+            answer,
+            searched,
         })
     }
 

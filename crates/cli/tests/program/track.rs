@@ -115,6 +115,84 @@ fn a_flight_is_recorded_and_runs_again_bit_for_bit() {
         .stderr(contains("than the recorded one"));
 }
 
+/// The session that a page holds.
+#[cfg(feature = "serve")]
+fn session(page: &Path) -> Value {
+    let page = fs::read_to_string(page).unwrap();
+    assert!(!page.contains("http://") && !page.contains("https://"));
+    let (_, rest) = page.split_once("id=\"session\">").unwrap();
+    let (json, _) = rest.split_once("</script>").unwrap();
+    serde_json::from_str(json).unwrap()
+}
+
+#[cfg(all(feature = "serve", feature = "sqlite"))]
+#[test]
+fn a_track_is_a_geopackage_and_a_page_without_a_server() {
+    let folder = tempfile::tempdir().unwrap();
+    let [package, page] = ["flight.gpkg", "flight.html"].map(|name| folder.path().join(name));
+    let frames: Vec<PathBuf> = (1..=8).map(frame).collect();
+    let broken = folder.path().join("frame_009.jpg");
+    fs::write(&broken, &fs::read(frame(9)).unwrap()[..20_000]).unwrap();
+    let mut source: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
+    source.push(&broken);
+    let map = demo().join("map.tif");
+    let arguments = [
+        "-o",
+        package.to_str().unwrap(),
+        "--session",
+        page.to_str().unwrap(),
+    ];
+    let with_map = [&arguments[..], &["--map", map.to_str().unwrap()]].concat();
+    let (lines, errors, status) = track(&with_map, &source);
+    assert_eq!((lines.len(), status), (0, 1), "{errors}");
+    let bytes = fs::read(&package).unwrap();
+    assert!(bytes.starts_with(b"SQLite format 3\0"));
+    assert_eq!(&bytes[68..72], b"GPKG");
+    let shown = session(&page);
+    let shown_frames = shown["frames"].as_array().unwrap();
+    assert_eq!(shown_frames.len(), 9);
+    let last = &shown_frames[7];
+    assert_eq!(last["point"]["state"], "tracking", "{last}");
+    assert!(last["point"]["radius95_m"].as_f64().unwrap() < 25.0);
+    assert_eq!(last["number"], 8);
+    assert_eq!(shown_frames[8]["answer"]["state"], "no_fix");
+    let tiles = shown["tiles"].as_array().unwrap();
+    let of_the_map = |tile: &&Value| {
+        let picture = tile["picture"].as_str().unwrap();
+        picture.starts_with("data:image/jpeg")
+    };
+    assert!(tiles.iter().filter(of_the_map).count() > 1);
+    // Neither is replaced, nor an input.
+    let (_, errors, status) = track(&arguments[..2], &source);
+    assert_eq!(status, 2, "{errors}");
+    let (_, errors, status) = track(&arguments[2..], &source);
+    assert_eq!(status, 2, "{errors}");
+    let (_, errors, status) = track(
+        &[
+            "--overwrite",
+            "--session",
+            map.to_str().unwrap(),
+            "--map",
+            map.to_str().unwrap(),
+        ],
+        &source,
+    );
+    assert_eq!(status, 2, "{errors}");
+    assert!(errors.contains("input"), "{errors}");
+    // Standard output takes no database.
+    let (_, errors, status) = track(&["--format", "gpkg"], &source);
+    assert_eq!(status, 2);
+    assert!(errors.contains("-o FILE.gpkg"), "{errors}");
+    // Without the map the outlines of the pack are shown.
+    let plain = folder.path().join("plain.html");
+    let (_, errors, _) = track(&["--session", plain.to_str().unwrap()], &source[..1]);
+    assert_eq!(
+        session(&plain)["frames"].as_array().unwrap().len(),
+        1,
+        "{errors}"
+    );
+}
+
 #[test]
 fn bad_frames_are_told_in_a_line_each_and_stop_nothing() {
     let folder = tempfile::tempdir().unwrap();

@@ -97,7 +97,7 @@ fn a_track_is_one_file_that_names_no_other_host() {
     let (_, rest) = page.split_once("id=\"session\">").unwrap();
     let (json, _) = rest.split_once("</script>").unwrap();
     let session: Value = serde_json::from_str(json).unwrap();
-    assert_eq!(session["track"].to_string(), id);
+    assert_eq!(session["title"], format!("Track {id} on area"));
     assert_eq!(session["frames"].as_array().unwrap().len(), 3);
     assert!(session["frames"][0]["answer"]["lat_deg"].is_f64());
     let tiles = session["tiles"].as_array().unwrap();

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 
-use super::super::line::{FrameResult, TrackLine, state_text};
+use super::super::line::{TrackLine, state_text};
 use crate::formats::TextFormat;
 
 const HEADER: &[&str] = &[
@@ -36,12 +36,7 @@ impl TextFormat<TrackLine> for Csv {
         };
         let covariance = |i: usize| text(line.covariance_en_m2.map(|c| c[i]), 4);
         let note = line.note.as_ref();
-        let frame = match note.map(|note| note.frame) {
-            Some(FrameResult::Fix) => "fix",
-            Some(FrameResult::NoFix) => "no_fix",
-            Some(FrameResult::Unusable) => "unusable",
-            None => "",
-        };
+        let frame = note.map_or("", |note| note.frame.text());
         let mut writer = ::csv::Writer::from_writer(Vec::new());
         writer.write_record([
             line.time.to_string(),

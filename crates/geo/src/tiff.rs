@@ -3,48 +3,19 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use tiff_reader::{ColorModel, ExtraSample};
-
 use crate::GeoError;
 use crate::block::{Block, BlockLayout, BlockSource, Validity};
-use crate::error::ADVICE_TILE_IT;
 use crate::samples::{Bands, SampleKind, Samples, Stretch};
-use crate::tiff_images::{TiffImage, TiffImages, TiffLevel, open_images};
+use crate::tiff_compression::compression_name;
+use crate::tiff_images::{TiffImages, open_images};
+use crate::tiff_level::{Access, Level};
 
 /// GDAL's tag for the value of pixels without data.
 const TAG_GDAL_NODATA: u16 = 42113;
-/// Number of rows that thin strips are combined to.
-const BAND_ROWS: u64 = 64;
-/// Maximum size of combined strips as RGB, bytes.
-const MAX_BAND_BYTES: u64 = 32 << 20;
-/// Side of the blocks in which uncompressed strips are read.
-const DIRECT_BLOCK_PX: u64 = 512;
 /// Blocks along each side of the grid that is sampled for the stretch.
 const STRETCH_GRID: u64 = 8;
 /// Pixels of a block that are sampled.
 const STRETCH_PIXELS_A_BLOCK: usize = 4096;
-
-/// How the pixels of an image are taken out of its file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Access {
-    /// The decoder's samples are the colours.
-    Stored,
-    /// The decoder must turn them into colours first: palette, YCbCr, CMYK, CIELab, fewer than 8
-    /// bits.
-    Converted,
-    /// Uncompressed strips: any part of a row can be read where it lies.
-    Direct,
-}
-
-struct Level {
-    image: TiffImage,
-    mask: Option<TiffImage>,
-    access: Access,
-    kind: SampleKind,
-    bands: Bands,
-    /// For nodata that is an index into a palette.
-    palette: bool,
-}
 
 /// A map in a TIFF file.
 pub(crate) struct TiffMap {
@@ -121,17 +92,7 @@ impl TiffMap {
                 u64::from(ifd.rows_per_strip()).min(layout.height)
             )
         };
-        let compression = match ifd.compression() {
-            1 => "uncompressed".to_string(),
-            5 => "LZW".to_string(),
-            7 => "JPEG".to_string(),
-            8 | 32946 => "Deflate".to_string(),
-            32773 => "PackBits".to_string(),
-            34887 => "LERC".to_string(),
-            50000 => "ZSTD".to_string(),
-            50001 => "WebP".to_string(),
-            other => format!("compression {other}"),
-        };
+        let compression = compression_name(ifd.compression());
         let bands = match (level.palette, level.bands.is_grey(), level.bands.count) {
             (true, ..) => "palette".to_string(),
             (_, true, 1) => "grey".to_string(),
@@ -304,118 +265,5 @@ impl BlockSource for TiffMap {
             rgb,
             validity,
         })
-    }
-}
-
-impl Level {
-    fn new(level: &TiffLevel) -> Result<Self, GeoError> {
-        let image = &level.image;
-        let stored = image.ifd.raster_layout().map_err(|e| image.error(e))?;
-        let model = image.ifd.color_model().map_err(|e| image.error(e))?;
-        let (palette, needs_conversion) = match &model {
-            ColorModel::Palette { .. } => (true, true),
-            ColorModel::YCbCr { .. } | ColorModel::Cmyk { .. } | ColorModel::CieLab { .. } => {
-                (false, true)
-            }
-            _ => (false, false),
-        };
-        let bit_packed = !matches!(stored.bits_per_sample, 8 | 16 | 32 | 64);
-        let (access, layout) = if needs_conversion || bit_packed {
-            let layout = image
-                .ifd
-                .decoded_raster_layout()
-                .map_err(|e| image.error(e))?;
-            (Access::Converted, layout)
-        } else if image.can_read_direct(&stored) {
-            (Access::Direct, stored)
-        } else {
-            (Access::Stored, stored)
-        };
-        let kind = SampleKind::of(&layout).ok_or_else(|| GeoError::Unsupported {
-            path: image.path.to_path_buf(),
-            what: format!(
-                "samples of {} bits, format {}",
-                layout.bits_per_sample, layout.sample_format
-            ),
-            advice: ADVICE_TILE_IT,
-        })?;
-        let bands = bands_of(&model, layout.samples_per_pixel, access);
-        Ok(Self {
-            image: image.clone(),
-            mask: level.mask.clone(),
-            access,
-            kind,
-            bands,
-            palette,
-        })
-    }
-
-    fn samples<'a>(&self, bytes: &'a [u8]) -> Samples<'a> {
-        Samples {
-            bytes,
-            kind: self.kind,
-            bands: self.bands,
-        }
-    }
-
-    fn layout(&self) -> BlockLayout {
-        let ifd = &self.image.ifd;
-        let (width, height) = self.image.size();
-        let (block_w, block_h) = match (ifd.tile_width(), ifd.tile_height()) {
-            (Some(w), Some(h)) if ifd.is_tiled() => (u64::from(w.max(1)), u64::from(h.max(1))),
-            _ if self.access == Access::Direct => (DIRECT_BLOCK_PX, DIRECT_BLOCK_PX),
-            _ => {
-                let strip = u64::from(ifd.rows_per_strip().max(1)).min(height);
-                let strips = (BAND_ROWS / strip).max(1);
-                let affordable = MAX_BAND_BYTES / (strip * width * 3).max(1);
-                (width, strip * strips.min(affordable.max(1)))
-            }
-        };
-        BlockLayout {
-            width,
-            height,
-            block_w,
-            block_h,
-        }
-    }
-}
-
-fn bands_of(model: &ColorModel, count: usize, access: Access) -> Bands {
-    let (color_bands, extra, inverted) = match model {
-        ColorModel::Grayscale {
-            white_is_zero,
-            extra_samples,
-        } => {
-            // The converting decoder has already turned white and black round.
-            (
-                1,
-                extra_samples.as_slice(),
-                *white_is_zero && access != Access::Converted,
-            )
-        }
-        ColorModel::Palette { extra_samples, .. }
-        | ColorModel::Rgb { extra_samples }
-        | ColorModel::Cmyk { extra_samples }
-        | ColorModel::YCbCr { extra_samples, .. }
-        | ColorModel::CieLab { extra_samples } => (3, extra_samples.as_slice(), false),
-        ColorModel::Separated { extra_samples, .. } => (3, extra_samples.as_slice(), false),
-        ColorModel::TransparencyMask => (1, [].as_slice(), false),
-    };
-    let first_extra = count.saturating_sub(extra.len());
-    let alpha = extra
-        .iter()
-        .position(|e| {
-            matches!(
-                e,
-                ExtraSample::AssociatedAlpha | ExtraSample::UnassociatedAlpha
-            )
-        })
-        .map(|i| first_extra + i);
-    // Files of three and more bands that call themselves grey are colours all the same.
-    let without_alpha = count - usize::from(alpha.is_some());
-    let color_bands = if without_alpha >= 3 { 3 } else { color_bands };
-    Bands {
-        inverted,
-        ..Bands::first(count, color_bands.min(without_alpha), alpha)
     }
 }

@@ -19,16 +19,6 @@ use support::{geo_tags, write_map};
 /// Inputs of each test in a normal run.
 const CASES: u32 = 64;
 
-fn config() -> ProptestConfig {
-    let long_run = std::env::var_os("PROPTEST_CASES").is_some();
-    let default = ProptestConfig::default();
-    ProptestConfig {
-        cases: if long_run { default.cases } else { CASES },
-        failure_persistence: None,
-        ..default
-    }
-}
-
 /// Opens a map and uses it: georeference, hash, windows at its own and at a coarse resolution. Nothing in its folder changes.
 fn check(folder: &Path, path: &Path) {
     let before = names(folder);
@@ -155,7 +145,7 @@ fn entry() -> impl Strategy<Value = Entry> {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(grimnet_fuzz::config(CASES))]
 
     #[test]
     fn tile_folders(
@@ -311,7 +301,7 @@ mod mbtiles {
     }
 
     proptest! {
-        #![proptest_config(config())]
+        #![proptest_config(grimnet_fuzz::config(CASES))]
 
         #[test]
         fn databases(

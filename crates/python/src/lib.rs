@@ -15,6 +15,7 @@ mod model_file;
 mod pack_build;
 mod photo_input;
 mod prior_arguments;
+mod rgb_copy;
 mod track_point;
 mod tracker;
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo};
 use image::RgbImage;
-use numpy::ndarray::{ArrayView, ArrayView3, Axis, Dimension};
+use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{
     IntoPyArray, PyArray3, PyArrayMethods, PyUntypedArray, PyUntypedArrayMethods, get_array_module,
 };
@@ -14,6 +14,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
 
 use crate::errors::{invalid_value, photo_error};
+use crate::rgb_copy::rgb_bytes;
 
 /// What a photo is given as. Pixels are copied, bytes are not.
 pub enum PhotoInput {
@@ -107,20 +108,6 @@ fn pixels(array: &Bound<'_, PyUntypedArray>) -> PyResult<RgbImage> {
     })?;
     let bytes = rgb_bytes(&readable.as_array());
     RgbImage::from_raw(width_px, height_px, bytes).ok_or_else(wrong)
-}
-
-/// The bytes of a picture. Quicker for pictures of OpenCV whose colours the caller turned round.
-fn rgb_bytes(picture: &ArrayView3<'_, u8>) -> Vec<u8> {
-    let mut turned = picture.view();
-    turned.invert_axis(Axis(2));
-    let Some(bgr) = turned.as_slice() else {
-        return row_by_row(picture);
-    };
-    let mut bytes = bgr.to_vec();
-    for pixel in bytes.as_chunks_mut::<3>().0 {
-        pixel.swap(0, 2);
-    }
-    bytes
 }
 
 /// A copy of an array's values, the last index running fastest, however they lie in memory.

@@ -103,3 +103,10 @@ def test_ctrl_c(demo, tmp_path, work):
     assert not out.exists()
     if work == "build":
         assert pathlib.Path(f"{out}.partial").exists(), "the work so far is kept"
+
+
+def test_mbtiles_are_maps(tmp_path):
+    town = pathlib.Path(__file__).parents[2] / "geo" / "tests" / "sources" / "maps" / "town.mbtiles"
+    report = grimnet.build_pack(town, tmp_path / "town.grim", gsd_m=2.0)
+    assert report.tiles > 0
+    assert grimnet.Localizer(tmp_path / "town.grim").levels_gsd_m == [2.0]

@@ -88,7 +88,21 @@ def test_arrays(localizer, photos, truth):
     assert answer.photo == "array" and distance_m(answer.to_dict(), true) < 25.0
     # As OpenCV has it, and as numpy keeps columns: copied, not refused, with the same answer.
     bgr = np.ascontiguousarray(rgb[:, :, ::-1])
-    for same in (bgr[:, :, ::-1], np.asfortranarray(rgb), np.repeat(rgb, 2, axis=0)[::2]):
+    rgba = np.dstack([rgb, rgb[:, :, :1]])
+    wide = np.hstack([bgr, bgr])
+    layouts = (
+        bgr[:, :, ::-1],
+        np.asfortranarray(rgb),
+        np.asfortranarray(bgr)[:, :, ::-1],
+        np.repeat(rgb, 2, axis=0)[::2],
+        np.repeat(rgb, 2, axis=1)[:, ::2],
+        np.ascontiguousarray(rgb.transpose(2, 0, 1)).transpose(1, 2, 0),
+        np.ascontiguousarray(rgb.transpose(1, 0, 2)).transpose(1, 0, 2),
+        np.ascontiguousarray(rgb[::-1, ::-1])[::-1, ::-1],
+        rgba[:, :, :3],
+        wide[:, : rgb.shape[1], ::-1],
+    )
+    for same in layouts:
         assert not same.flags.c_contiguous
         assert without(localizer.locate(same, **known).to_dict()) == without(answer.to_dict())
     before = rgb.copy()

@@ -174,10 +174,11 @@ impl Input {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
 
-    fn fix() -> PositionFix {
+    /// A fix that is taken.
+    pub(crate) fn fix() -> PositionFix {
         PositionFix {
             time_s: 1.0,
             lonlat: LonLat::new(120.7, 24.2),

@@ -97,18 +97,7 @@ fn require(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn fix() -> PositionFix {
-        PositionFix {
-            time_s: 1.0,
-            lonlat: LonLat::new(120.7, 24.2),
-            covariance_en_m2: [1.0, 0.2, 2.0],
-            map_error_m: 1.0,
-            heading_deg: Some(10.0),
-            gsd_m: 0.05,
-            confidence: 0.9,
-        }
-    }
+    use crate::input::tests::fix;
 
     #[test]
     fn what_cannot_be_is_refused_by_name() {

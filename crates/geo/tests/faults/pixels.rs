@@ -127,6 +127,34 @@ fn what_is_not_a_picture_is_refused() {
 }
 
 #[test]
+fn compressions_that_are_not_read_are_refused_with_what_to_do() {
+    let dir = folder();
+    // Numbers of tag 259 in libtiff's tiff.h; 52546 is that of DNG 1.7.
+    for (number, samples, words) in [
+        (50002, 3, "JPEG XL (50002)"),
+        (52546, 3, "JPEG XL (52546)"),
+        (34712, 3, "JPEG 2000"),
+        (4, 3, "CCITT"),
+        (60000, 3, "compression 60000"),
+        (50001, 4, "WebP with alpha inside TIFF"),
+    ] {
+        let path = dir.path().join("rare.tif");
+        let mut tags = rgb_tags(64, 64);
+        tags[2] = short(258, &vec![8; samples]);
+        tags[3] = short(259, &[number]);
+        tags[5] = short(277, &[samples as u16]);
+        if samples == 4 {
+            tags.push(short(338, &[2]));
+        }
+        tags.extend(geo_tags(32651));
+        tags.extend([long8(273, &[4096]), long(278, &[64]), long8(279, &[100])]);
+        write_bigtiff(&path, tags, 8192);
+        let error = refused(open(&path), &path, &[words, "gdal_translate"]);
+        assert!(matches!(error, GeoError::Unsupported { .. }), "{error:?}");
+    }
+}
+
+#[test]
 fn decompression_bombs_are_refused_before_they_are_decoded() {
     let dir = folder();
     // A PNG header that promises 10^9 pixels a side.

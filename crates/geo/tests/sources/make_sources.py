@@ -1,4 +1,4 @@
-"""Makes the maps of `sources.rs` and what GDAL reads from them.
+"""Makes the maps of these tests and what GDAL reads from them.
 
 GDAL 3.6 (Debian's gdal-bin) makes the MBTiles, the folders, and the VRTs; PyPI's pmtiles writes the PMTiles file from the
 same tiles. What GDAL reads through rasterio is the expected value.

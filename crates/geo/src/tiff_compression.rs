@@ -1,0 +1,66 @@
+//! How the pixels in a TIFF file are compressed.
+
+use crate::GeoError;
+use crate::error::ADVICE_TILE_IT;
+use crate::tiff_images::TiffImage;
+
+const WEBP: u16 = 50001;
+
+/// Compressions that are read: number (TIFF tag 259, as TIFF 6.0 and libtiff's tiff.h have them) and name.
+const READ: [(u16, &str); 9] = [
+    (1, "uncompressed"),
+    (5, "LZW"),
+    (7, "JPEG"),
+    (8, "Deflate"),
+    (32946, "Deflate"),
+    (32773, "PackBits"),
+    (34887, "LERC"),
+    (50000, "ZSTD"),
+    (WEBP, "WebP"),
+];
+
+/// Others whose name helps.
+const OTHERS: [(u16, &str); 9] = [
+    (2, "CCITT"),
+    (3, "CCITT"),
+    (4, "CCITT"),
+    (6, "JPEG of TIFF before 1995"),
+    (34712, "JPEG 2000"),
+    (34892, "lossy JPEG of DNG"),
+    (34925, "LZMA"),
+    (50002, "JPEG XL"),
+    (52546, "JPEG XL"),
+];
+
+/// The compression with a number, for messages.
+pub(crate) fn compression_name(number: u16) -> String {
+    READ.iter()
+        .chain(&OTHERS)
+        .find(|(known, _)| *known == number)
+        .map_or_else(
+            || format!("compression {number}"),
+            |(_, name)| (*name).to_owned(),
+        )
+}
+
+/// Refuses an image whose pixels cannot be decompressed, before any work starts.
+///
+/// # Errors
+/// Returns [`GeoError::Unsupported`], which says how to make a file that can be read.
+pub(crate) fn check_compression(image: &TiffImage) -> Result<(), GeoError> {
+    let refused = |what: String| GeoError::Unsupported {
+        path: image.path.to_path_buf(),
+        what,
+        advice: ADVICE_TILE_IT,
+    };
+    let number = image.ifd.compression();
+    if READ.iter().all(|(known, _)| *known != number) {
+        let name = compression_name(number);
+        return Err(refused(format!("pixels compressed as {name} ({number})")));
+    }
+    // Encoders leave out the alpha of tiles that are opaque, and the decoder expects it.
+    if number == WEBP && image.ifd.samples_per_pixel() != 3 {
+        return Err(refused("WebP with alpha inside TIFF".to_owned()));
+    }
+    Ok(())
+}

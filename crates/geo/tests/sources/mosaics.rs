@@ -1,0 +1,161 @@
+//! Maps of several pictures, and what lies beside a picture.
+
+use std::path::{Path, PathBuf};
+
+use grimnet_geo::{MapOptions, WindowPx, open_map};
+
+use crate::gdal::{check, open, path_of, refused};
+
+#[test]
+fn vrts_are_what_gdal_reads() {
+    for name in ["parts.vrt", "nodata.vrt", "cut.vrt"] {
+        check(name, open(name).as_ref(), name);
+    }
+}
+
+#[test]
+fn lists_and_folders_of_geotiffs_are_the_vrt_of_them() {
+    check("parts.txt", open("parts.txt").as_ref(), "parts.vrt");
+    let dir = tempfile::tempdir().unwrap();
+    for part in 0..4 {
+        let name = format!("part_{part}.tif");
+        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
+    }
+    let map = open_map(dir.path(), &MapOptions::default()).unwrap();
+    check("folder", map.as_ref(), "parts.vrt");
+    // The order matters, and each file's bytes.
+    let hash = |path: &Path| {
+        let map = open_map(path, &MapOptions::default()).unwrap();
+        map.content_hash().unwrap()
+    };
+    let before = hash(dir.path());
+    std::fs::rename(dir.path().join("part_0.tif"), dir.path().join("part_9.tif")).unwrap();
+    assert_ne!(before, hash(dir.path()));
+}
+
+#[test]
+fn seams_of_reduced_mosaics_have_no_holes() {
+    // Pictures whose edges lie on no even pixel.
+    let map = open("parts.txt");
+    for side in [37, 52, 110] {
+        let inner = WindowPx::new(30.0, 30.0, 160.0, 80.0);
+        let patch = map.read(inner, side, side / 2).unwrap();
+        let holes = patch.valid.pixels().filter(|p| p.0[0] == 0).count();
+        assert_eq!(holes, 0, "{side}");
+    }
+}
+
+#[test]
+fn what_a_vrt_does_beyond_putting_pictures_together_is_refused() {
+    let error = refused(&path_of("warped.vrt")).to_string();
+    assert!(
+        error.contains("VRTWarpedDataset") && error.contains("gdal_translate"),
+        "{error}"
+    );
+    let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    for part in 0..4 {
+        let name = format!("part_{part}.tif");
+        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
+    }
+    let path = dir.path().join("changed.vrt");
+    let changed = |from: &str, to: &str| {
+        assert!(text.contains(from));
+        std::fs::write(&path, text.replace(from, to)).unwrap();
+        refused(&path).to_string()
+    };
+    for (from, to, words) in [
+        (
+            "SimpleSource",
+            "KernelFilteredSource",
+            "KernelFilteredSource",
+        ),
+        ("<NODATA>0</NODATA>", "<LUT>0:0,255:9</LUT>", "LUT"),
+        (
+            "<NODATA>0</NODATA>",
+            "<NODATA>x</NODATA>",
+            "'x' is no number",
+        ),
+        ("<SourceBand>2<", "<SourceBand>1<", "band 2"),
+        (">part_0.tif<", ">/vsicurl/http://a/b.tif<", "not a file"),
+        (">part_0.tif<", ">missing.tif<", "missing.tif"),
+        (">part_0.tif<", ">.<", "not a file"),
+        ("xSize=\"120\"", "xSize=\"1200\"", "takes more of"),
+        ("xSize=\"120\"", "xSize=\"nan\"", "SrcRect"),
+        ("rasterXSize=\"220\"", "rasterXSize=\"0\"", "rasterXSize"),
+        ("</VRTDataset>", "", "damaged"),
+        ("VRTDataset", "Other", "not a VRT"),
+    ] {
+        let error = changed(from, to);
+        assert!(error.contains(words), "{from} -> {to}: {error}");
+    }
+    // Well-known text without a code: the system of the pictures.
+    std::fs::write(
+        &path,
+        text.replace("AUTHORITY[\"EPSG\",\"32632\"]", "EXTENSION[\"x\",\"y\"]"),
+    )
+    .unwrap();
+    check(
+        "changed.vrt",
+        open_map(&path, &MapOptions::default()).unwrap().as_ref(),
+        "parts.vrt",
+    );
+}
+
+#[test]
+fn geotiffs_that_do_not_fit_together_are_refused() {
+    let dir = tempfile::tempdir().unwrap();
+    std::fs::copy(path_of("part_0.tif"), dir.path().join("a.tif")).unwrap();
+    let other = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/golden/maps");
+    for (name, words) in [
+        ("striped_lzw_one_row.tif", "coordinate system"),
+        ("rotated.tif", ""),
+        ("u16_five_bands.tif", "not 8-bit"),
+    ] {
+        std::fs::copy(other.join(name), dir.path().join("b.tif")).unwrap();
+        let error = refused(dir.path()).to_string();
+        assert!(
+            error.contains(words) && error.contains("b.tif"),
+            "{name}: {error}"
+        );
+    }
+    std::fs::write(dir.path().join("empty.txt"), "# nothing\n").unwrap();
+    let error = refused(&dir.path().join("empty.txt")).to_string();
+    assert!(error.contains("lists no GeoTIFFs"), "{error}");
+}
+
+#[test]
+fn georeference_and_nodata_beside_the_file_are_used() {
+    for name in ["pam.png", "pam_baseline.tif"] {
+        check(name, open(name).as_ref(), name);
+    }
+    // It belongs to the map.
+    let dir = tempfile::tempdir().unwrap();
+    for name in ["pam.png", "pam.png.aux.xml"] {
+        std::fs::copy(path_of(name), dir.path().join(name)).unwrap();
+    }
+    let path = dir.path().join("pam.png");
+    let hash = |path: &Path| {
+        let map = open_map(path, &MapOptions::default()).unwrap();
+        map.content_hash().unwrap()
+    };
+    let before = hash(&path);
+    let sidecar = dir.path().join("pam.png.aux.xml");
+    let text = std::fs::read_to_string(&sidecar).unwrap();
+    std::fs::write(
+        &sidecar,
+        text.replace("5.2000000000000000e+06", "5.2000010000000000e+06"),
+    )
+    .unwrap();
+    assert_ne!(before, hash(&path));
+    std::fs::write(
+        &sidecar,
+        "<PAMDataset><GeoTransform>1, 2</GeoTransform></PAMDataset>",
+    )
+    .unwrap();
+    let error = refused(&path).to_string();
+    assert!(
+        error.contains("aux.xml") && error.contains("six numbers"),
+        "{error}"
+    );
+}

@@ -2,7 +2,8 @@
 //!
 //! Pictures come from [`Source`]s. A photo with a ground width in its metadata is tried at that width and at drawn ones; a picture
 //! without is tried at drawn ones only. Widths are drawn log-uniformly as a share of the map's width, and every second trial has
-//! an unknown heading. All draws depend on the seed, the source and the number of the trial alone.
+//! an unknown heading. A picture that is tried again is cropped at random, so that no trial repeats another. All draws depend on
+//! the seed, the source and the number of the trial alone.
 
 use std::path::PathBuf;
 
@@ -19,6 +20,9 @@ use crate::scene::TRUE_HEADING_SIGMA_DEG;
 
 /// Widths of the footprints that are drawn, as shares of the map's width.
 pub const WIDTH_SHARES: [f64; 2] = [0.1, 2.0];
+
+/// A picture that is tried again keeps at least this share of its sides.
+const MIN_CROP: f64 = 0.6;
 
 /// Pictures of one origin, none of them on the map.
 #[derive(Debug, Clone)]
@@ -109,7 +113,8 @@ pub fn run(
                 let mut rng = rng(options.seed, index, trial as u64);
                 // Rounds of four: both scales with both headings.
                 let round = trial / order.len() + number;
-                let done = one(method, source, &photo, options, round, &mut rng);
+                let is_again = trial >= order.len();
+                let done = one(method, source, &photo, options, round, is_again, &mut rng);
                 on_trial(&done);
                 trials.push(done);
             }
@@ -131,28 +136,34 @@ fn one(
     photo: &Photo,
     options: &ElsewhereOptions,
     round: usize,
+    is_again: bool,
     rng: &mut ChaCha8Rng,
 ) -> ElsewhereTrial {
     let heading_known = round.is_multiple_of(2);
     let [low, high] = WIDTH_SHARES.map(f64::ln);
     let drawn_m = options.map_width_m * rng.random_range(low..high).exp();
     let heading_deg = rng.random_range(0.0..360.0);
+    let crop = is_again.then(|| cropped(photo, rng));
+    let tried = crop.as_ref().unwrap_or(photo);
     let stated_m = photo
         .view(&Prior::none().view)
         .footprint
-        .map(|footprint| footprint.width_m)
+        .map(|whole| {
+            let share = f64::from(tried.full_size_px.0) / f64::from(photo.full_size_px.0);
+            whole.width_m * share
+        })
         .filter(|_| (round / 2).is_multiple_of(2));
     let (scale, footprint_width_m) = match stated_m {
         Some(width_m) => (Scale::Metadata, width_m),
         None => (Scale::Drawn, drawn_m),
     };
-    let prior = Prior::none().with_gsd_m(footprint_width_m / f64::from(photo.full_size_px.0));
+    let prior = Prior::none().with_gsd_m(footprint_width_m / f64::from(tried.full_size_px.0));
     let prior = if heading_known {
         prior.with_heading(heading_deg, TRUE_HEADING_SIGMA_DEG)
     } else {
         prior.with_unknown_heading()
     };
-    let found = method.locate(photo, &prior);
+    let found = method.locate(tried, &prior);
     let answer = found.as_ref().ok();
     ElsewhereTrial {
         source: source.name.clone(),
@@ -175,8 +186,28 @@ fn one(
     }
 }
 
+/// A random part of a photo, of the same proportions.
+fn cropped(photo: &Photo, rng: &mut ChaCha8Rng) -> Photo {
+    let share = rng.random_range(MIN_CROP..1.0);
+    let kept_px = |side_px: u32| ((f64::from(side_px) * share).round() as u32).max(1);
+    let (width_px, height_px) = photo.image.dimensions();
+    let (kept_width_px, kept_height_px) = (kept_px(width_px), kept_px(height_px));
+    let left_px = rng.random_range(0..=width_px - kept_width_px);
+    let top_px = rng.random_range(0..=height_px - kept_height_px);
+    let part =
+        image::imageops::crop_imm(&photo.image, left_px, top_px, kept_width_px, kept_height_px);
+    Photo {
+        path: photo.path.clone(),
+        image: part.to_image(),
+        full_size_px: (kept_px(photo.full_size_px.0), kept_px(photo.full_size_px.1)),
+        metadata: photo.metadata.clone(),
+        damage: photo.damage.clone(),
+    }
+}
+
 #[cfg(test)]
 mod tests {
+    use std::collections::HashSet;
     use std::path::Path;
 
     use grimnet_geo::LonLat;
@@ -210,6 +241,20 @@ mod tests {
                 ..Found::default()
             })
         }
+    }
+
+    /// The sizes of the pictures that a method is given.
+    fn method_sizes(sources: &[Source], options: &ElsewhereOptions) -> Vec<(u32, u32)> {
+        struct Sizes(std::sync::Mutex<Vec<(u32, u32)>>);
+        impl Method for Sizes {
+            fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+                self.0.lock().unwrap().push(photo.image.dimensions());
+                Gullible.locate(photo, prior)
+            }
+        }
+        let sizes = Sizes(std::sync::Mutex::default());
+        run(&sizes, sources, options, &mut |_| ());
+        sizes.0.into_inner().unwrap()
     }
 
     fn source(folder: &Path, name: &str, count: usize, trained_on: bool) -> Source {
@@ -257,6 +302,18 @@ mod tests {
             "no metadata"
         );
         assert_eq!(run(&Gullible, &sources, &options, &mut |_| ()), trials);
+
+        // 3 pictures are tried whole once; their 37 other trials are crops.
+        let sizes = method_sizes(&sources[..1], &options);
+        let whole = sizes.iter().filter(|&&size| size == (96, 80)).count();
+        assert!((3..6).contains(&whole), "{whole}");
+        assert!(
+            sizes
+                .iter()
+                .all(|&(w, h)| (57..=96).contains(&w) && (48..=80).contains(&h))
+        );
+        let different: HashSet<_> = sizes.iter().collect();
+        assert!(different.len() > 15, "{different:?}");
 
         let summary = ElsewhereSummary::of(&trials);
         let expected = trials

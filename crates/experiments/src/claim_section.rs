@@ -64,14 +64,18 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{:.0} %", 100.0 * v))
 }
 
-/// Adds a claim: its conditions, the comparison with peers, and the other figures.
-pub(crate) fn section(page: &mut String, claim: &Claim, summary: &Value) {
+/// Adds a claim: its conditions, the comparison with peers, the other figures, and those of photos that are not on the map if they
+/// were tried.
+pub(crate) fn section(page: &mut String, claim: &Claim, summary: &Value, tried: Option<&Value>) {
     conditions(page, claim, &summary["about"]);
     let runs = runs(summary);
     comparison(page, claim, &runs);
     other_figures(page, &runs);
     footprint_shares(page, &runs);
     reliability(page, &runs);
+    if let Some(tried) = tried {
+        elsewhere(page, tried);
+    }
     for remark in &claim.remarks {
         put(page, format_args!("\n{remark}\n"));
     }
@@ -231,6 +235,33 @@ fn reliability(page: &mut String, runs: &[(&String, &Value)]) {
             page,
             format_args!(
                 "\n| | stated confidence | fixes | mean | right | 95 % interval |\n|---|---|---:|---:|---:|---:|\n{rows}"
+            ),
+        );
+    }
+}
+
+/// Photos that are not on the map, by group, from `elsewhere.json`.
+fn elsewhere(page: &mut String, summary: &Value) {
+    let groups = ["by_training", "by_setting", "by_source"];
+    let groups = groups.iter().filter_map(|&key| summary[key].as_array());
+    put(
+        page,
+        format_args!(
+            "\n| photos that are not on the map | trials | fixes | 95 % interval |\n|---|---:|---:|---:|\n"
+        ),
+    );
+    for group in std::iter::once(&summary["all"]).chain(groups.flatten()) {
+        let limit =
+            |index: usize| 100.0 * group["share_interval"][index].as_f64().unwrap_or(f64::NAN);
+        put(
+            page,
+            format_args!(
+                "| {} | {} | {} | {:.2} % to {:.2} % |\n",
+                group["name"].as_str().unwrap_or("-"),
+                group["trials"],
+                group["fixes"],
+                limit(0),
+                limit(1),
             ),
         );
     }

@@ -1,6 +1,7 @@
 //! EVALUATION.md: the published figures of accuracy, made from stored `summary.json` files.
 //!
-//! A folder holds one folder a claim, with `claim.json` ([`Claim`]) and the `summary.json` that `grim eval` wrote, and
+//! A folder holds one folder a claim, with `claim.json` ([`Claim`]), the `summary.json` that `grim eval` wrote and, where photos that
+//! are not on the map were tried, its `elsewhere.json`, and
 //! `tracks/` ([`crate::track_claims`]), `experiments/`, with the tables of `grim-experiments`, and `paper.md`, the table of
 //! what follows the publication and what differs. The page is made by
 //! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
@@ -66,7 +67,9 @@ pub fn page(folder: &Path) -> Result<String, ClaimError> {
     {
         let claim: Claim = read(&folder.join("claim.json"))?;
         let summary: Value = read(&folder.join("summary.json"))?;
-        section(&mut page, &claim, &summary);
+        let elsewhere = folder.join("elsewhere.json");
+        let elsewhere: Option<Value> = elsewhere.is_file().then(|| read(&elsewhere)).transpose()?;
+        section(&mut page, &claim, &summary, elsewhere.as_ref());
     }
     let tracks = folder.join("tracks");
     if tracks.is_dir() {
@@ -142,7 +145,14 @@ mod tests {
             "reliability":{"bins":[{"from":0.9,"to":0.97,"fixes":7,"mean_confidence":0.95,"right":6,
                 "right_share_interval":[0.5,0.99]}]}}}"#;
         fs_err::write(claim.join("summary.json"), summary).unwrap();
+        let tried = r#"{"all":{"name":"all trials","trials":900,"fixes":1,"share_interval":[0.0002,0.0063]},
+            "by_source":[{"name":"coast","trials":900,"fixes":1,"share_interval":[0.0002,0.0063]}]}"#;
+        fs_err::write(claim.join("elsewhere.json"), tried).unwrap();
         let page = page(folder.path()).unwrap();
+        for name in ["all trials", "coast"] {
+            let row = format!("| {name} | 900 | 1 | 0.02 % to 0.63 % |");
+            assert!(page.contains(&row), "{page}");
+        }
         assert!(page.contains("behind Better (within 5 m) |"), "{page}");
         assert!(!page.contains("behind Worse"), "{page}");
         assert!(page.contains("| 9 of 10 |"), "{page}");

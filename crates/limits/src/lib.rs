@@ -173,7 +173,7 @@ impl Default for BuildLimits {
 }
 
 impl Limits {
-    /// What is limited, and the limit, in words.
+    /// What is limited, and the limit, in words. A table: its length is that of its rows.
     #[must_use]
     pub fn rows(&self) -> Vec<(&'static str, String)> {
         let (smallest_m, largest_m) = self.build.map_pixel_m;

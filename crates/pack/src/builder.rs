@@ -160,14 +160,7 @@ pub fn build_interruptible(
     }
     if levels.iter().all(|level| level.tiles.is_empty()) {
         journal.remove()?;
-        return Err(PackError::Empty {
-            map: raster.describe(),
-            why: format!(
-                "all {} tiles are without data or black; check that the map is not blank, and that its coordinate \
-                 system and scale are right",
-                meter.progress.tiles_skipped
-            ),
-        });
+        return Err(without_tiles(raster, &meter.progress));
     }
     meter.progress.phase = Phase::Writing;
     tell(&meter.progress)?;
@@ -181,6 +174,18 @@ pub fn build_interruptible(
     rename_into_place(&aside, out)?;
     journal.remove()?;
     Ok(report(&Pack::open(out)?, &meter, false))
+}
+
+/// The error for a map of which no tile is usable.
+fn without_tiles(raster: &dyn Raster, progress: &Progress) -> PackError {
+    PackError::Empty {
+        map: raster.describe(),
+        why: format!(
+            "all {} tiles are without data or black; check that the map is not blank, and that its coordinate system and \
+             scale are right",
+            progress.tiles_skipped
+        ),
+    }
 }
 
 /// Refuses an output that is a folder or device before hours of work.

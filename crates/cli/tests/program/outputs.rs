@@ -339,9 +339,7 @@ fn a_calibration_and_its_observations_spare_files_of_others() {
 fn a_training_run_spares_files_of_others() {
     let folder = tempfile::tempdir().unwrap();
     let config = folder.path().join("training.toml");
-    let text = "out = \"run\"\nsteps = 1\nworld_share = 1.0\npairs_per_step = 2\nreport_steps = 1\nvalidate_minutes = 0.0\n\
-                [pairs]\nside_px = 64\npoints = 12\n[export]\nwhitening_pairs = 0\nvalidation_pairs = 2\ndistractors = 0\n";
-    fs::write(&config, text).unwrap();
+    crate::faults::training::write_config(&config, 1, 1);
     let train = |arguments: &[&str]| {
         let mut command = grim();
         command.current_dir(folder.path());

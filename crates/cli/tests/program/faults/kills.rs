@@ -296,13 +296,7 @@ fn of_a_training_run() {
     let inputs = tempfile::tempdir().unwrap();
     let configured = |name: &str, seed: u32, steps: u32| {
         let path = inputs.path().join(name);
-        let text = format!(
-            "out = \"run\"\nseed = {seed}\nsteps = {steps}\nworld_share = 1.0\npairs_per_step = 2\nreport_steps = 1\n\
-             global_from = 0.0\nmemory_batches = 0\nvalidate_minutes = 0.0\ncheckpoint_minutes = 0.0\n\
-             [pairs]\nside_px = 64\npoints = 12\n\
-             [export]\nwhitening_pairs = 0\nvalidation_pairs = 2\ndistractors = 0\n"
-        );
-        fs::write(&path, text).unwrap();
+        super::training::write_config(&path, seed, steps);
         path.display().to_string()
     };
     let (first, second) = (

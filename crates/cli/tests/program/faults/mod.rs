@@ -6,6 +6,7 @@ mod folders;
 mod full_disk;
 mod kills;
 pub(crate) mod observations;
+pub(crate) mod training;
 mod whole;
 
 use std::collections::BTreeMap;

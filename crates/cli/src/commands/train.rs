@@ -29,12 +29,15 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
         return labels::run(path, &config);
     }
     session::run(path, &config, arguments).map_err(|error| {
-        match error.downcast_ref::<TrainError>() {
-            Some(TrainError::Labels { .. }) => error.context(format!(
+        match error.downcast::<TrainError>() {
+            // As such it gets the hint of all outputs.
+            Ok(TrainError::Output(error)) => error.into(),
+            Ok(error @ TrainError::Labels { .. }) => anyhow::Error::from(error).context(format!(
                 "label the pictures with: grim train {} --labels",
                 path.display()
             )),
-            _ => error,
+            Ok(error) => error.into(),
+            Err(error) => error,
         }
     })
 }

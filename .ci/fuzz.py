@@ -19,6 +19,7 @@ import pathlib
 import re
 import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
@@ -132,7 +133,9 @@ def turn(log, engine, target, command, seconds):
     seed = 1 + max((int(row[3]) for row in earlier), default=0)
     if engine == "proptest":
         inputs, took = (sum(float(row[i]) for row in earlier) for i in (4, 5))
-        cases = max(1, int(seconds * inputs / took)) if took > 1 else FIRST_CASES
+        # Ten times as many as ever before at most: the first turns are too short to tell the rate.
+        most = 10 * max((int(row[4]) for row in earlier), default=FIRST_CASES // 10)
+        cases = min(most, max(1, int(seconds * inputs / max(took, 1e-3)))) if earlier else FIRST_CASES
         environment = {"PROPTEST_CASES": str(cases), "PROPTEST_RNG_SEED": str(seed), "RAYON_NUM_THREADS": "1"}
         output, status, took = run(command, environment)
     else:
@@ -166,6 +169,8 @@ def main():
     if arguments.engine != "proptest" and shutil.which("cargo"):
         targets += [("libfuzzer", *target) for target in libfuzzer_targets(log.folder)]
     end = time.monotonic() + 60 * arguments.minutes
+    # The process that is running ends with this one.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         while True:
             # The target that had the least time is next.

@@ -201,7 +201,7 @@ fn cropped(photo: &Photo, rng: &mut ChaCha8Rng) -> Photo {
         image: part.to_image(),
         full_size_px: (kept_px(photo.full_size_px.0), kept_px(photo.full_size_px.1)),
         metadata: photo.metadata.clone(),
-        damage: photo.damage.clone(),
+        damage: photo.damage,
     }
 }
 

@@ -96,10 +96,12 @@ async function main() {
     assert.deepEqual(unnamed, []);
   });
 
-  await check("answers are saved as GPX", async () => {
-    const [download] = await Promise.all([page.waitForEvent("download"), page.click("#export [data-name='fixes.gpx']")]);
-    const text = fs.readFileSync(await download.path(), "utf8");
-    assert.ok(text.includes("<wpt "), text);
+  await check("answers are saved as GeoJSON, GPX and KML", async () => {
+    for (const [name, words] of [["fixes.geojson", "FeatureCollection"], ["fixes.gpx", "<wpt "], ["fixes.kml", "<Placemark>"]]) {
+      const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#export [data-name='${name}']`)]);
+      const text = fs.readFileSync(await download.path(), "utf8");
+      assert.ok(text.includes(words), text);
+    }
   });
 
   await check("a track is followed as it comes", async () => {

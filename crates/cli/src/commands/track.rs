@@ -190,6 +190,13 @@ fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
 struct Followed<'a> {
     session: Session,
     /// The file of the track with its map.
+    #[cfg_attr(
+        not(feature = "serve"),
+        allow(
+            dead_code,
+            reason = "builds without the service write no session files"
+        )
+    )]
     session_file: Option<SessionFile<'a>>,
     beside: Beside,
     truth: Option<Truth>,

@@ -48,8 +48,22 @@ pub struct Tracked {
     /// The track at that time.
     pub point: Option<TrackPoint>,
     /// The answer for the photo alone.
+    #[cfg_attr(
+        not(feature = "serve"),
+        allow(
+            dead_code,
+            reason = "builds without the service write no session files"
+        )
+    )]
     pub answer: Answer,
     /// Where it was searched.
+    #[cfg_attr(
+        not(feature = "serve"),
+        allow(
+            dead_code,
+            reason = "builds without the service write no session files"
+        )
+    )]
     pub searched: Searched,
 }
 

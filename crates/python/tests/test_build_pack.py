@@ -70,6 +70,8 @@ def test_maps_that_cannot_be_used(demo, tmp_path, photos):
     assert list(tmp_path.glob("*.grim")) == []
 
 
+# A process that a shell starts in the background ignores SIGINT, and so do its children: Python then installs no handler of its own.
+AS_IN_A_TERMINAL = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)"
 INTERRUPTED = {
     "build": """
 import sys, grimnet
@@ -93,7 +95,7 @@ while True:
 @pytest.mark.parametrize("work", INTERRUPTED)
 def test_ctrl_c(demo, tmp_path, work):
     out = tmp_path / "area.grim"
-    command = [sys.executable, "-c", INTERRUPTED[work], demo, out]
+    command = [sys.executable, "-c", AS_IN_A_TERMINAL + INTERRUPTED[work], demo, out]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "begun\n", process.stderr.read()
     process.send_signal(signal.SIGINT)

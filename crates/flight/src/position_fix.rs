@@ -8,7 +8,7 @@ use grimnet_track::PositionFix;
 const LEAST_SIGMA_M: f64 = 0.1;
 /// Largest correlation of the errors to the east and to the north.
 const LARGEST_CORRELATION: f64 = 0.99;
-/// Confidence of a fix whose model is not calibrated for it: more than an even chance, and below what counts in full.
+/// Confidence of a fix whose model is not calibrated for it. As all have it, it says nothing but that wrong fixes are not rare.
 const UNCALIBRATED_CONFIDENCE: f64 = 0.8;
 
 /// The measurement that a fix of a photo exposed at `time_s` gives to the filter.

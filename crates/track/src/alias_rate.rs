@@ -5,8 +5,11 @@ const FIXES_REMEMBERED: f64 = 200.0;
 /// What is assumed before any fix, as counts: of twenty fixes after a right one, one is wrong.
 const PRIOR_STARTED: f64 = 1.0;
 const PRIOR_RIGHT: f64 = 20.0;
-/// Of four fixes after a wrong one, one is wrong at the same offset.
-const PRIOR_CONTINUED: f64 = 1.0;
+/// Of four fixes after a wrong one, one is wrong at the same offset, or two before any right fix: until a flight has shown how
+/// places look that are alike, one of them may repeat for long.
+const PRIOR_CONTINUED: [f64; 2] = [1.0, 2.0];
+/// After so many right fixes half of that difference is left.
+const PRIOR_HALVED_BY: f64 = 90.0;
 const PRIOR_WRONG: f64 = 4.0;
 
 /// However long runs of wrong fixes were, a new place is believed at last.
@@ -60,7 +63,10 @@ impl AliasRate {
     /// Probability that a fix is wrong, given whether the one before was.
     pub fn wrong(&self, after_wrong: bool) -> f64 {
         if after_wrong {
-            let counted = (self.continued + PRIOR_CONTINUED) / (self.after_wrong + PRIOR_WRONG);
+            let [least, most] = PRIOR_CONTINUED;
+            let early = PRIOR_HALVED_BY / (PRIOR_HALVED_BY + self.after_right);
+            let prior = least + (most - least) * early;
+            let counted = (self.continued + prior) / (self.after_wrong + PRIOR_WRONG);
             counted.min(MOST_CONTINUED)
         } else {
             (self.started + PRIOR_STARTED) / (self.after_right + PRIOR_RIGHT)

@@ -10,6 +10,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     alias_rate::AliasRate,
+    confidence::UsualConfidence,
     hypothesis::Hypothesis,
     input::PositionFix,
     observation::Innovation,
@@ -30,8 +31,6 @@ const SPLIT_DETERMINANT_RATIO: f64 = 25.0;
 const ALIAS_WITHIN_GATE: f64 = 0.2;
 /// How fast a leader that no fix supports may turn out to be wrong, per second.
 const JUMP_RATE_WHILE_COASTING: f64 = 1e-5;
-/// A fix of no confidence counts as this part of one.
-const LEAST_PART: f64 = 0.05;
 /// Share of wrong fixes after a wrong one that lie where another hypothesis sees them.
 const ALIAS_REPEATS: f64 = 0.95;
 /// Two hypotheses with a squared Mahalanobis distance below this are of one place: chi-square with two degrees of freedom,
@@ -44,6 +43,12 @@ pub(crate) struct Bank {
     pub hypotheses: Vec<Hypothesis>,
     pub elsewhere: f64,
     next_id: u64,
+}
+
+/// What is usual of fixes.
+pub(crate) struct Usual<'a> {
+    pub rate: &'a AliasRate,
+    pub confidence: &'a UsualConfidence,
 }
 
 /// What a fix did to the hypotheses.
@@ -152,7 +157,7 @@ impl Bank {
         &mut self,
         fix: &PositionFix,
         measured_m: Vector2<f64>,
-        rate: &AliasRate,
+        usual: &Usual<'_>,
         sensors: &Sensors,
         options: &TrackOptions,
     ) -> FixEffect {
@@ -185,28 +190,33 @@ impl Bank {
                     options.alias_persistence
                 };
                 (
-                    rate.wrong(after_wrong),
+                    usual.rate.wrong(after_wrong),
                     alias_m2(Some(j.hypothesis.id), repeats),
                 )
             })
             .collect();
-        let wrong_elsewhere = rate.wrong(true);
-        let part = part_of_a_fix(fix.confidence, options.full_confidence);
+        let wrong_elsewhere = usual.rate.wrong(true);
+        let log_odds = usual
+            .confidence
+            .log_odds_of(fix.confidence, options.full_confidence);
         let elsewhere_before = self.elsewhere;
         let repeats = if judged.is_empty() {
             0.0
         } else {
             ALIAS_REPEATS
         };
-        self.elsewhere *= (wrong_elsewhere * alias_m2(None, repeats)).powf(part);
+        self.elsewhere *= wrong_elsewhere * alias_m2(None, repeats);
         let founds_one = judged.iter().all(|j| j.density_m2.is_none());
         for (judged, (wrong, alias_m2)) in judged.into_iter().zip(wrong) {
-            self.weigh(judged, fix, wrong, alias_m2, part, options);
+            self.weigh(judged, fix, wrong, alias_m2, log_odds, options);
         }
         if founds_one {
             let id = self.new_id();
             let mut new = Hypothesis::from_fix(id, fix, measured_m, sensors, options);
-            new.weight = elsewhere_before * ((1.0 - wrong_elsewhere) * anywhere_m2).powf(part);
+            new.weight = elsewhere_before
+                * (1.0 - wrong_elsewhere)
+                * anywhere_m2
+                * new.support.add(log_odds).exp();
             self.hypotheses.push(new);
         }
         self.tidy();
@@ -225,29 +235,28 @@ impl Bank {
         fix: &PositionFix,
         wrong: f64,
         alias_m2: f64,
-        part: f64,
+        log_odds: f64,
         options: &TrackOptions,
     ) {
         let before = judged.hypothesis.weight;
         let (Some(innovation), Some(density_m2)) = (judged.innovation, judged.density_m2) else {
-            judged.hypothesis.weight = before * (wrong * alias_m2).powf(part);
+            judged.hypothesis.weight = before * wrong * alias_m2;
             judged.hypothesis.see(false);
             self.hypotheses.push(judged.hypothesis);
             return;
         };
+        let right = (1.0 - wrong) * density_m2 * judged.hypothesis.support.add(log_odds).exp();
         let much_more_certain =
             innovation.determinant_m4() > SPLIT_DETERMINANT_RATIO * innovation.own_determinant_m4;
         if much_more_certain && before > LEAST_WEIGHT_TO_SPLIT {
             let mut without = judged.hypothesis.clone();
             without.id = self.new_id();
             without.see(false);
-            without.weight =
-                before * (wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2)).powf(part);
+            without.weight = before * wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2);
             self.hypotheses.push(without);
-            judged.hypothesis.weight = before * ((1.0 - wrong) * density_m2).powf(part);
+            judged.hypothesis.weight = before * right;
         } else {
-            judged.hypothesis.weight =
-                before * ((1.0 - wrong) * density_m2 + wrong * alias_m2).powf(part);
+            judged.hypothesis.weight = before * (right + wrong * alias_m2);
         }
         judged.hypothesis.see(true);
         judged.hypothesis.accept(fix, &innovation, options);
@@ -337,11 +346,4 @@ impl Bank {
             self.elsewhere = 1.0;
         }
     }
-}
-
-/// A fix of low confidence counts as a part of one: its likelihoods are raised to this power. It is the ratio of the
-/// logarithms of the odds to those of the confidence that counts in full.
-fn part_of_a_fix(confidence: f64, full: f64) -> f64 {
-    let log_odds = |p: f64| (p / (1.0 - p)).ln();
-    (log_odds(confidence.clamp(0.01, full)) / log_odds(full)).clamp(LEAST_PART, 1.0)
 }

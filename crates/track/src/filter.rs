@@ -4,7 +4,8 @@ use grimnet_geo::LonLat;
 
 use crate::{
     alias_rate::AliasRate,
-    bank::{Bank, Place},
+    bank::{Bank, Place, Usual},
+    confidence::UsualConfidence,
     hypothesis::Hypothesis,
     input::{Input, PositionFix},
     options::TrackOptions,
@@ -33,6 +34,7 @@ pub(crate) struct Filter {
     /// Frames without a fix since the last one.
     pub misses: u32,
     rate: AliasRate,
+    confidence: UsualConfidence,
 }
 
 impl Filter {
@@ -47,6 +49,7 @@ impl Filter {
             was_believed: false,
             misses: 0,
             rate: AliasRate::default(),
+            confidence: UsualConfidence::default(),
         }
     }
 
@@ -116,9 +119,14 @@ impl Filter {
             gsd_m: fix.gsd_m / self.sensors.gsd_over_nadir(fix.time_s),
             ..*fix
         };
+        let usual = Usual {
+            rate: &self.rate,
+            confidence: &self.confidence,
+        };
         let effect = self
             .bank
-            .fix(fix, measured_m, &self.rate, &self.sensors, options);
+            .fix(fix, measured_m, &usual, &self.sensors, options);
+        self.confidence.count(fix.confidence);
         self.misses = 0;
         if self.believed.is_some() {
             if effect.leader_changed {

@@ -6,6 +6,7 @@
 use nalgebra::{Matrix2, Vector2};
 
 use crate::{
+    confidence::Support,
     gauss_markov::GaussMarkov,
     input::{PositionFix, Velocity},
     journal::Journal,
@@ -60,6 +61,8 @@ pub(crate) struct Hypothesis {
     pub distance_since_fix_m: f64,
     /// Whether the last fix was of another place, according to this hypothesis.
     pub last_was_wrong: bool,
+    /// Fixes in a row that were accepted.
+    pub support: Support,
     /// The hypothesis's first ancestor: hypotheses are split in two and merged.
     pub root: u64,
     /// Fixes since it was founded.
@@ -160,6 +163,7 @@ impl Hypothesis {
             last_fix_s: None,
             distance_since_fix_m: 0.0,
             last_was_wrong: false,
+            support: Support::default(),
             root: id,
             fixes_seen: 0,
             history: 0,
@@ -306,6 +310,9 @@ impl Hypothesis {
     /// Counts a fix that was accepted or not.
     pub fn see(&mut self, accepted: bool) {
         self.last_was_wrong = !accepted;
+        if !accepted {
+            self.support = Support::default();
+        }
         self.fixes_seen = self.fixes_seen.saturating_add(1);
         self.history = self.history << 1 | u128::from(accepted);
     }

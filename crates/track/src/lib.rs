@@ -5,9 +5,9 @@
 //!
 //! # Method
 //! - A bank of at most eight small Kalman filters, each a hypothesis of where the aircraft is (Gaussian-sum filter: Alspach and
-//!   Sorenson 1972). A fix is gated by chi-square; a fix that no hypothesis accepts founds a new one; the calibrated confidence
-//!   of fixes decides how fast one hypothesis outweighs another. The track is usable only while one of them holds at least
-//!   95 % of the weight.
+//!   Sorenson 1972). A fix is gated by chi-square; a fix that no hypothesis accepts founds a new one; where fixes lie and
+//!   their calibrated confidence decide how fast one hypothesis outweighs another. The track is usable only while one of them
+//!   holds at least 95 % of the weight.
 //! - What all fixes have in common (the map's error, the camera's unknown tilt) does not average out: it is carried as
 //!   considered states (Schmidt 1966).
 //! - The aircraft is not the image centre. With attitude and height the position is the aircraft's, and the camera's boresight
@@ -22,6 +22,7 @@
 mod alias_rate;
 mod attitude;
 mod bank;
+mod confidence;
 mod dead_reckoning;
 mod error;
 mod filter;

@@ -64,7 +64,7 @@ pub struct TrackOptions {
 
     /// Area that is searched for the aircraft, square metres: a wrong fix lies anywhere in it.
     pub search_area_m2: f64,
-    /// A fix of this confidence or more counts in full. It is above 1/2.
+    /// A higher confidence than this counts as this. It is above 1/2.
     pub full_confidence: f64,
     /// Probability that the first wrong fix after a right one repeats an earlier offset, as places that look alike do.
     pub alias_persistence: f64,
@@ -124,12 +124,12 @@ impl Default for TrackOptions {
             lag_s: 30.0,
             clock_jump_s: 300.0,
             search_area_m2: 4.0e6,
-            full_confidence: 0.95,
+            full_confidence: 0.998,
             alias_persistence: 0.5,
             jump_probability: 2e-4,
             gate_chi2: GATE_99_9_PERCENT,
-            acquire_weight: 0.9999,
-            change_weight: 0.999,
+            acquire_weight: 0.999,
+            change_weight: 0.9995,
             keep_weight: 0.95,
             acquire_fixes: 3,
             coasting_after_s: 2.0,

@@ -44,7 +44,7 @@ def main():
             code, _, unit_tests = text.partition("#[cfg(test)]\nmod ")
             product += without_comments(code)
             tests += unit_tests + "\n".join(re.findall(r"^\s*//[/!].*", code, re.M))
-            if path.name.startswith("test_") or path.stem == "tests":
+            if path.name.startswith("test_") or path.stem.endswith("tests"):
                 tests += text
         for folder in ("tests", "benches", "examples"):
             tests += "".join(path.read_text() for path in rust_files(root / folder))

@@ -1,5 +1,6 @@
 //! Following a flight: where frames come from, the track as it is written, recordings.
 
+pub mod ffmpeg;
 pub mod following;
 pub mod formats;
 pub mod frame_time;
@@ -16,3 +17,5 @@ pub mod smoothed;
 pub mod standard_input;
 pub mod truth;
 pub mod video;
+#[cfg(feature = "video")]
+pub mod video_file;

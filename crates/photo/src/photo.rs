@@ -6,6 +6,7 @@ use grimnet_jpeg::Damage;
 use grimnet_limits::PhotoLimits;
 use image::RgbImage;
 
+use crate::area;
 use crate::camera::Tilt;
 use crate::decode;
 use crate::error::PhotoError;
@@ -114,6 +115,18 @@ impl Photo {
             path: PathBuf::new(),
             full_size_px: image.dimensions(),
             image,
+            metadata,
+            damage: None,
+        }
+    }
+
+    /// A photo from pixels in memory, with a long side of at most `max_long_side_px` as in [`Photo::open_reduced`].
+    pub fn from_image_reduced(image: RgbImage, metadata: Metadata, max_long_side_px: u32) -> Self {
+        let full_size_px = image.dimensions();
+        Self {
+            image: area::limit_long_side(image, max_long_side_px),
+            full_size_px,
+            path: PathBuf::new(),
             metadata,
             damage: None,
         }

@@ -103,6 +103,9 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     };
     let stream = open_output(arguments, &policy)?;
     let mut frames = source.open(arguments)?;
+    if let (Some(telemetry), Some(ends_s)) = (&beside.telemetry, frames.ends_s()) {
+        telemetry.compare_with_video(ends_s);
+    }
     let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);
     let mut followed = Followed {
         session,
@@ -244,14 +247,17 @@ impl Followed<'_> {
     }
 }
 
-/// The recorded telemetry: the file that is given, else the one beside a video.
+/// The recorded telemetry: the file that is given, else the one beside a video, else what is within the video.
 fn telemetry(arguments: &TrackArgs, source: &Source) -> Result<Option<RecordedTelemetry>> {
-    let beside = || match source {
-        Source::Video(path) => beside_video(path),
+    let video = match source {
+        Source::Video(path) => Some(path),
         _ => None,
     };
-    let path = arguments.link.telemetry.clone().or_else(beside);
-    path.map(|path| RecordedTelemetry::read(&path)).transpose()
+    let beside = || video.and_then(|path| beside_video(path));
+    match arguments.link.telemetry.clone().or_else(beside) {
+        Some(path) => RecordedTelemetry::read(&path).map(Some),
+        None => Ok(video.and_then(|path| RecordedTelemetry::within_video(path))),
+    }
 }
 
 /// Follows all frames and writes the track, smoothed at the end if that is asked for. Gives whether it was interrupted.

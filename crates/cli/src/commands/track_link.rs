@@ -38,7 +38,8 @@ pub struct TrackLinkArgs {
     #[arg(long, value_name = "TARGET", help_heading = LINK)]
     pub nmea: Option<NmeaTarget>,
 
-    /// Recorded attitude, height and velocity: CSV, DJI's SRT subtitles, or MISB ST 0601 KLV [default: the SRT beside a video]
+    /// Recorded attitude, height and velocity: CSV, DJI's SRT subtitles, or MISB ST 0601 KLV, alone or in an MPEG transport stream
+    /// [default: the SRT beside a video, or what is in a transport stream]
     #[arg(long, value_name = "FILE", help_heading = LINK)]
     pub telemetry: Option<PathBuf>,
 }

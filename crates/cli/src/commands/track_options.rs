@@ -40,7 +40,8 @@ pub struct TrackArgs {
     /// Photos, folders of photos or patterns; a video; `-` for standard input
     ///
     /// Photos are taken in order of time. Standard input holds JPEG pictures one after the other, or lines with the names of
-    /// photo files. Videos and addresses such as rtsp:// are decoded by an `ffmpeg` process.
+    /// photo files. MP4 and MOV videos (H.264, H.265) are decoded here, other videos and addresses such as rtsp:// by an `ffmpeg`
+    /// process.
     #[arg(required_unless_present = "replay")]
     pub source: Vec<PathBuf>,
 

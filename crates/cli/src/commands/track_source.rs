@@ -12,7 +12,7 @@ use crate::tracking::following::Following;
 use crate::tracking::frames::Frames;
 use crate::tracking::photo_list::PhotoList;
 use crate::tracking::standard_input::StreamedFrames;
-use crate::tracking::video::{DEFAULT_FRAMES_PER_S, Video, is_video};
+use crate::tracking::video::{DEFAULT_FRAMES_PER_S, is_video, open_video};
 
 /// Where frames come from, as the command line names it.
 pub enum Source {
@@ -78,11 +78,10 @@ impl Source {
                 frames.idle.map(Duration::from_secs_f64),
                 Duration::from_secs_f64(frames.most_wait),
             )?),
-            Self::Video(path) => Box::new(Video::open(
-                &path,
-                frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S),
-                options.limits,
-            )?),
+            Self::Video(path) => {
+                let frames_per_s = frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S);
+                open_video(&path, frames_per_s, options.limits)?
+            }
             Self::StandardInput => Box::new(StreamedFrames::new(
                 BufReader::new(std::io::stdin()),
                 options,

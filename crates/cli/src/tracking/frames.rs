@@ -37,6 +37,11 @@ pub trait Frames {
         None
     }
 
+    /// When the last frame was taken, if it is known, seconds.
+    fn ends_s(&self) -> Option<f64> {
+        None
+    }
+
     /// Frames that were left out because newer ones came while others were processed.
     fn dropped(&self) -> usize {
         0

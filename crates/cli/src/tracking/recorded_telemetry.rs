@@ -9,9 +9,15 @@ use grimnet_link::{TelemetryClock, read_telemetry};
 use grimnet_track::Input;
 
 use super::frame_time::Epoch;
+use super::video::has_ending;
 
 /// What was recorded within so many seconds after a frame is given with it, so that its attitude is interpolated.
 const AHEAD_S: f64 = 0.25;
+/// Telemetry that begins or ends so much later or earlier than a video does not fit it. Old drones write it once a second.
+const LONGEST_GAP_S: f64 = 2.0;
+
+/// Endings of videos that may hold MISB metadata, lower case.
+const TRANSPORT_STREAM_ENDINGS: &[&str] = &["ts", "m2ts", "mts"];
 
 /// See the module.
 pub struct RecordedTelemetry {
@@ -45,6 +51,24 @@ impl RecordedTelemetry {
         })
     }
 
+    /// The metadata in a video, if it is a transport stream that has some.
+    pub fn within_video(video: &Path) -> Option<Self> {
+        if !has_ending(video, TRANSPORT_STREAM_ENDINGS) || !video.is_file() {
+            return None;
+        }
+        match Self::read(video) {
+            Ok(telemetry) => {
+                let path = video.display();
+                tracing::info!("{path}: its KLV metadata give attitude, height and velocity");
+                Some(telemetry)
+            }
+            Err(error) => {
+                tracing::debug!("no telemetry in the video: {error}");
+                None
+            }
+        }
+    }
+
     /// What was recorded up to a frame and was not given yet.
     ///
     /// # Errors
@@ -59,12 +83,39 @@ impl RecordedTelemetry {
         Ok(self.inputs.drain(..end).collect())
     }
 
+    /// Tells where the file does not cover a video, whose frames go from 0 s to `ends_s`.
+    pub fn compare_with_video(&self, ends_s: f64) {
+        let (Some(first), Some(last)) = (self.inputs.front(), self.inputs.back()) else {
+            return;
+        };
+        if self.clock == TelemetryClock::Unix {
+            return;
+        }
+        let path = self.path.display();
+        let (first_s, last_s) = (first.time_s(), last.time_s());
+        if first_s > LONGEST_GAP_S {
+            tracing::warn!(
+                "{path}: begins at {first_s:.1} s; the frames of the video before that are without telemetry"
+            );
+        }
+        if last_s + LONGEST_GAP_S < ends_s {
+            tracing::warn!(
+                "{path}: ends at {last_s:.1} s, and the video at {ends_s:.1} s; the frames after {last_s:.1} s are without telemetry"
+            );
+        } else if last_s > ends_s + LONGEST_GAP_S {
+            tracing::warn!(
+                "{path}: ends at {last_s:.1} s, and the video already at {ends_s:.1} s; are both of the same flight, and is the video \
+                 whole?"
+            );
+        }
+    }
+
     fn check(&self, frame_s: f64, epoch: Epoch) -> Result<()> {
         let path = self.path.display();
         match (self.clock, epoch) {
             (TelemetryClock::Unix, Epoch::Start) => bail!(
                 "{path}: its times are dates, and those of the frames are not: name the photos by date and time, or write \
-                 seconds from the first frame into the file"
+                 seconds from the first frame (from the beginning of a video) into the file"
             ),
             (TelemetryClock::Video, Epoch::Unix) => bail!(
                 "{path}: its times count from the beginning of a video, and those of the frames are dates"

@@ -1,114 +1,68 @@
-//! Frames of a video, decoded by an `ffmpeg` process.
+//! A video as frames: decoded here if it can be, else by an `ffmpeg` process.
 
-use std::io::BufReader;
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
-use std::sync::atomic::AtomicBool;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::Result;
 use grimnet_photo::PhotoLimits;
 
-use super::frame_time::{Epoch, TimeSource};
-use super::frames::{Frame, FrameOptions, Frames};
-use super::standard_input::StreamedFrames;
+use super::ffmpeg::FfmpegVideo;
+use super::frames::Frames;
+#[cfg(feature = "video")]
+use super::video_file::VideoFile;
 
 /// Endings of video files, lower case.
 const VIDEO_ENDINGS: &[&str] = &[
     "mp4", "mov", "m4v", "mkv", "avi", "ts", "m2ts", "mts", "mpg", "mpeg", "webm", "h264", "h265",
 ];
+/// Endings of those that are read here.
+#[cfg(feature = "video")]
+const BUILT_IN_ENDINGS: &[&str] = &["mp4", "mov", "m4v"];
 /// Frames per second that are taken from a video if nothing else is asked for.
 pub const DEFAULT_FRAMES_PER_S: f64 = 2.0;
 
 /// Whether a source is a video: by its ending, or an address such as `rtsp://`.
 pub fn is_video(source: &Path) -> bool {
+    is_address(source) || has_ending(source, VIDEO_ENDINGS)
+}
+
+fn is_address(source: &Path) -> bool {
+    source.to_string_lossy().contains("://")
+}
+
+/// Whether a file's name ends so, in upper or lower case.
+pub fn has_ending(source: &Path, endings: &[&str]) -> bool {
     let ending = source
         .extension()
         .map(|e| e.to_string_lossy().to_lowercase());
-    source.to_string_lossy().contains("://")
-        || ending.is_some_and(|ending| VIDEO_ENDINGS.contains(&ending.as_str()))
+    ending.is_some_and(|ending| endings.contains(&ending.as_str()))
 }
 
-/// See the module. Times count from the beginning of the video.
-pub struct Video {
-    ffmpeg: Child,
-    frames: StreamedFrames<BufReader<ChildStdout>>,
-    name: String,
-    given: usize,
-}
-
-impl Video {
-    /// Starts decoding; `frames_per_s` frames are taken of each second.
-    ///
-    /// # Errors
-    /// There is no such file, or no `ffmpeg` on the PATH.
-    pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits) -> Result<Self> {
-        let name = source.display().to_string();
-        if !name.contains("://") {
-            crate::inputs::check_regular(source)?;
-        }
-        let mut ffmpeg = Command::new("ffmpeg")
-            .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-i"])
-            .arg(source)
-            .args(["-map", "0:v:0", "-vf"])
-            .arg(format!("fps={frames_per_s}:start_time=0:round=near"))
-            .args(["-f", "image2pipe", "-c:v", "mjpeg", "-q:v", "2", "-"])
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .spawn()
-            .with_context(|| {
-                format!(
-                    "{name}: videos are decoded by the program `ffmpeg`, which could not be started; install it, or \
-                     save the video's frames as photos"
-                )
-            })?;
-        let Some(output) = ffmpeg.stdout.take() else {
-            bail!("{name}: ffmpeg has no output");
-        };
-        let options = FrameOptions {
-            source: TimeSource::Auto,
-            frames_per_s: Some(frames_per_s),
-            limits,
-        };
-        Ok(Self {
-            ffmpeg,
-            frames: StreamedFrames::new(BufReader::new(output), options)?,
-            name,
-            given: 0,
-        })
+/// Opens a video; `frames_per_s` frames are taken of each second.
+///
+/// # Errors
+/// It cannot be read, or it needs an `ffmpeg` that is not there.
+pub fn open_video(
+    source: &Path,
+    frames_per_s: f64,
+    limits: PhotoLimits,
+) -> Result<Box<dyn Frames>> {
+    if !is_address(source) {
+        crate::inputs::check_regular(source)?;
     }
-}
-
-impl Frames for Video {
-    fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
-        let next = self.frames.next(stop)?;
-        if next.is_none() && !stop.load(std::sync::atomic::Ordering::Relaxed) {
-            let status = self.ffmpeg.wait()?;
-            if self.given == 0 {
-                bail!("{}: ffmpeg gave no frame ({status})", self.name);
+    #[cfg(feature = "video")]
+    if !is_address(source) && has_ending(source, BUILT_IN_ENDINGS) {
+        match VideoFile::open(source, frames_per_s, &limits) {
+            Ok(video) => return Ok(Box::new(video)),
+            Err(error) if error.is_unsupported() => {
+                let video = FfmpegVideo::open(source, frames_per_s, limits)
+                    .map_err(|ffmpeg| ffmpeg.context(error.to_string()))?;
+                tracing::info!("{error}; ffmpeg decodes it");
+                return Ok(Box::new(video));
             }
-            if !status.success() {
-                tracing::warn!(
-                    "{}: ffmpeg ended with {status} after {} frames; is the video truncated?",
-                    self.name,
-                    self.given
-                );
-            }
+            Err(error) => return Err(error.into()),
         }
-        self.given += usize::from(next.is_some());
-        Ok(next)
     }
-
-    fn epoch(&self) -> Epoch {
-        Epoch::Start
-    }
-}
-
-impl Drop for Video {
-    fn drop(&mut self) {
-        // It has ended already, or nobody reads its output any more.
-        let _ = self.ffmpeg.kill();
-        let _ = self.ffmpeg.wait();
-    }
+    Ok(Box::new(FfmpegVideo::open(source, frames_per_s, limits)?))
 }
 
 #[cfg(test)]

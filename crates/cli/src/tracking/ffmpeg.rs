@@ -1,0 +1,96 @@
+//! Frames of a video, decoded by an `ffmpeg` process: of any kind that it reads, and from addresses.
+
+use std::io::BufReader;
+use std::path::Path;
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::sync::atomic::AtomicBool;
+
+use anyhow::{Context as _, Result, bail};
+use grimnet_photo::PhotoLimits;
+
+use super::frame_time::{Epoch, TimeSource};
+use super::frames::{Frame, FrameOptions, Frames};
+use super::standard_input::StreamedFrames;
+
+/// See the module. Times count from the beginning of the video.
+pub struct FfmpegVideo {
+    ffmpeg: Child,
+    frames: StreamedFrames<BufReader<ChildStdout>>,
+    name: String,
+    given: usize,
+}
+
+impl FfmpegVideo {
+    /// Starts decoding; `frames_per_s` frames are taken of each second.
+    ///
+    /// # Errors
+    /// There is no such file, or no `ffmpeg` on the PATH.
+    pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits) -> Result<Self> {
+        let name = source.display().to_string();
+        if !name.contains("://") {
+            crate::inputs::check_regular(source)?;
+        }
+        let mut ffmpeg = Command::new("ffmpeg")
+            .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-i"])
+            .arg(source)
+            .args(["-map", "0:v:0", "-vf"])
+            .arg(format!("fps={frames_per_s}:start_time=0:round=near"))
+            .args(["-f", "image2pipe", "-c:v", "mjpeg", "-q:v", "2", "-"])
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .spawn()
+            .with_context(|| {
+                format!(
+                    "{name}: a video of this kind is decoded by the program `ffmpeg`, which could not be started; install it, or \
+                     save the video's frames as photos"
+                )
+            })?;
+        let Some(output) = ffmpeg.stdout.take() else {
+            bail!("{name}: ffmpeg has no output");
+        };
+        let options = FrameOptions {
+            source: TimeSource::Auto,
+            frames_per_s: Some(frames_per_s),
+            limits,
+        };
+        Ok(Self {
+            ffmpeg,
+            frames: StreamedFrames::new(BufReader::new(output), options)?,
+            name,
+            given: 0,
+        })
+    }
+}
+
+impl Frames for FfmpegVideo {
+    fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
+        let next = self.frames.next(stop)?;
+        if next.is_none() && !stop.load(std::sync::atomic::Ordering::Relaxed) {
+            let status = self.ffmpeg.wait()?;
+            if self.given == 0 {
+                bail!("{}: ffmpeg gave no frame ({status})", self.name);
+            }
+            if !status.success() {
+                tracing::warn!(
+                    "{}: ffmpeg ended with {status} after {} frames; is the video truncated?",
+                    self.name,
+                    self.given
+                );
+            }
+        }
+        self.given += usize::from(next.is_some());
+        Ok(next)
+    }
+
+    fn epoch(&self) -> Epoch {
+        Epoch::Start
+    }
+}
+
+impl Drop for FfmpegVideo {
+    fn drop(&mut self) {
+        // It has ended already, or nobody reads its output any more.
+        let _ = self.ffmpeg.kill();
+        let _ = self.ffmpeg.wait();
+    }
+}

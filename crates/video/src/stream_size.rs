@@ -1,0 +1,27 @@
+//! What a stream's parameter sets say of its pictures, read before anything is decoded.
+
+use crate::colour::ColourDescription;
+
+/// See the module.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct StreamSize {
+    /// As coded, px.
+    pub width: u64,
+    pub height: u64,
+    /// Pictures that the decoder keeps.
+    pub pictures: u64,
+    /// Memory of each, bytes for each pixel: samples, motion, and the decoder's tables.
+    pub bytes_per_px: u64,
+    pub colour: Option<ColourDescription>,
+}
+
+impl StreamSize {
+    /// Memory of the decoder and of a picture that is converted.
+    pub(crate) fn memory_bytes(&self) -> u64 {
+        // A converted picture, and its rotated copy.
+        let bytes_per_px = (self.pictures * self.bytes_per_px).saturating_add(6);
+        self.width
+            .saturating_mul(self.height)
+            .saturating_mul(bytes_per_px)
+    }
+}

@@ -1,0 +1,243 @@
+//! The frames of a video one after the other.
+
+use std::collections::{BTreeMap, BTreeSet, HashMap};
+
+use image::RgbImage;
+
+use crate::decoder::{Decoded, Decoder};
+use crate::error::{Fault, VideoError};
+use crate::movie::Movie;
+use crate::sample_source::SampleSource;
+
+/// Pictures that wait for others that are shown before them: as many as a decoded picture buffer holds (ITU-T H.264, A.3.1), and
+/// one more. In a file whose times want more they come out of order.
+const MAX_WAITING: usize = 17;
+
+/// A frame of a video.
+#[derive(Debug)]
+pub struct VideoFrame {
+    /// When it is shown, seconds from the beginning of the video.
+    pub time_s: f64,
+    /// The picture, upright; or why it cannot be decoded.
+    pub picture: Result<RgbImage, VideoError>,
+}
+
+/// Decodes a video. See [`crate::Video::at_rate`].
+pub struct VideoFrames {
+    source: SampleSource,
+    movie: Movie,
+    decoder: Decoder,
+    /// Place in the order of showing of each sample that is taken.
+    places: HashMap<usize, usize>,
+    /// Samples that are taken and not decoded yet.
+    wanted: BTreeSet<usize>,
+    /// Samples that are taken and decoded, whose pictures have not come out of the decoder.
+    inside: BTreeSet<usize>,
+    /// The next sample to decode.
+    at: usize,
+    /// A sample that the container says decoding can start at, and that it cannot.
+    no_start: Option<usize>,
+    /// By place.
+    ready: BTreeMap<usize, VideoFrame>,
+    ready_bytes: u64,
+    /// The place of the next frame.
+    next_place: usize,
+}
+
+impl VideoFrames {
+    pub(crate) fn new(
+        source: SampleSource,
+        movie: Movie,
+        taken: Vec<usize>,
+    ) -> Result<Self, VideoError> {
+        let decoder = Decoder::new(source.settings(&movie))
+            .map_err(|fault| fault.of(&source.path, source.limit_bytes))?;
+        let places: HashMap<usize, usize> = taken
+            .iter()
+            .enumerate()
+            .map(|(place, &sample)| (sample, place))
+            .collect();
+        Ok(Self {
+            source,
+            movie,
+            decoder,
+            places,
+            wanted: taken.into_iter().collect(),
+            inside: BTreeSet::new(),
+            at: 0,
+            no_start: None,
+            ready: BTreeMap::new(),
+            ready_bytes: 0,
+            next_place: 0,
+        })
+    }
+
+    /// Decodes towards the next sample that is taken.
+    fn advance(&mut self, target: usize) {
+        let start = self.start_of(target);
+        if start > self.at && self.no_start != Some(start) {
+            if self.can_start(start) {
+                self.restart(start);
+            } else {
+                self.no_start = Some(start);
+            }
+        }
+        let sample = self.at;
+        let is_wanted = self.wanted.contains(&sample);
+        let mut pictures = Vec::new();
+        let fed = match self.source.read(&self.movie, sample) {
+            Ok(bytes) => self.decoder.feed(sample, bytes, is_wanted, &mut pictures),
+            Err(fault) => Err(fault),
+        };
+        self.at += 1;
+        if self.wanted.remove(&sample) {
+            self.inside.insert(sample);
+        }
+        self.keep(pictures);
+        if let Err(fault) = fed {
+            self.give_up(sample, &fault);
+        } else if self.wanted.is_empty() {
+            self.drain("it is predicted from a damaged part");
+        }
+    }
+
+    /// The last sample that decoding can start at to reach `target`: before it in the file, and not shown after it.
+    fn start_of(&self, target: usize) -> usize {
+        let samples = &self.movie.samples;
+        let shown = samples[target].composition;
+        (self.at..=target)
+            .rev()
+            .find(|&sample| samples[sample].is_sync && samples[sample].composition <= shown)
+            .unwrap_or(self.at)
+    }
+
+    fn can_start(&mut self, sample: usize) -> bool {
+        match self.source.read(&self.movie, sample) {
+            Ok(bytes) => self.decoder.is_start(bytes),
+            Err(_) => false,
+        }
+    }
+
+    /// Takes what the decoder still holds, and goes on at another sample.
+    fn restart(&mut self, sample: usize) {
+        self.drain("it is predicted from a damaged part");
+        match Decoder::new(self.source.settings(&self.movie)) {
+            Ok(decoder) => self.decoder = decoder,
+            Err(fault) => tracing::debug!("the decoder did not start again: {fault}"),
+        }
+        self.at = sample;
+    }
+
+    /// Leaves out what cannot be decoded without the damaged `sample`: everything up to the next start.
+    fn give_up(&mut self, sample: usize, fault: &Fault) {
+        self.inside.remove(&sample);
+        self.drain("it is predicted from a damaged part");
+        let count = self.movie.samples.len();
+        let next = (sample + 1..count)
+            .find(|&next| self.movie.samples[next].is_sync && self.can_start(next))
+            .unwrap_or(count);
+        let mut lost: Vec<usize> = self.wanted.range(..next).copied().collect();
+        if self.places.contains_key(&sample) {
+            lost.push(sample);
+        }
+        for sample in lost {
+            self.wanted.remove(&sample);
+            self.fail(sample, fault);
+        }
+        if next < count {
+            self.restart(next);
+        }
+        self.at = next;
+    }
+
+    /// Takes everything out of the decoder; what does not come is lost, for this reason.
+    fn drain(&mut self, reason: &str) {
+        let mut pictures = Vec::new();
+        self.decoder.flush(&mut pictures);
+        self.keep(pictures);
+        for sample in std::mem::take(&mut self.inside) {
+            self.fail(sample, &Fault::damaged(reason));
+        }
+    }
+
+    fn keep(&mut self, pictures: Vec<Decoded>) {
+        let colour = self.decoder.colour();
+        for Decoded { sample, picture } in pictures {
+            if self.inside.remove(&sample) {
+                match picture.to_rgb(colour) {
+                    Ok(picture) => self.put(sample, Ok(self.movie.rotation.upright(picture))),
+                    Err(fault) => self.fail(sample, &fault),
+                }
+            }
+        }
+    }
+
+    fn fail(&mut self, sample: usize, fault: &Fault) {
+        let error = VideoError::Frame {
+            path: self.source.path.clone(),
+            time_s: self.time_s(sample),
+            detail: fault.to_string(),
+        };
+        self.put(sample, Err(error));
+    }
+
+    fn put(&mut self, sample: usize, picture: Result<RgbImage, VideoError>) {
+        let time_s = self.time_s(sample);
+        if let Some(&place) = self.places.get(&sample) {
+            self.ready_bytes += bytes_of(&picture);
+            self.ready.insert(place, VideoFrame { time_s, picture });
+        }
+    }
+
+    fn time_s(&self, sample: usize) -> f64 {
+        self.movie
+            .shown_s
+            .get(sample)
+            .copied()
+            .flatten()
+            .unwrap_or(0.0)
+    }
+
+    /// The next frame in the order of showing, if it is there.
+    fn take_ready(&mut self) -> Option<VideoFrame> {
+        let (&place, _) = self.ready.first_key_value()?;
+        let is_next = place <= self.next_place;
+        let is_last = self.wanted.is_empty() && self.inside.is_empty();
+        let is_full =
+            self.ready.len() >= MAX_WAITING || self.ready_bytes > self.source.limit_bytes / 4;
+        if !is_next && !is_last && !is_full {
+            return None;
+        }
+        self.next_place = self.next_place.max(place + 1);
+        let (_, frame) = self.ready.pop_first()?;
+        self.ready_bytes -= bytes_of(&frame.picture);
+        Some(frame)
+    }
+}
+
+fn bytes_of(picture: &Result<RgbImage, VideoError>) -> u64 {
+    picture
+        .as_ref()
+        .map_or(0, |picture| picture.as_raw().len() as u64)
+}
+
+impl Iterator for VideoFrames {
+    type Item = VideoFrame;
+
+    fn next(&mut self) -> Option<VideoFrame> {
+        loop {
+            if let Some(frame) = self.take_ready() {
+                return Some(frame);
+            }
+            let target = self.wanted.first().copied()?;
+            self.advance(target);
+        }
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        let left = self.wanted.len() + self.inside.len() + self.ready.len();
+        (left, Some(left))
+    }
+}
+
+impl ExactSizeIterator for VideoFrames {}

@@ -6,6 +6,7 @@ mod file;
 mod klv;
 mod klv_value;
 pub(crate) mod mavlink;
+mod mpeg_ts;
 mod recorded;
 
 pub use self::file::read_telemetry;

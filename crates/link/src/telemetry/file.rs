@@ -1,16 +1,21 @@
 //! Telemetry files of any kind.
 
-use std::{fs::File, io::Read as _, path::Path};
+use std::{
+    fs::File,
+    io::{self, Read as _, Seek as _},
+    path::Path,
+};
 
-use super::{csv, dji_srt, klv, recorded::Telemetry};
+use super::{csv, dji_srt, klv, mpeg_ts, recorded::Telemetry};
 use crate::error::LinkError;
 
-/// Larger files are refused, bytes. An hour of video has less than 50 MB of telemetry in any of the formats.
+/// Larger files are refused, bytes; videos are not read into memory. An hour of video has less than 50 MB of telemetry in any of the formats.
 const MOST_BYTES: u64 = 1 << 30;
 /// The format is told from so many bytes at the beginning.
 const HEAD_BYTES: usize = 4096;
 
-/// Reads a telemetry file: CSV, the SRT subtitles of a DJI drone, or MISB ST 0601 KLV. The content decides which.
+/// Reads a telemetry file: CSV, the SRT subtitles of a DJI drone, or MISB ST 0601 KLV, alone or in an MPEG transport stream. The
+/// content decides which.
 ///
 /// # CSV
 /// The first line names the columns; other columns are ignored, empty cells are unknown.
@@ -28,8 +33,9 @@ const HEAD_BYTES: usize = 4096;
 /// the subtitles. The position is not read.
 ///
 /// # KLV
-/// As ffmpeg extracts it from a video (`ffmpeg -i flight.ts -map 0:d -c copy -f data flight.klv`). Packets with a wrong checksum
-/// are left out.
+/// In a transport stream (`flight.ts`), asynchronous or synchronous: times are those of the stream, in seconds from its first frame,
+/// so that they fit the video. Alone, as ffmpeg extracts it (`ffmpeg -i flight.ts -map 0:d -c copy -f data flight.klv`), times are
+/// those in the packets. Packets with a wrong checksum are left out.
 ///
 /// # Errors
 /// [`LinkError::Telemetry`] if the file cannot be read, is none of these, or nothing in it can be used.
@@ -38,17 +44,27 @@ pub fn read_telemetry(path: &Path) -> Result<Telemetry, LinkError> {
         path: path.to_owned(),
         reason,
     };
-    let file = File::open(path).map_err(|error| wrong(error.to_string()))?;
+    let unreadable = |error: io::Error| wrong(error.to_string());
+    let mut file = File::open(path).map_err(unreadable)?;
     let mut bytes = Vec::new();
-    file.take(MOST_BYTES + 1)
+    (&mut file)
+        .take(HEAD_BYTES as u64)
         .read_to_end(&mut bytes)
-        .map_err(|error| wrong(error.to_string()))?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(wrong(
-            "larger than 1 GiB, which no telemetry file is".to_owned(),
-        ));
-    }
-    let telemetry = parse(&bytes).map_err(wrong)?;
+        .map_err(unreadable)?;
+    let telemetry = if let Some(prefix) = mpeg_ts::prefix_bytes(&bytes) {
+        file.rewind().map_err(unreadable)?;
+        klv::of_transport_stream(&mpeg_ts::units(file, prefix).map_err(unreadable)?)
+    } else {
+        file.take(MOST_BYTES + 1 - bytes.len() as u64)
+            .read_to_end(&mut bytes)
+            .map_err(unreadable)?;
+        if bytes.len() as u64 > MOST_BYTES {
+            return Err(wrong(
+                "larger than 1 GiB, which no telemetry file is".to_owned(),
+            ));
+        }
+        parse(&bytes).map_err(wrong)?
+    };
     if telemetry.inputs.is_empty() {
         let problem = telemetry
             .first_problem
@@ -78,7 +94,9 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::recorded::TelemetryClock;
     use super::*;
+    use grimnet_track::Input;
     use proptest::prelude::*;
 
     proptest! {
@@ -118,5 +136,20 @@ mod tests {
         }
         let error = read_telemetry(&folder.path().join("none.srt")).unwrap_err();
         assert!(error.to_string().contains("none.srt"));
+    }
+
+    #[test]
+    fn packets_of_a_video_have_its_times() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/klv.ts");
+        let telemetry = read_telemetry(&path).unwrap();
+        assert_eq!(telemetry.clock, TelemetryClock::Video);
+        // Six asynchronous and three synchronous packets with attitude and height.
+        assert_eq!((telemetry.inputs.len(), telemetry.left_out), (18, 0));
+        let times: Vec<f64> = telemetry.inputs.iter().map(Input::time_s).collect();
+        assert_eq!(times[0], 0.0);
+        assert!(
+            times.is_sorted() && (1.5..2.0).contains(&times[17]),
+            "{times:?}"
+        );
     }
 }

@@ -3,6 +3,7 @@
 use grimnet_track::{Attitude, Height, Input, Velocity};
 use nalgebra::UnitQuaternion;
 
+use super::mpeg_ts::Unit;
 use super::{
     klv_value::{ber_length, ber_oid, scaled_signed, scaled_unsigned, unsigned},
     recorded::{Telemetry, TelemetryClock},
@@ -27,12 +28,35 @@ pub(super) fn is_klv(bytes: &[u8]) -> bool {
 /// Reads all packets whose checksum is right.
 pub(super) fn parse(bytes: &[u8]) -> Telemetry {
     let mut telemetry = Telemetry::new(TelemetryClock::Unix);
+    add_packets(bytes, None, &mut telemetry);
+    telemetry.sorted()
+}
+
+/// Reads the packets of a transport stream: with the times of its video, or without a video with their own.
+pub(super) fn of_transport_stream(units: &[Unit]) -> Telemetry {
+    let has_video = units.iter().any(|unit| unit.time_s.is_some());
+    let mut telemetry = Telemetry::new(if has_video {
+        TelemetryClock::Video
+    } else {
+        TelemetryClock::Unix
+    });
+    for unit in units {
+        match unit.time_s {
+            None if has_video => telemetry.leave_out(|| "a packet before the video".to_owned()),
+            time_s => add_packets(&unit.bytes, time_s, &mut telemetry),
+        }
+    }
+    telemetry.sorted()
+}
+
+/// Adds what packets say: at `time_s` if it is given, else at the time that each states.
+fn add_packets(bytes: &[u8], time_s: Option<f64>, telemetry: &mut Telemetry) {
     let mut rest = bytes;
     while let Some(at) = next_key(rest) {
         let packet = &rest[at..];
         match Packet::read(packet) {
             Ok((values, length)) => {
-                match values.time_s {
+                match time_s.or(values.time_s) {
                     Some(time_s) => values.push_inputs(time_s, &mut telemetry.inputs),
                     None => telemetry.leave_out(|| "a packet without a time".to_owned()),
                 }
@@ -44,7 +68,6 @@ pub(super) fn parse(bytes: &[u8]) -> Telemetry {
             }
         }
     }
-    telemetry.sorted()
 }
 
 fn next_key(bytes: &[u8]) -> Option<usize> {

@@ -17,8 +17,6 @@ pub(crate) struct SearchedFrame {
     pub attitude: Option<Attitude>,
     /// Focal length of the full-size photo, pixels, if it is known.
     pub focal_length_px: Option<f64>,
-    /// Whether the height above ground is known.
-    pub height_is_known: bool,
     /// Pixels of the photo for one pixel at the focal length that the track refers to.
     pub px_per_reference_px: f64,
 }
@@ -42,20 +40,16 @@ pub(crate) fn motion_between(
         .zip(second.attitude)
         .filter(|_| second.focal_length_px.is_some())
         .map(|(first, second)| [frame_tilt(&first), frame_tilt(&second)]);
-    let sigma_deg = if tilts.is_some() {
-        change_sigma_deg(
-            options.attitude_sigma_deg,
-            options.attitude_correlation_s,
-            interval_s,
-        )
-    } else if second.height_is_known || second.focal_length_px.is_some() {
+    // The filter knows the error of the attitude, and how far a camera may be tilted of which none is known. What it cannot know
+    // is an attitude that was told and could not be taken out.
+    let is_told = first.attitude.or(second.attitude).is_some();
+    let sigma_deg = if tilts.is_none() && is_told {
         change_sigma_deg(
             options.unknown_tilt_sigma_deg,
             options.unknown_tilt_correlation_s,
             interval_s,
         )
     } else {
-        // The track is that of image centres, and so is the motion: tilt does not matter.
         0.0
     };
     let pair = FramePair {

@@ -145,7 +145,6 @@ impl Flight {
                 focal_length_px: view
                     .hfov_deg
                     .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg)),
-                height_is_known: self.recent.height_agl_m_at(time_s).is_some(),
                 px_per_reference_px,
             };
             self.give_motion(searched, &mut given);

@@ -20,6 +20,7 @@ use crate::{
         transform::Transform as _,
     },
     pipeline::{
+        chance::expected_inliers,
         gates::spread,
         guided_matching::{KeypointPair, match_guided},
     },
@@ -77,8 +78,12 @@ impl FrameMotion {
 
 /// Fewer matches than this that agree are no motion: with the thousands of pairs of two photos, a dozen can agree by chance.
 const LEAST_INLIERS: usize = 16;
-/// At least this share of the matches must agree. Waves and traffic give many matches of which few agree.
-const LEAST_INLIER_SHARE: f64 = 0.2;
+/// Similarities between two photos that can be told apart: hundreds of places in each direction, of turns and a few of scales.
+const DISTINCT_SIMILARITIES: f64 = 1e7;
+/// Expected number of pairs of photos without common ground that are taken for a motion, at most.
+const MOST_FALSE_ALARMS: f64 = 1e-3;
+/// Waves and traffic look alike, so that descriptors agree by chance more often than in random order by about this factor.
+const ALIKE: f64 = 4.0;
 /// The matches that agree must have at least this standard deviation along their short axis, over half a photo's side.
 const LEAST_SPREAD: f64 = 0.08;
 /// Largest change of height between two photos, as a factor.
@@ -126,6 +131,7 @@ pub(crate) fn motion_between(
     let Some((estimated, mut pairs)) = matched(first, second, &keypoints, seed, scratch)? else {
         return Ok(None);
     };
+    let chance = expected_inliers(&estimated.homography, &keypoints, RANSAC.threshold_px);
     for (pair, found) in pairs.iter_mut().zip(&scratch.guided) {
         let on_map = [
             second.on_map[found.query as usize],
@@ -140,12 +146,24 @@ pub(crate) fn motion_between(
         .collect();
     let half_side = second.half_side_px() / unit_px;
     if agreeing.len() < LEAST_INLIERS
-        || (agreeing.len() as f64) < LEAST_INLIER_SHARE * pairs.len() as f64
+        || ln_false_alarms(agreeing.len(), ALIKE * chance) > MOST_FALSE_ALARMS.ln()
         || spread(agreeing.iter().map(|pair| pair.from), half_side) < LEAST_SPREAD
     {
         return Ok(None);
     }
     Ok(motion_of(&agreeing, pair, unit_px))
+}
+
+/// Logarithm of a bound of the number of false alarms (Desolneux, Moisan and Morel 2000): that any of the distinct similarities
+/// has so many inliers where each has `chance` of them in the mean, Poisson distributed (Chernoff's bound).
+fn ln_false_alarms(inliers: usize, chance: f64) -> f64 {
+    let inliers = inliers as f64;
+    let tail = if inliers > chance {
+        inliers - chance - inliers * (inliers / chance).ln()
+    } else {
+        0.0
+    };
+    DISTINCT_SIMILARITIES.ln() + tail
 }
 
 /// The similarity that levelled points of the second photo have to those of the first, with the pairs that it was fitted to;
@@ -342,6 +360,21 @@ mod tests {
         let off = motion_of(&pairs(rolled, level), &uncertain, 1.0).unwrap();
         let error_px = (off.forward_px - motion.forward_px).hypot(off.right_px - motion.right_px);
         assert!((7.0..11.0).contains(&error_px), "{error_px}");
+    }
+
+    #[test]
+    fn inliers_count_against_what_chance_gives_along_the_transform() {
+        // Of Poisson with mean 2: P(X >= 20) is 6.44e-14 (the series added up); the bound is above it, by a factor of ten.
+        let exact = 6.44e-14f64.ln() + DISTINCT_SIMILARITIES.ln();
+        let bound = ln_false_alarms(20, 2.0);
+        assert!(
+            bound > exact && bound < exact + 11f64.ln(),
+            "{bound} {exact}"
+        );
+        // Few that agree are enough where chance gives none, and many are not where it gives as many.
+        assert!(ln_false_alarms(16, 0.5) < MOST_FALSE_ALARMS.ln());
+        assert!(ln_false_alarms(40, 35.0) > MOST_FALSE_ALARMS.ln());
+        assert!(ln_false_alarms(3, 9.0) > 0.0);
     }
 
     #[test]

@@ -27,8 +27,8 @@ const LEAST_WEIGHT_TO_SPLIT: f64 = 0.05;
 /// A hypothesis is split by a fix that makes it this much more certain (ratio of determinants, so 2.2 in sigma): after a gap
 /// a wrong fix may lie within the gate.
 const SPLIT_DETERMINANT_RATIO: f64 = 25.0;
-/// Density of wrong fixes within the gate of a hypothesis that is split, relative to the hypothesis's own density.
-const ALIAS_WITHIN_GATE: f64 = 0.2;
+/// Share of wrong fixes that lie within the gate of a hypothesis that is split, anywhere in it.
+const ALIAS_WITHIN_GATE: f64 = 0.4;
 /// How fast a leader that no fix supports may turn out to be wrong, per second.
 const JUMP_RATE_WHILE_COASTING: f64 = 1e-5;
 /// Share of wrong fixes after a wrong one that lie where another hypothesis sees them.
@@ -252,7 +252,9 @@ impl Bank {
             let mut without = judged.hypothesis.clone();
             without.id = self.new_id();
             without.see(false);
-            without.weight = before * wrong * alias_m2.max(ALIAS_WITHIN_GATE * density_m2);
+            let gate_m2 =
+                std::f64::consts::PI * options.gate_chi2 * innovation.determinant_m4().sqrt();
+            without.weight = before * wrong * alias_m2.max(ALIAS_WITHIN_GATE / gate_m2);
             self.hypotheses.push(without);
             judged.hypothesis.weight = before * right;
         } else {

@@ -6,10 +6,12 @@ use crate::{
     attitude::Attitude,
     hypothesis::Hypothesis,
     input::{RelativeMotion, Velocity},
-    kalman::{Observation, POSITION, VELOCITY},
+    kalman::{Covariance, Observation, POSITION, VELOCITY, set_diagonal},
+    observation::{lean, position_of},
     options::TrackOptions,
-    reference::ReferenceKind,
+    reference::{Reference, ReferenceKind},
     scalar::HeadingFilter,
+    sensors::{Sensors, View},
 };
 
 /// Error of the turn between two attitudes, degrees in the square root of a second.
@@ -45,10 +47,15 @@ impl Hypothesis {
         self.reference.kind = ReferenceKind::Velocity;
         self.reference.time_s = measured.time_s;
         self.reference.sigma_m_s = measured.sigma_m_s;
+        self.reference.variance_m2_s2 = 0.0;
     }
 
     /// Takes in motion between frames.
-    pub fn motion(&mut self, motion: &RelativeMotion, options: &TrackOptions) {
+    ///
+    /// It was found in photos that were levelled with the told attitude, so it is off by how much the error of the view's tilt
+    /// moved the image centre at the second photo, less how much at the first. That error is part of the state: what is carried
+    /// on is the position as the photos see it, and no error of an attitude is added up.
+    pub fn motion(&mut self, motion: &RelativeMotion, sensors: &Sensors, options: &TrackOptions) {
         let heading_before = self.turn_between_frames(motion);
         let velocity_is_known = self.reference.kind == ReferenceKind::Velocity
             && motion.time_s <= self.reference.time_s + options.hold_s;
@@ -57,36 +64,125 @@ impl Hypothesis {
             return;
         };
         self.propagate(motion.from_time_s, options);
+        if self.time_s >= motion.time_s {
+            return;
+        }
         let interval_s = motion.time_s - motion.from_time_s;
         let (sin, cos) = heading.heading_deg.to_radians().sin_cos();
-        let scale_m_s = gsd.gsd_m() / interval_s;
         let mean_m_s = Vector2::new(
             motion.forward_px * sin + motion.right_px * cos,
             motion.forward_px * cos - motion.right_px * sin,
-        ) * scale_m_s;
+        ) * (gsd.gsd_m() / interval_s);
         let relative = (options.motion_sigma.powi(2)
             + heading.variance_deg2.to_radians() * 1f64.to_radians()
             + gsd.variance)
             .sqrt();
         let sigma_m_s = (relative * mean_m_s.norm()).max(LEAST_MOTION_SIGMA_M_S);
-        let white_m = motion.sigma_px * gsd.gsd_m();
-        if self.reference.kind == ReferenceKind::Motion {
-            self.reference.velocity_m_s = mean_m_s;
-        } else {
-            // The mean over the interval tells the velocity at its start up to half the interval's acceleration.
-            let unsteady = options.vehicle.acceleration_density_m2_s3() * interval_s / 3.0;
-            let white = (white_m / interval_s).powi(2);
-            self.release();
-            self.update_velocity(mean_m_s, sigma_m_s.powi(2) + white + unsteady);
-            self.refer_to(mean_m_s);
+        let white_m2 = (motion.sigma_px * gsd.gsd_m()).powi(2);
+        let (velocity_m_s, variance_m2_s2) = self.velocity_before(motion, mean_m_s, options);
+        if self.reference.kind != ReferenceKind::Motion {
+            self.forget_velocity(sigma_m_s);
         }
         self.reference.kind = ReferenceKind::Motion;
-        self.reference.time_s = motion.time_s;
         self.reference.sigma_m_s = sigma_m_s;
-        self.propagate(motion.time_s, options);
+        self.reference.velocity_m_s = mean_m_s;
+        let views = sensors.views_of(motion, Some(gsd.gsd_m()), options);
+        let lean_m2 = self.carry_as_seen(motion.time_s, views, options);
         for axis in POSITION..POSITION + 2 {
-            self.covariance[(axis, axis)] += white_m * white_m;
+            self.covariance[(axis, axis)] += white_m2 + lean_m2;
         }
+        // The mean over the interval is the velocity at its end but for half the interval's acceleration.
+        let unsteady = options.vehicle.acceleration_density_m2_s3() * interval_s / 3.0;
+        let of_mean = (white_m2 + self.lean_change_m2(interval_s, views, options))
+            / (interval_s * interval_s)
+            + unsteady;
+        let gain = variance_m2_s2 / (variance_m2_s2 + of_mean);
+        self.reference = Reference {
+            kind: ReferenceKind::Motion,
+            velocity_m_s: velocity_m_s + (mean_m_s - velocity_m_s) * gain,
+            time_s: motion.time_s,
+            sigma_m_s,
+            variance_m2_s2: variance_m2_s2 * (1.0 - gain),
+        };
+    }
+
+    /// The velocity at the second frame as it was known before the motion, and its variance per axis.
+    fn velocity_before(
+        &self,
+        motion: &RelativeMotion,
+        mean_m_s: Vector2<f64>,
+        options: &TrackOptions,
+    ) -> (Vector2<f64>, f64) {
+        let gained =
+            options.vehicle.acceleration_density_m2_s3() * (motion.time_s - motion.from_time_s);
+        match self.reference.kind {
+            ReferenceKind::Motion => (
+                self.reference.velocity_m_s,
+                self.reference.variance_m2_s2 + gained,
+            ),
+            // What fixes tell of the velocity is correlated with the position, and less than what motion tells.
+            ReferenceKind::Free | ReferenceKind::Velocity => {
+                (mean_m_s, options.vehicle.speed_sigma_m_s().powi(2))
+            }
+        }
+    }
+
+    /// From now on the velocity is a new reference's, with an error of its own.
+    fn forget_velocity(&mut self, sigma_m_s: f64) {
+        self.mean.fixed_rows_mut::<2>(VELOCITY).fill(0.0);
+        self.covariance.fixed_rows_mut::<2>(VELOCITY).fill(0.0);
+        self.covariance.fixed_columns_mut::<2>(VELOCITY).fill(0.0);
+        set_diagonal(&mut self.covariance, VELOCITY, sigma_m_s * sigma_m_s);
+        if let Some(journal) = &mut self.journal {
+            journal.transition.fixed_rows_mut::<2>(VELOCITY).fill(0.0);
+        }
+    }
+
+    /// Carries the position as photos see it to the time of the second one. Gives what the variance per axis does not hold yet.
+    fn carry_as_seen(&mut self, time_s: f64, views: [View; 2], options: &TrackOptions) -> f64 {
+        let interval_s = time_s - self.time_s;
+        if views.map(position_of) != [self.position_of; 2] {
+            self.step(time_s, options);
+            return self.lean_change_m2(interval_s, views, options);
+        }
+        let [first, second] = views.map(lean);
+        self.shear(&first);
+        self.step(time_s, options);
+        self.shear(&-second);
+        0.0
+    }
+
+    /// Adds a function of boresight and tilt to the position.
+    fn shear(&mut self, by: &Observation) {
+        let moved = by * self.mean;
+        let mut position = self.mean.fixed_rows_mut::<2>(POSITION);
+        position += moved;
+        let mut transform = Covariance::identity();
+        let mut rows = transform.fixed_rows_mut::<2>(POSITION);
+        rows += by;
+        self.covariance = transform * self.covariance * transform.transpose();
+        if let Some(journal) = &mut self.journal {
+            journal.transition = transform * journal.transition;
+        }
+    }
+
+    /// Variance per axis of a displacement that comes from the change of the tilt's error, square metres.
+    fn lean_change_m2(&self, interval_s: f64, views: [View; 2], options: &TrackOptions) -> f64 {
+        let (height_agl_m, sigma_deg, correlation_s) = match views[1] {
+            View::Attitude { height_agl_m, .. } => (
+                height_agl_m,
+                options.attitude_sigma_deg,
+                options.attitude_correlation_s,
+            ),
+            View::Height { height_agl_m } => (
+                height_agl_m,
+                options.unknown_tilt_sigma_deg,
+                options.unknown_tilt_correlation_s,
+            ),
+            View::Centre => return 0.0,
+        };
+        let lost = -(-interval_s / correlation_s).exp_m1();
+        2.0 * lost * (height_agl_m * sigma_deg.to_radians()).powi(2)
     }
 
     /// Turns the heading by the turn between two frames, if no attitude did, and gives the heading at the first one.

@@ -81,7 +81,7 @@ impl Filter {
             }
             Input::Motion(motion) => {
                 for hypothesis in hypotheses {
-                    hypothesis.motion(motion, options);
+                    hypothesis.motion(motion, &self.sensors, options);
                 }
             }
             Input::Fix(fix) => self.fix(fix, options),

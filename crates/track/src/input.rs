@@ -44,7 +44,7 @@ pub struct RelativeMotion {
     pub right_px: f64,
     /// Turn of the photo's top from the first frame to the second, degrees clockwise.
     pub turn_deg: f64,
-    /// Random error of the displacement, pixels, 1 sigma per axis.
+    /// Random error of the displacement, pixels, 1 sigma per axis. That of the attitude is not in it: the filter knows how it changes.
     pub sigma_px: f64,
 }
 

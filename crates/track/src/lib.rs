@@ -39,6 +39,7 @@ mod observation;
 mod options;
 mod plane;
 mod point;
+mod propagation;
 mod radius;
 mod reference;
 mod rts;

@@ -30,6 +30,42 @@ pub(crate) struct Innovation {
     pub density_m2: f64,
 }
 
+/// What point a position is that is measured in a view.
+pub(crate) fn position_of(view: View) -> PositionOf {
+    match view {
+        View::Attitude { .. } => PositionOf::Aircraft,
+        View::Height { .. } => PositionOf::AircraftWithoutAttitude,
+        View::Centre => PositionOf::ImageCentre,
+    }
+}
+
+/// By how much the boresight and the error of the view's tilt move the image centre, metres for one radian.
+///
+/// It depends on what was told and on nothing that is estimated: a fix and the motions before and after it must see the same
+/// boresight, or the differences would pass for knowledge of it.
+pub(crate) fn lean(view: View) -> Observation {
+    let mut lean = Observation::zeros();
+    let mut set = |at: usize, block: &Matrix2<f64>| {
+        lean.fixed_columns_mut::<2>(at).copy_from(block);
+    };
+    match view {
+        View::Attitude {
+            attitude,
+            height_agl_m,
+            ..
+        } => {
+            let straight = Vector2::zeros();
+            if let Some(centre) = CentreOffset::new(&attitude, straight, height_agl_m) {
+                set(BORESIGHT, &centre.by_boresight_m);
+                set(TILT, &centre.by_tilt_m);
+            }
+        }
+        View::Height { height_agl_m } => set(TILT, &(Matrix2::identity() * height_agl_m)),
+        View::Centre => {}
+    }
+    lean
+}
+
 impl Innovation {
     /// Determinant of the innovation's covariance.
     pub fn determinant_m4(&self) -> f64 {
@@ -40,13 +76,11 @@ impl Innovation {
 impl Hypothesis {
     /// Prepares for a measurement seen in a view: where what is known of the tilt changes, its error is another one.
     pub fn look(&mut self, view: View, options: &TrackOptions) {
-        let (position_of, sigma_deg) = match view {
-            View::Attitude { .. } => (PositionOf::Aircraft, options.attitude_sigma_deg),
-            View::Height { .. } => (
-                PositionOf::AircraftWithoutAttitude,
-                options.unknown_tilt_sigma_deg,
-            ),
-            View::Centre => (PositionOf::ImageCentre, 0.0),
+        let position_of = position_of(view);
+        let sigma_deg = match position_of {
+            PositionOf::Aircraft => options.attitude_sigma_deg,
+            PositionOf::AircraftWithoutAttitude => options.unknown_tilt_sigma_deg,
+            PositionOf::ImageCentre => 0.0,
         };
         if position_of == self.position_of && self.covariance[(TILT, TILT)] > 0.0 {
             return;
@@ -122,8 +156,6 @@ impl Hypothesis {
                 let yaw_sigma_deg =
                     heading.map_or(options.compass_sigma_deg, |heading| heading.sigma_deg());
                 if let Some(centre) = CentreOffset::new(&attitude, boresight_rad, height_agl_m) {
-                    set(BORESIGHT, &centre.by_boresight_m);
-                    set(TILT, &centre.by_tilt_m);
                     predicted_m += centre.offset_en_m + centre.by_tilt_m * tilt_rad;
                     let by_yaw_m = Vector2::new(centre.offset_en_m.y, -centre.offset_en_m.x);
                     noise += by_yaw_m * by_yaw_m.transpose() * yaw_sigma_deg.to_radians().powi(2);
@@ -135,12 +167,10 @@ impl Hypothesis {
                         * sigma_deg.to_radians().powi(2);
                 }
             }
-            View::Height { height_agl_m } => {
-                set(TILT, &(Matrix2::identity() * height_agl_m));
-                predicted_m += tilt_rad * height_agl_m;
-            }
+            View::Height { height_agl_m } => predicted_m += tilt_rad * height_agl_m,
             View::Centre => {}
         }
+        observation += lean(view);
         (predicted_m, observation, noise)
     }
 

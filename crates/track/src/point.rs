@@ -134,7 +134,7 @@ impl TrackPoint {
         };
         let velocity: Vector2<f64> = leader.velocity_m_s();
         let heading = leader.heading_at(time_s);
-        let source = match (age_s, leader.reference_kind()) {
+        let source = match (age_s, leader.reference_kind(options)) {
             (Some(age_s), _) if age_s <= 0.0 => Source::Fix,
             (_, ReferenceKind::Velocity) => Source::Velocity,
             (_, ReferenceKind::Motion) => Source::Motion,

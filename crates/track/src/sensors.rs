@@ -4,7 +4,7 @@ use nalgebra::Vector2;
 
 use crate::{
     attitude::Attitude,
-    input::{Height, Input, PositionFix, Velocity},
+    input::{Height, Input, PositionFix, RelativeMotion, Velocity},
     options::TrackOptions,
     scalar::signed_turn_deg,
     tilt::{CentreOffset, gsd_over_nadir},
@@ -20,10 +20,18 @@ const ATTITUDE_SPREAD_DEG_S: f64 = 5.0;
 /// What was last told by sensors other than the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Sensors {
+    told: Told,
+    velocity: Option<Velocity>,
+    /// What was known at the latest frame and at the one before, and their times.
+    frames: [Option<(f64, Told)>; 2],
+}
+
+/// What is known of the direction and the height of photos.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+struct Told {
     previous_attitude: Option<Attitude>,
     attitude: Option<Attitude>,
     height: Option<Height>,
-    velocity: Option<Velocity>,
 }
 
 /// What is known of the direction in which a photo was taken.
@@ -47,16 +55,86 @@ impl Sensors {
     /// height and the factor by which it changed.
     pub fn take(&mut self, input: &Input) -> Option<(f64, f64)> {
         match input {
-            Input::Attitude(attitude) => self.set_attitude(*attitude),
-            Input::Height(height) => Some((height.time_s, self.set_height(*height)?)),
+            Input::Attitude(attitude) => self.told.set_attitude(*attitude),
+            Input::Height(height) => Some((height.time_s, self.told.set_height(*height)?)),
             Input::Velocity(velocity) => {
                 self.velocity = Some(*velocity);
                 None
             }
-            Input::Motion(_) | Input::Fix(_) | Input::Miss(_) => None,
+            Input::Motion(_) | Input::Fix(_) | Input::Miss(_) => {
+                self.keep_frame(input.time_s());
+                None
+            }
         }
     }
 
+    /// Keeps what is known at the time of a frame.
+    fn keep_frame(&mut self, time_s: f64) {
+        let [latest, before] = &mut self.frames;
+        if latest.is_some_and(|(latest_s, _)| latest_s < time_s) {
+            *before = *latest;
+        }
+        *latest = Some((time_s, self.told));
+    }
+
+    /// How the two photos of a motion were directed that was just taken in. Where the first is not known any more, it is as the
+    /// second.
+    pub fn views_of(
+        &self,
+        motion: &RelativeMotion,
+        gsd_m: Option<f64>,
+        options: &TrackOptions,
+    ) -> [View; 2] {
+        let first = self
+            .frames
+            .iter()
+            .flatten()
+            .find(|(time_s, _)| *time_s == motion.from_time_s)
+            .map_or(self.told, |(_, told)| *told);
+        [(first, motion.from_time_s), (self.told, motion.time_s)]
+            .map(|(told, time_s)| told.view(time_s, gsd_m, options))
+    }
+
+    /// The velocity, if it is not older than `hold_s`.
+    pub fn velocity_at(&self, time_s: f64, hold_s: f64) -> Option<Velocity> {
+        self.velocity.filter(|v| time_s - v.time_s <= hold_s)
+    }
+
+    /// Height above mean sea level, metres.
+    pub fn amsl_m(&self) -> Option<f64> {
+        self.told.height.and_then(|height| height.amsl_m)
+    }
+
+    /// Height above ground, metres.
+    pub fn agl_m(&self, time_s: f64) -> Option<f64> {
+        self.told.agl_m(time_s)
+    }
+
+    /// The yaw of the latest attitude, if it is recent.
+    pub fn yaw_deg(&self, time_s: f64) -> Option<f64> {
+        self.told
+            .attitude
+            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
+            .map(|attitude| attitude.yaw_deg)
+    }
+
+    /// Ground resolution at the centre of a photo taken at `time_s` over that straight below; 1 if no attitude is known.
+    pub fn gsd_over_nadir(&self, time_s: f64) -> f64 {
+        self.told.gsd_over_nadir(time_s)
+    }
+
+    /// How a photo taken at `time_s` with this ground resolution straight below was directed.
+    pub fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
+        self.told.view(time_s, gsd_m, options)
+    }
+
+    /// How a photo with `fix` was directed.
+    pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
+        self.view(fix.time_s, Some(fix.gsd_m), options)
+    }
+}
+
+impl Told {
     /// Takes in an attitude. Gives the turn from the one before, if that is recent: its time and degrees clockwise.
     fn set_attitude(&mut self, attitude: Attitude) -> Option<(f64, f64)> {
         self.previous_attitude = self.attitude.replace(attitude);
@@ -78,32 +156,13 @@ impl Sensors {
             .map(|before| height.agl_m / before.agl_m)
     }
 
-    /// The velocity, if it is not older than `hold_s`.
-    pub fn velocity_at(&self, time_s: f64, hold_s: f64) -> Option<Velocity> {
-        self.velocity.filter(|v| time_s - v.time_s <= hold_s)
-    }
-
-    /// Height above mean sea level, metres.
-    pub fn amsl_m(&self) -> Option<f64> {
-        self.height.and_then(|height| height.amsl_m)
-    }
-
-    /// Height above ground, metres.
-    pub fn agl_m(&self, time_s: f64) -> Option<f64> {
+    fn agl_m(&self, time_s: f64) -> Option<f64> {
         self.height
             .filter(|height| time_s - height.time_s <= HEIGHT_HOLD_S)
             .map(|height| height.agl_m)
     }
 
-    /// The yaw of the latest attitude, if it is recent.
-    pub fn yaw_deg(&self, time_s: f64) -> Option<f64> {
-        self.attitude
-            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
-            .map(|attitude| attitude.yaw_deg)
-    }
-
-    /// Ground resolution at the centre of a photo taken at `time_s` over that straight below; 1 if no attitude is known.
-    pub fn gsd_over_nadir(&self, time_s: f64) -> f64 {
+    fn gsd_over_nadir(&self, time_s: f64) -> f64 {
         self.attitude
             .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
             .map_or(1.0, |attitude| {
@@ -111,8 +170,7 @@ impl Sensors {
             })
     }
 
-    /// How a photo taken at `time_s` with this ground resolution straight below was directed.
-    pub fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
+    fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
         let from_gsd_m = || Some(gsd_m? * options.focal_length_px?);
         let Some(height_agl_m) = self.agl_m(time_s).or_else(from_gsd_m) else {
             return View::Centre;
@@ -135,11 +193,6 @@ impl Sensors {
             height_agl_m,
             sigma_deg: ATTITUDE_SPREAD_DEG_S * age_s,
         }
-    }
-
-    /// How a photo with `fix` was directed.
-    pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
-        self.view(fix.time_s, Some(fix.gsd_m), options)
     }
 
     fn extrapolated(&self, latest: Attitude, time_s: f64) -> Attitude {

@@ -70,6 +70,7 @@ pub fn smooth(
             Input::Fix(fix) => {
                 let root = roots.get(fix_number).copied().flatten();
                 fix_number += 1;
+                sensors.take(input);
                 let Some(root) = root else { continue };
                 if let Some(piece) = piece.as_mut().filter(|piece| piece.root == root) {
                     piece.fix(fix, &sensors, options);
@@ -83,7 +84,7 @@ pub fn smooth(
             other => {
                 let turn = sensors.take(other);
                 if let Some(piece) = &mut piece {
-                    piece.follow(other, turn, options);
+                    piece.follow(other, turn, &sensors, options);
                 }
             }
         }
@@ -146,7 +147,13 @@ impl Piece {
         }
     }
 
-    fn follow(&mut self, input: &Input, turn: Option<(f64, f64)>, options: &TrackOptions) {
+    fn follow(
+        &mut self,
+        input: &Input,
+        turn: Option<(f64, f64)>,
+        sensors: &Sensors,
+        options: &TrackOptions,
+    ) {
         match input {
             Input::Attitude(attitude) => {
                 self.hypothesis.attitude(attitude, turn, options);
@@ -161,7 +168,7 @@ impl Piece {
                 self.hypothesis.write_epoch();
             }
             Input::Motion(motion) => {
-                self.hypothesis.motion(motion, options);
+                self.hypothesis.motion(motion, sensors, options);
                 self.hypothesis.write_epoch();
             }
             Input::Fix(_) | Input::Miss(_) => {}

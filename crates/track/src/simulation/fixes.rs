@@ -57,8 +57,16 @@ impl Alias {
 pub(super) fn frames(
     options: &FlightOptions,
     path: &[Truth],
+    telemetry: &[Delivered],
     rng: &mut ChaCha8Rng,
 ) -> Vec<Delivered> {
+    let attitudes: Vec<Attitude> = telemetry
+        .iter()
+        .filter_map(|delivered| match delivered.input {
+            Input::Attitude(attitude) => Some(attitude),
+            _ => None,
+        })
+        .collect();
     let map_m = Vector2::new(normal(rng), normal(rng)) * options.map_error_m;
     let boresight_rad = Vector2::new(normal(rng), normal(rng)) * options.boresight_deg.to_radians();
     let gaps = draw_gaps(options, rng);
@@ -71,22 +79,23 @@ pub(super) fn frames(
     let motion_bias = [0, 1].map(|_| 0.05 * normal(rng));
     let interval_s = 1.0 / options.frame_rate_hz;
     let mut told = Vec::new();
-    let mut before: Option<&Truth> = None;
+    let mut before: Option<Seen<'_>> = None;
     for frame in 0..(options.duration_s * options.frame_rate_hz) as u32 {
         let truth = truth_at(path, f64::from(frame) * interval_s);
         let time_s = truth.time_s;
         let arrival_s = time_s + rng.random::<f64>() * options.latest_s;
         let mut tell = |input| told.push(Delivered { arrival_s, input });
+        let seen = Seen::new(truth, attitude_at(&attitudes, time_s), boresight_rad);
         if let Some(before) = before.filter(|_| options.motion) {
             tell(Input::Motion(motion(
                 options,
-                before,
-                truth,
+                &before,
+                &seen,
                 motion_bias,
                 rng,
             )));
         }
-        before = Some(truth);
+        before = Some(seen);
         let in_gap = gaps
             .iter()
             .any(|(from_s, to_s)| (*from_s..*to_s).contains(&time_s));
@@ -179,15 +188,56 @@ fn sample(options: &FlightOptions, rng: &mut ChaCha8Rng) -> FixSample {
     }
 }
 
+/// The told attitude nearest to a time.
+fn attitude_at(attitudes: &[Attitude], time_s: f64) -> Option<&Attitude> {
+    let after = attitudes.partition_point(|attitude| attitude.time_s < time_s);
+    let near = &attitudes[after.saturating_sub(1)..attitudes.len().min(after + 1)];
+    let away_s = |attitude: &&Attitude| (attitude.time_s - time_s).abs();
+    near.iter().min_by(|a, b| away_s(a).total_cmp(&away_s(b)))
+}
+
+/// A frame and by how much its image centre is off where the told attitude puts it.
+#[derive(Debug, Clone, Copy)]
+struct Seen<'a> {
+    truth: &'a Truth,
+    off_m: Vector2<f64>,
+}
+
+impl<'a> Seen<'a> {
+    /// Where no attitude is told the camera is taken for one that looks straight down.
+    fn new(truth: &'a Truth, told: Option<&Attitude>, boresight_rad: Vector2<f64>) -> Self {
+        let centre_m = |pitch_deg: f64, roll_deg: f64, boresight_rad: Vector2<f64>| {
+            let attitude = Attitude {
+                time_s: truth.time_s,
+                yaw_deg: truth.yaw_deg,
+                pitch_deg,
+                roll_deg,
+            };
+            CentreOffset::new(&attitude, boresight_rad, truth.height_agl_m)
+                .map_or(Vector2::zeros(), |centre| centre.offset_en_m)
+        };
+        let told_m = told.map_or(Vector2::zeros(), |told| {
+            centre_m(told.pitch_deg, told.roll_deg, Vector2::zeros())
+        });
+        Self {
+            truth,
+            off_m: centre_m(truth.pitch_deg, truth.roll_deg, boresight_rad) - told_m,
+        }
+    }
+}
+
+/// Motion between two frames that were levelled with the told attitude: the error of that attitude moves what each shows.
 fn motion(
     options: &FlightOptions,
-    before: &Truth,
-    now: &Truth,
+    before: &Seen<'_>,
+    now: &Seen<'_>,
     bias: [f64; 2],
     rng: &mut ChaCha8Rng,
 ) -> RelativeMotion {
+    let off_m = now.off_m - before.off_m;
+    let (before, now) = (before.truth, now.truth);
     let gsd_m = before.height_agl_m / options.focal_length_px;
-    let moved_px = (now.position_m - before.position_m) / gsd_m;
+    let moved_px = (now.position_m - before.position_m + off_m) / gsd_m;
     let (sin, cos) = before.yaw_deg.to_radians().sin_cos();
     let forward_px = moved_px.x * sin + moved_px.y * cos;
     let right_px = moved_px.x * cos - moved_px.y * sin;

@@ -41,7 +41,7 @@ impl Flight {
     /// Draws a flight.
     pub fn new(options: FlightOptions) -> Self {
         let (mut flight, mut rng) = Self::begun(options);
-        let told = frames(&flight.options, &flight.path, &mut rng);
+        let told = frames(&flight.options, &flight.path, &flight.deliveries, &mut rng);
         flight.deliver(told);
         flight
     }

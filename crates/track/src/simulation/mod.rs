@@ -101,6 +101,25 @@ mod tests {
     }
 
     #[test]
+    fn the_attitudes_error_does_not_add_up_over_motions_and_says_nothing_of_the_boresight() {
+        for frame_rate_hz in [1.0, 5.0] {
+            let base = FlightOptions {
+                velocity: false,
+                motion: true,
+                alias_share: 0.0,
+                frame_rate_hz,
+                gaps: GAPS,
+                ..FlightOptions::default()
+            };
+            let [_, _, filter] = measured(20, &base);
+            let held = filter.ellipse95_holds.unwrap();
+            assert!((0.92..=0.985).contains(&held), "{filter:?}");
+            // 0.3 degrees a frame at 5 Hz are 0.6 m; the sum of independent ones over a gap of 30 s would be 8 m.
+            assert!(filter.p90_m.unwrap() < 12.0, "{filter:?}");
+        }
+    }
+
+    #[test]
     fn without_attitude_the_covariance_has_the_tilt_in_it() {
         let [_, _, filter] = measured(
             20,

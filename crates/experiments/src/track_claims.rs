@@ -127,7 +127,7 @@ fn runs(page: &mut String, what: &str, figures: &Value) {
             share(&run["availability_25m"]),
             number(&run["longest_gap_s"], " s"),
             number(&run["first_fix_s"], " s"),
-            number(&run["relocalise_s"], " s"),
+            relocalised(run),
             run["confidently_wrong"],
             run["instants"],
             share(&run["ellipse95_holds"]),
@@ -182,6 +182,15 @@ fn hidden(page: &mut String, rows: &[Value]) {
             number(&row["radius95_median_m"], " m"),
             share(&row["nees"]["within_95"]),
         );
+    }
+}
+
+/// Median time after which an aircraft that was put elsewhere is found, and frames.
+fn relocalised(run: &Value) -> String {
+    let seconds = number(&run["relocalise_s"], " s");
+    match run["relocalise_frames"].as_f64() {
+        Some(frames) => format!("{seconds}, {frames:.0} frames"),
+        None => seconds,
     }
 }
 

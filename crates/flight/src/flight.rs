@@ -15,6 +15,7 @@ use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 use crate::position_fix::position_fix;
 use crate::recent::Recent;
 use crate::search_plan::{PlannedSearch, Steering, plan};
+use crate::whole_map::WholeMap;
 
 /// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
 const TYPICAL_HALF_FOOTPRINT_M: f64 = 105.0;
@@ -25,8 +26,8 @@ pub struct FlightOptions {
     /// Options of the filter. [`TrackOptions::search_area_m2`] is replaced by the map's area, and
     /// [`TrackOptions::focal_length_px`], where it is `None`, by that of the first photo that tells it.
     pub track: TrackOptions,
-    /// After so many frames in a row without a fix in their window, the whole map is searched too: the aircraft may be somewhere
-    /// else.
+    /// After so many frames in a row without a fix that the track accepts, the whole map is searched too: the aircraft may be
+    /// somewhere else.
     pub whole_map_after_misses: u32,
 }
 
@@ -46,8 +47,7 @@ pub struct Flight {
     tracker: Tracker,
     whole_map_after_misses: u32,
     recent: Recent,
-    /// Frames with keypoints and without a fix since the last fix.
-    misses_in_row: u32,
+    whole_map: WholeMap,
     /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
     last_gsd_m: Option<f64>,
     /// The frame before.
@@ -73,7 +73,7 @@ impl Flight {
             localizer,
             whole_map_after_misses: options.whole_map_after_misses,
             recent: Recent::default(),
-            misses_in_row: 0,
+            whole_map: WholeMap::default(),
             last_gsd_m: None,
             last_frame: None,
         })
@@ -129,9 +129,12 @@ impl Flight {
             view: &view,
             yaw_deg: self.yaw_deg(time_s, known),
             height_agl_m: self.recent.height_agl_m_at(time_s),
-            whole_map: self.misses_in_row >= self.whole_map_after_misses,
+            whole_map: self
+                .whole_map
+                .is_due(search.whole_map, self.whole_map_after_misses),
             px_per_reference_px,
         };
+        let steered_to_whole_map = steering.whole_map;
         let searches = plan(&search, &steering);
         let locating = Instant::now();
         let (outcome, features, searched, count) = self.search(photo, &searches);
@@ -149,7 +152,9 @@ impl Flight {
             };
             self.give_motion(searched, &mut given);
         }
+        let whole_map_was_searched = steered_to_whole_map || matches!(searched, Searched::WholeMap);
         self.give_outcome(time_s, &outcome, px_per_reference_px, &mut given);
+        self.count(time_s, &outcome, whole_map_was_searched);
         FrameAnswer {
             time_s,
             outcome,
@@ -242,12 +247,36 @@ impl Flight {
                 let mut measured = position_fix(fix, time_s, self.localizer.options().map_error_m);
                 measured.gsd_m *= px_per_reference_px;
                 given.push(&mut self.tracker, Input::Fix(measured));
-                self.misses_in_row = 0;
                 self.last_gsd_m = Some(measured.gsd_m);
             }
             Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
                 given.push(&mut self.tracker, Input::Miss(Miss { time_s }));
-                self.misses_in_row = self.misses_in_row.saturating_add(1);
+            }
+            Ok(Outcome::NoFix(_)) | Err(_) => {}
+        }
+    }
+
+    /// Counts a frame with keypoints as one that the track accepted or did not.
+    fn count(
+        &mut self,
+        time_s: f64,
+        outcome: &Result<Outcome, LocateError>,
+        whole_map_was_searched: bool,
+    ) {
+        match outcome {
+            Ok(Outcome::Fix(_)) => {
+                let estimate = self
+                    .tracker
+                    .point_at(time_s)
+                    .and_then(|point| point.estimate);
+                if estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0)) {
+                    self.whole_map.accepted();
+                } else {
+                    self.whole_map.missed(whole_map_was_searched, true);
+                }
+            }
+            Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
+                self.whole_map.missed(whole_map_was_searched, false);
             }
             Ok(Outcome::NoFix(_)) | Err(_) => {}
         }

@@ -37,6 +37,7 @@ mod frame;
 mod position_fix;
 mod recent;
 mod search_plan;
+mod whole_map;
 
 pub use flight::{Flight, FlightOptions};
 pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};

@@ -35,7 +35,7 @@ pub(crate) struct Steering<'a> {
     pub yaw_deg: Option<(f64, f64)>,
     /// Height above ground of the telemetry, metres, for photos that nothing else tells the scale of.
     pub height_agl_m: Option<f64>,
-    /// Whether the whole map is searched after the windows.
+    /// Whether the whole map is searched after the windows. Without windows it is in any case.
     pub whole_map: bool,
     /// Photo pixels for one pixel of the focal length that the track's ground resolutions refer to.
     pub px_per_reference_px: f64,
@@ -47,7 +47,7 @@ pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearc
     if let Some(window) = joined(&search.windows) {
         searches.push(in_window(&window, steering));
     }
-    if searches.is_empty() || search.whole_map || steering.whole_map {
+    if searches.is_empty() || steering.whole_map {
         searches.push(on_whole_map(search.windows.first(), steering));
     }
     searches
@@ -239,6 +239,7 @@ mod tests {
         };
         let view = View::default();
         let steering = Steering {
+            whole_map: true,
             known: Prior::none().with_heading(200.0, 5.0).with_gsd_m(0.1),
             yaw_deg: Some((10.0, 8.0)),
             ..steering(&view)
@@ -268,7 +269,13 @@ mod tests {
             windows: vec![window(0.0, 90.0)],
             whole_map: true,
         };
-        let heading_of = |steering: &Steering<'_>| plan(&search, steering)[1].prior.view.heading;
+        let heading_of = |steering: &Steering<'_>| {
+            let steering = Steering {
+                whole_map: true,
+                ..*steering
+            };
+            plan(&search, &steering)[1].prior.view.heading
+        };
         let unknown = View::default();
         assert_eq!(
             heading_of(&steering(&unknown)),

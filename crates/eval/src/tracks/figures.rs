@@ -33,6 +33,15 @@ impl Consistency {
     }
 }
 
+/// How long it took from being put elsewhere to the next right answer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Relocalised {
+    /// Seconds.
+    pub seconds: f64,
+    /// Frames.
+    pub frames: f64,
+}
+
 /// One run: errors, availability and honesty per instant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunFigures {
@@ -43,7 +52,9 @@ pub struct RunFigures {
     pub first_fix_s: Option<f64>,
     /// Median time from being put elsewhere to the next right answer, seconds. `None` if there was none.
     pub relocalise_s: Option<f64>,
-    /// The longest of them.
+    /// The same in frames of the flight's rate.
+    pub relocalise_frames: Option<f64>,
+    /// The longest of the times.
     pub relocalise_longest_s: Option<f64>,
     /// Flights in which there was no right answer after being put elsewhere.
     pub not_relocalised: usize,
@@ -58,15 +69,18 @@ impl RunFigures {
     pub fn new(
         track: TrackSummary,
         first_fix_s: &[f64],
-        relocalise_s: &[f64],
+        relocalise: &[Relocalised],
         not_relocalised: usize,
         nis: &[f64],
     ) -> Self {
+        let of = |value: fn(&Relocalised) -> f64| relocalise.iter().map(value).collect::<Vec<_>>();
+        let (seconds, frames) = (of(|r| r.seconds), of(|r| r.frames));
         Self {
             track,
             first_fix_s: percentile(first_fix_s, 0.5),
-            relocalise_s: percentile(relocalise_s, 0.5),
-            relocalise_longest_s: percentile(relocalise_s, 1.0),
+            relocalise_s: percentile(&seconds, 0.5),
+            relocalise_frames: percentile(&frames, 0.5),
+            relocalise_longest_s: percentile(&seconds, 1.0),
             not_relocalised,
             nis: Consistency::of(nis),
         }

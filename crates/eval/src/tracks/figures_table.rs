@@ -18,7 +18,7 @@ pub(super) fn percent(share: Option<f64>) -> String {
 type Row = (&'static str, fn(&RunFigures) -> String);
 
 /// The figures of a run, for tables.
-pub const ROWS: [Row; 14] = [
+pub const ROWS: [Row; 15] = [
     ("answered", |r| percent(Some(r.track.answered))),
     ("median error", |r| number(r.track.median_m, "m")),
     ("90th percentile", |r| number(r.track.p90_m, "m")),
@@ -35,6 +35,9 @@ pub const ROWS: [Row; 14] = [
     ("longest gap", |r| number(Some(r.track.longest_gap_s), "s")),
     ("first fix after", |r| number(r.first_fix_s, "s")),
     ("relocalised after", |r| number(r.relocalise_s, "s")),
+    ("relocalised after, frames", |r| {
+        number(r.relocalise_frames, "")
+    }),
     ("confidently wrong instants", |r| {
         r.track.confidently_wrong.to_string()
     }),

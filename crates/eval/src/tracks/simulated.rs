@@ -14,8 +14,8 @@ use super::three_runs::ThreeRuns;
 const LEAST_SAMPLES: usize = 50;
 /// Seconds of a simulated flight.
 const DURATION_S: f64 = 600.0;
-/// Of so many flights one is put elsewhere and counts for relocalisation alone.
-const FLIGHTS_PER_KIDNAPPED: u64 = 10;
+/// Beside one of so many flights there is another that is put elsewhere and counts for relocalisation alone.
+const FLIGHTS_PER_KIDNAPPED: u64 = 5;
 
 /// Statistics of measured fixes.
 #[derive(Debug, Clone, Serialize)]

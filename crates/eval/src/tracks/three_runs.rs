@@ -4,14 +4,14 @@ use grimnet_track::measure::{Measure, time_to_locate_s};
 use grimnet_track::simulation::{Flight, Runs};
 use grimnet_track::{GATE_99_9_PERCENT, Input, OptionsError, TrackOptions, Tracker};
 
-use super::figures::{RunFigures, ThreeFigures};
+use super::figures::{Relocalised, RunFigures, ThreeFigures};
 
 /// One run of all flights.
 #[derive(Debug, Clone, Default)]
 struct Gathered {
     measure: Measure,
     first_fix_s: Vec<f64>,
-    relocalise_s: Vec<f64>,
+    relocalise: Vec<Relocalised>,
     /// Flights in which it did not find itself after it was put elsewhere.
     not_relocalised: usize,
     nis: Vec<f64>,
@@ -88,7 +88,10 @@ impl ThreeRuns {
         for (gathered, instants) in instants {
             if let Some(at_s) = flight.options.put_elsewhere_s {
                 match time_to_locate_s(instants, at_s) {
-                    Some(seconds) => gathered.relocalise_s.push(seconds),
+                    Some(seconds) => gathered.relocalise.push(Relocalised {
+                        seconds,
+                        frames: seconds * flight.options.frame_rate_hz,
+                    }),
                     None => gathered.not_relocalised += 1,
                 }
                 continue;
@@ -130,7 +133,7 @@ impl Gathered {
         RunFigures::new(
             self.measure.summary(),
             &self.first_fix_s,
-            &self.relocalise_s,
+            &self.relocalise,
             self.not_relocalised,
             &self.nis,
         )
@@ -193,6 +196,8 @@ mod tests {
         assert_eq!((figures.flights, runs.flights()), (1, 1));
         assert_eq!(figures.filter.track.instants, 299);
         assert!(figures.filter.relocalise_s.unwrap() < 8.0, "{figures:?}");
+        let frames = figures.filter.relocalise_s.map(|seconds| 2.0 * seconds);
+        assert_eq!(figures.filter.relocalise_frames, frames);
         assert!(figures.filter.first_fix_s.unwrap() < 8.0, "{figures:?}");
         // Adding up velocity from the true start never notices.
         assert_eq!(figures.motion_only.relocalise_s, None);

@@ -120,6 +120,22 @@ impl OutputFolder {
         })
     }
 
+    /// Begins to write a long file whose beginning is worth something, as [`AtomicFile::create_partial`] does.
+    ///
+    /// # Errors
+    /// As [`check`](Self::check).
+    pub fn create_partial(&self, name: &str) -> Result<FolderFile> {
+        let path = self.file_path(name)?;
+        self.inner
+            .policy
+            .checked_in(&path, name, &self.state().listing)?;
+        Ok(FolderFile {
+            folder: self.clone(),
+            name: name.to_owned(),
+            file: AtomicFile::create_partial(&path)?,
+        })
+    }
+
     /// Writes a file as a whole or not at all.
     ///
     /// # Errors

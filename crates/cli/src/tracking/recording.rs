@@ -8,7 +8,7 @@ use std::io::{BufReader, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
-use grimnet_output::{AtomicFile, OutputPolicy};
+use grimnet_output::{FolderFile, OutputFolder, OutputPolicy};
 use grimnet_track::{Input, TrackOptions, Tracker};
 use serde::{Deserialize, Serialize};
 
@@ -48,21 +48,21 @@ enum Entry {
 
 /// Writes a recording as the flight goes on.
 pub struct Recorder {
-    file: AtomicFile,
+    file: FolderFile,
     options: Option<TrackOptions>,
 }
 
 impl Recorder {
-    /// Starts a recording in a folder, which is made if it is not there. Until the flight ends it is in `flight.jsonl.partial`.
+    /// Starts a recording in a folder, which is made if it is not there. Until the flight ends it is in `flight.jsonl.partial`. An
+    /// earlier recording that the program wrote there is replaced.
     ///
     /// # Errors
-    /// The folder cannot be written, or holds a recording that may not be replaced.
+    /// The folder cannot be written, or holds a recording that was changed since or comes from elsewhere.
     pub fn create(folder: &Path, policy: &OutputPolicy) -> Result<Self> {
-        fs_err::create_dir_all(folder)?;
-        let path = folder.join(FILE);
-        policy.check_file(&path, &[])?;
+        let folder = OutputFolder::open(folder, policy)?;
+        folder.check([FILE])?;
         Ok(Self {
-            file: policy.create_partial(&path)?,
+            file: folder.create_partial(FILE)?,
             options: None,
         })
     }
@@ -354,9 +354,22 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_is_not_replaced_by_another_one() {
+    fn an_own_recording_is_replaced_and_that_of_others_is_not() {
         let folder = tempfile::tempdir().unwrap();
         recorded(folder.path());
-        assert!(Recorder::create(folder.path(), &OutputPolicy::new()).is_err());
+        // A second flight that is never finished loses nothing of the first one.
+        drop(Recorder::create(folder.path(), &OutputPolicy::new()).unwrap());
+        assert_eq!(replayed(folder.path()).len(), 12);
+        recorded(folder.path());
+        assert_eq!(replayed(folder.path()).len(), 12);
+        let path = folder.path().join(FILE);
+        let mut text = fs_err::read_to_string(&path).unwrap();
+        text.push_str("{}\n");
+        fs_err::write(&path, &text).unwrap();
+        let error = Recorder::create(folder.path(), &OutputPolicy::new())
+            .err()
+            .unwrap();
+        assert!(error.to_string().contains(FILE), "{error:#}");
+        assert_eq!(fs_err::read_to_string(&path).unwrap(), text);
     }
 }

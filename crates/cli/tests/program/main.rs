@@ -12,6 +12,8 @@ mod limits;
 mod maps;
 mod outputs;
 mod track;
+#[cfg(feature = "video")]
+mod video;
 mod words;
 
 use std::path::{Path, PathBuf};

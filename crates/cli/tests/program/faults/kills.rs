@@ -206,6 +206,28 @@ fn of_a_track_with_its_recording_and_report() {
 }
 
 #[test]
+fn of_a_track_with_nmea_sentences() {
+    let track = |frames: std::ops::RangeInclusive<usize>| {
+        let frame = |number| format!("flight/frame_{number:03}.jpg");
+        let frames: Vec<String> = frames
+            .map(|number| demo().join(frame(number)).display().to_string())
+            .collect();
+        words(&format!(
+            "track --pack {} {} -o track.csv --nmea sentences.nmea --overwrite",
+            pack().display(),
+            frames.join(" ")
+        ))
+    };
+    Case {
+        earlier: track(1..=8),
+        killed: track(4..=14),
+        again: None,
+        same_bytes: &["sentences.nmea"],
+    }
+    .test();
+}
+
+#[test]
 fn of_an_evaluation() {
     let inputs = tempfile::tempdir().unwrap();
     fs::create_dir(inputs.path().join("photos")).unwrap();
@@ -273,6 +295,26 @@ fn of_a_drawing_of_a_map() {
         killed: draw(0),
         again: None,
         same_bytes: &["tiles.png"],
+    }
+    .test();
+}
+
+#[test]
+fn of_a_picture_of_a_map() {
+    let inputs = tempfile::tempdir().unwrap();
+    let maps = ["first.png", "second.png"].map(|name| inputs.path().join(name));
+    let check = |map: &Path, seed: u32| {
+        let [option, place] = noise_map(map, 1500, seed);
+        let map = map.display();
+        words(&format!(
+            "map check {map} {option} {place} --draw picture.png --overwrite"
+        ))
+    };
+    Case {
+        earlier: check(&maps[0], 1),
+        killed: check(&maps[1], 2),
+        again: None,
+        same_bytes: &["picture.png"],
     }
     .test();
 }

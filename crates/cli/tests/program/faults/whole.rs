@@ -59,6 +59,15 @@ pub fn assert_whole(path: &Path) {
             assert!(text().trim_end().ends_with('>'), "{name}");
             assert!(text().contains("</"), "{name}");
         }
+        "nmea" => {
+            let text = text();
+            assert!(text.is_empty() || text.ends_with("\r\n"), "{name}");
+            for sentence in text.lines() {
+                let (body, checksum) = sentence[1..].split_once('*').unwrap();
+                let sum = body.bytes().fold(0, |sum, byte| sum ^ byte);
+                assert_eq!(format!("{sum:02X}"), checksum, "{name}: {sentence}");
+            }
+        }
         "1" => assert!(text().contains(".SH NAME"), "{name}"),
         other => panic!("{name}: no check of files that end in `{other}`"),
     }

@@ -14,6 +14,7 @@ use crate::{
         correspondence::Correspondence,
         covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
         estimation::{EstimatedTransform, EstimationOptions, GeometryModel, estimate},
+        homography::Homography,
         ransac::{Ransac, Score},
         sampler::Sampling,
         similarity::Similarity,
@@ -78,6 +79,9 @@ impl FrameMotion {
 
 /// Fewer matches than this that agree are no motion: with the thousands of pairs of two photos, a dozen can agree by chance.
 const LEAST_INLIERS: usize = 16;
+/// At least this share of the matches on common ground must agree. Waves and traffic give many matches of which few agree, and
+/// those few move with the waves.
+const LEAST_INLIER_SHARE: f64 = 0.2;
 /// Similarities between two photos that can be told apart: hundreds of places in each direction, of turns and a few of scales.
 const DISTINCT_SIMILARITIES: f64 = 1e7;
 /// Expected number of pairs of photos without common ground that are taken for a motion, at most.
@@ -131,6 +135,7 @@ pub(crate) fn motion_between(
     let Some((estimated, mut pairs)) = matched(first, second, &keypoints, seed, scratch)? else {
         return Ok(None);
     };
+    let could_agree = on_common_ground(&estimated.homography, &pairs, &to);
     let chance = expected_inliers(&estimated.homography, &keypoints, RANSAC.threshold_px);
     for (pair, found) in pairs.iter_mut().zip(&scratch.guided) {
         let on_map = [
@@ -147,11 +152,35 @@ pub(crate) fn motion_between(
     let half_side = second.half_side_px() / unit_px;
     if agreeing.len() < LEAST_INLIERS
         || ln_false_alarms(agreeing.len(), ALIKE * chance) > MOST_FALSE_ALARMS.ln()
+        || (agreeing.len() as f64) < LEAST_INLIER_SHARE * could_agree as f64
         || spread(agreeing.iter().map(|pair| pair.from), half_side) < LEAST_SPREAD
     {
         return Ok(None);
     }
     Ok(motion_of(&agreeing, pair, unit_px))
+}
+
+/// Pairs whose keypoint of the second photo the transform puts into the first photo, as far as that has keypoints: the others
+/// cannot agree.
+fn on_common_ground(
+    transform: &Homography,
+    pairs: &[Correspondence],
+    first_points: &[Point2<f64>],
+) -> usize {
+    let seen = first_points.iter().filter(|point| **point != NOWHERE);
+    let (low, high) = seen.fold(
+        (
+            Point2::new(f64::INFINITY, f64::INFINITY),
+            Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
+        ),
+        |(low, high), point| (low.inf(point), high.sup(point)),
+    );
+    let is_inside =
+        |at: Point2<f64>| at.x >= low.x && at.y >= low.y && at.x <= high.x && at.y <= high.y;
+    pairs
+        .iter()
+        .filter(|pair| transform.map(pair.from).is_some_and(is_inside))
+        .count()
 }
 
 /// Logarithm of a bound of the number of false alarms (Desolneux, Moisan and Morel 2000): that any of the distinct similarities
@@ -360,6 +389,17 @@ mod tests {
         let off = motion_of(&pairs(rolled, level), &uncertain, 1.0).unwrap();
         let error_px = (off.forward_px - motion.forward_px).hypot(off.right_px - motion.right_px);
         assert!((7.0..11.0).contains(&error_px), "{error_px}");
+    }
+
+    #[test]
+    fn matches_beside_the_first_photo_cannot_agree() {
+        let shift = nalgebra::Matrix3::new(1.0, 0.0, 60.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
+        let shift = Homography::from_matrix(shift).unwrap();
+        let first = [Point2::new(-50.0, -40.0), Point2::new(50.0, 40.0), NOWHERE];
+        // Shifted by 60 to the right, the first two are within the first photo and the third is beside it.
+        let pairs = [-100.0, -20.0, 0.0]
+            .map(|x| Correspondence::new(Point2::new(x, 10.0), Point2::origin()));
+        assert_eq!(on_common_ground(&shift, &pairs, &first), 2);
     }
 
     #[test]

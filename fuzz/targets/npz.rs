@@ -13,8 +13,9 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let mut archive = archive.with_max_array_bytes(1 << 20);
     for name in ["a", "arr_0", "uav_image"] {
+        // Whoever asks for an array names the file.
         if let Err(error) = archive.floats(name) {
-            assert_named(&error, "L01_0042.npz");
+            assert_named(&error, name);
         }
         let _ = archive.bytes(name);
     }

@@ -56,7 +56,9 @@ pub use geometry::{
 pub use grimnet_pack::{Index, Mode};
 pub use grimnet_photo::{HeadingPrior, ViewPrior};
 pub use localizer::{Localizer, LocalizerBuilder};
-pub use options::{Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, VoteOptions};
+pub use options::{
+    Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, Recount, VoteOptions,
+};
 pub use outcome::{
     EvidenceUsed, Fix, MatchedPair, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp,
     TileRef, TimeMs,

@@ -51,6 +51,20 @@ pub struct VoteOptions {
     pub keypoints: usize,
     /// Side of a bin of the histogram, pixels. The peak is the fullest square of 2 x 2 bins.
     pub bin_px: f64,
+    /// Number of votes that a similarity of 1 of the global descriptors is worth. Both are evidence for a tile, and on a map of
+    /// thousands of tiles some get as many votes by chance as the right one.
+    pub similarity_votes: f64,
+    /// A second vote with more keypoints, among the best of a stage in which more candidates enter than are matched in full.
+    pub recount: Option<Recount>,
+}
+
+/// The second vote of a stage.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recount {
+    /// Number of candidates that take part, best by the first vote; the others are not matched.
+    pub candidates: usize,
+    /// Number of strongest keypoints of the query and of the tile that take part.
+    pub keypoints: usize,
 }
 
 impl Default for VoteOptions {
@@ -58,6 +72,11 @@ impl Default for VoteOptions {
         Self {
             keypoints: 256,
             bin_px: 24.0,
+            similarity_votes: 15.0,
+            recount: Some(Recount {
+                candidates: 512,
+                keypoints: 512,
+            }),
         }
     }
 }
@@ -198,8 +217,10 @@ pub struct Options {
     pub query_side_px: u32,
     /// Largest side of a query if several headings are tried, pixels. The best answer is matched again at `query_side_px`.
     pub hypothesis_side_px: u32,
-    /// Whether the best answer is matched again with the photo rotated and scaled accordingly, if it deviates from its hypothesis.
+    /// Whether an answer is matched again with the photo rotated and scaled accordingly, if it deviates from its hypothesis.
     pub realign: bool,
+    /// Number of best answers at different positions that are matched again if none is clear. The best of them wins.
+    pub finalists: usize,
     /// Desired width of the photo in level pixels; the level with the nearest resolution is used.
     pub query_width_px: f64,
     /// Time after which the search stops and answers with what it found, milliseconds. With a limit the answers depend on the
@@ -216,14 +237,14 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             mode: Mode::Default,
-            top_k: 300,
+            top_k: 1000,
             index: None,
             keypoint_threshold: 0.005,
             max_keypoints: 1024,
             nms_radius_px: 2,
             vote: Some(VoteOptions::default()),
-            stages: vec![64, 448],
-            max_matched: 24,
+            stages: vec![64, 1000],
+            max_matched: 64,
             min_matched: 3,
             clear_inliers: 45,
             max_ratio: None,
@@ -251,6 +272,7 @@ impl Default for Options {
             query_side_px: 512,
             hypothesis_side_px: 384,
             realign: true,
+            finalists: 4,
             query_width_px: 448.0,
             budget_ms: None,
             map_error_m: DEFAULT_MAP_ERROR_M,

@@ -4,6 +4,7 @@
 
 pub mod answer;
 pub mod chance;
+pub mod finalists;
 pub mod gates;
 pub mod ground_position;
 pub mod guided_matching;

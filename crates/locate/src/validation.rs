@@ -77,6 +77,7 @@ impl Options {
         ] {
             require(name, side_px, side_px >= MIN_SIDE_PX, "at least 32 pixels")?;
         }
+        require("finalists", self.finalists, self.finalists >= 1, COUNT)?;
         require(
             "query_width_px",
             self.query_width_px,
@@ -97,7 +98,12 @@ fn check_vote(vote: &VoteOptions) -> Result<()> {
     require("vote.keypoints", vote.keypoints, vote.keypoints >= 1, COUNT)?;
     let bin_px = vote.bin_px;
     let holds = bin_px.is_finite() && bin_px >= 1.0;
-    require("vote.bin_px", bin_px, holds, "a finite number, at least 1")
+    require("vote.bin_px", bin_px, holds, "a finite number, at least 1")?;
+    require_not_negative("vote.similarity_votes", vote.similarity_votes)?;
+    vote.recount.map_or(Ok(()), |recount| {
+        let fewest = recount.candidates.min(recount.keypoints);
+        require("vote.recount", fewest, fewest >= 1, COUNT)
+    })
 }
 
 fn check_ransac(ransac: &Ransac) -> Result<()> {
@@ -299,6 +305,11 @@ mod tests {
             ("vote.keypoints", changed_vote(|v| v.keypoints = 0)),
             ("vote.bin_px", changed_vote(|v| v.bin_px = 0.5)),
             (
+                "vote.recount",
+                changed_vote(|v| v.recount.as_mut().unwrap().keypoints = 0),
+            ),
+            ("finalists", changed(|o| o.finalists = 0)),
+            (
                 "ransac.threshold_px",
                 changed(|o| o.ransac.threshold_px = 0.0),
             ),
@@ -331,6 +342,10 @@ mod tests {
                 ("doubtful_scales", changed(|o| o.doubtful_scales.push(bad))),
                 ("unknown_scales", changed(|o| o.unknown_scales.push(bad))),
                 ("vote.bin_px", changed_vote(|v| v.bin_px = bad)),
+                (
+                    "vote.similarity_votes",
+                    changed_vote(|v| v.similarity_votes = bad),
+                ),
                 (
                     "ransac.threshold_px",
                     changed(|o| o.ransac.threshold_px = bad),

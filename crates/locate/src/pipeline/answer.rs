@@ -19,7 +19,7 @@ use crate::{
         ground_position::{GroundPosition, ground_position, matched_points},
         held_back::HeldBack,
         queries::{extract_queries, side_px},
-        ranking::{RankedAnswer, runner_up_inliers},
+        ranking::{RankedAnswer, Rival, runner_up_inliers},
         verification::VerifiedCandidate,
     },
     prior::Prior,
@@ -48,7 +48,9 @@ pub(crate) fn outcome(
         .then(|| Box::new(matched_points(best.verified, level, query, photo)));
     Ok(
         match accept(context, photo, view, prior, best, level, query)? {
-            Ok(accepted) => Outcome::Fix(Box::new(accepted.into_fix(best, level, evidence, drawn))),
+            Ok(accepted) => {
+                Outcome::Fix(Box::new(accepted.into_fix(context, best, evidence, drawn)))
+            }
             Err(rejection) => Outcome::NoFix(Box::new(NoFix {
                 drawn,
                 ..no_fix_for(Reason::Rejected(rejection), Some(best.verified), evidence)
@@ -106,7 +108,7 @@ fn accept(
             best.verified,
             query,
             position.inlier_covariance_en_m2,
-            runner_up_inliers(best.runner_up),
+            runner_up_inliers(best.runner_up.map(|rival| rival.verified)),
         )
     };
     let confidence = confidence(&support, calibration);
@@ -125,8 +127,8 @@ fn accept(
 impl AcceptedAnswer {
     fn into_fix(
         self,
+        context: Context<'_>,
         best: &RankedAnswer<'_>,
-        level: &Level,
         evidence: EvidenceUsed,
         drawn: Option<Box<MatchedPoints>>,
     ) -> Fix {
@@ -135,12 +137,13 @@ impl AcceptedAnswer {
             support,
             confidence,
         } = self;
-        let runner_up = best.runner_up.and_then(|other| {
-            let lonlat = level.lonlat_from_level_px(other.centre_level_px?).ok()?;
+        let runner_up = best.runner_up.and_then(|Rival { level, verified }| {
+            let centre = verified.centre_level_px?;
+            let lonlat = context.level(level).lonlat_from_level_px(centre).ok()?;
             Some(RunnerUp {
                 lat_deg: lonlat.lat_deg,
                 lon_deg: lonlat.lon_deg,
-                inliers: other.inliers.len(),
+                inliers: verified.inliers.len(),
             })
         });
         Fix {
@@ -154,7 +157,11 @@ impl AcceptedAnswer {
             support,
             inliers: support.inliers,
             matches: support.matches,
-            tile: tile_ref(best.round.level, level, &best.verified.candidate),
+            tile: tile_ref(
+                best.round.level,
+                context.level(best.round.level),
+                &best.verified.candidate,
+            ),
             runner_up,
             outline_lonlat_deg: position.outline_lonlat_deg,
             evidence,

@@ -9,7 +9,7 @@ use crate::{
 };
 
 /// Answers within this distance of each other are at the same position, level pixels.
-const SAME_POSITION_PX: f64 = 32.0;
+pub(crate) const SAME_POSITION_PX: f64 = 32.0;
 
 /// The best answer of one round.
 #[derive(Debug)]
@@ -17,28 +17,89 @@ pub(crate) struct RankedAnswer<'a> {
     pub round: &'a RoundResult,
     pub verified: &'a VerifiedCandidate,
     /// The best candidate at another position.
-    pub runner_up: Option<&'a VerifiedCandidate>,
+    pub runner_up: Option<Rival<'a>>,
     /// The first gate that the answer does not pass, the margin over the runner-up included.
     pub rejection: Option<Rejection>,
+}
+
+/// A candidate at another position than an answer.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rival<'a> {
+    /// Level of the pack.
+    pub level: usize,
+    pub verified: &'a VerifiedCandidate,
 }
 
 impl<'a> RankedAnswer<'a> {
     /// The best answer of a round; `None` if no candidate was matched.
     pub fn of(round: &'a RoundResult, options: &Options) -> Option<Self> {
         let (verified, runner_up) = best_candidate(&round.verified, options)?;
-        Some(Self {
+        Some(Self::new(round, verified, runner_up, options))
+    }
+
+    /// The best answers of a round at different positions, best first, at most `most`.
+    pub fn distinct(round: &'a RoundResult, most: usize, options: &Options) -> Vec<Self> {
+        let mut left: Vec<&VerifiedCandidate> = round.verified.iter().collect();
+        let mut answers = Vec::new();
+        while answers.len() < most
+            && let Some(best) = best_of(left.iter().copied(), options)
+        {
+            left.retain(|other| !same_position(other, best));
+            let others = round.verified.iter();
+            let runner_up = most_inliers(others.filter(|other| !same_position(other, best)));
+            answers.push(Self::new(round, best, runner_up, options));
+        }
+        answers
+    }
+
+    fn new(
+        round: &'a RoundResult,
+        verified: &'a VerifiedCandidate,
+        runner_up: Option<&'a VerifiedCandidate>,
+        options: &Options,
+    ) -> Self {
+        let level = round.level;
+        Self {
             round,
             verified,
-            runner_up,
+            runner_up: runner_up.map(|verified| Rival { level, verified }),
             rejection: verified
                 .rejection
                 .or_else(|| margin_rejection(verified, runner_up, options)),
-        })
+        }
+    }
+
+    /// This answer with the best of `rivals` and its own runner-up as runner-up.
+    pub fn against(self, rivals: &[Rival<'a>], options: &Options) -> Self {
+        let inliers = |rival: &Rival<'_>| rival.verified.inliers.len();
+        let all = self.runner_up.into_iter().chain(rivals.iter().copied());
+        let runner_up = all.reduce(|a, b| if inliers(&b) > inliers(&a) { b } else { a });
+        let second = runner_up.map(|rival| rival.verified);
+        Self {
+            runner_up,
+            rejection: self
+                .verified
+                .rejection
+                .or_else(|| margin_rejection(self.verified, second, options)),
+            ..self
+        }
+    }
+
+    /// This answer as a rival of others.
+    pub fn as_rival(&self) -> Rival<'a> {
+        Rival {
+            level: self.round.level,
+            verified: self.verified,
+        }
+    }
+
+    fn second(&self) -> Option<&'a VerifiedCandidate> {
+        self.runner_up.map(|rival| rival.verified)
     }
 
     /// Whether the answer is so clear that no further round is needed.
     pub fn is_clear(&self, options: &Options) -> bool {
-        is_clear(self.verified, self.runner_up, options)
+        is_clear(self.verified, self.second(), options)
     }
 
     /// The realigned answer if it passes the gates at the same position with at least as many inliers, else this one. The runner-up
@@ -53,7 +114,7 @@ impl<'a> RankedAnswer<'a> {
         let Some(realigned) = realigned.filter(is_better) else {
             return self;
         };
-        let rejection = margin_rejection(realigned.verified, self.runner_up, options);
+        let rejection = margin_rejection(realigned.verified, self.second(), options);
         if rejection.is_some() && self.rejection.is_none() {
             return self;
         }
@@ -99,11 +160,21 @@ pub(crate) fn is_clear(
         && best.inliers.len() >= 2 * runner_up_inliers(runner_up)
 }
 
-/// The best candidate and the best one at another position. Candidates that pass the gates come first.
+/// The best candidate and the one with the most inliers at another position.
 pub(crate) fn best_candidate<'a>(
     verified: &'a [VerifiedCandidate],
     options: &Options,
 ) -> Option<(&'a VerifiedCandidate, Option<&'a VerifiedCandidate>)> {
+    let best = best_of(verified.iter(), options)?;
+    let others = verified.iter().filter(|other| !same_position(other, best));
+    Some((best, most_inliers(others)))
+}
+
+/// The best candidate. Those that pass the gates come first; of equal ones the first, which the vote ranks higher.
+fn best_of<'a>(
+    verified: impl Iterator<Item = &'a VerifiedCandidate>,
+    options: &Options,
+) -> Option<&'a VerifiedCandidate> {
     let rank = |verified: &VerifiedCandidate| {
         let inliers = verified.inliers.len() as f64;
         let score = match options.choice {
@@ -112,24 +183,113 @@ pub(crate) fn best_candidate<'a>(
         };
         (verified.rejection.is_none(), score)
     };
-    // Of equal candidates the first wins, which the vote ranks higher.
-    let best = verified
-        .iter()
-        .reduce(|a, b| if rank(b) > rank(a) { b } else { a })?;
-    let others = verified.iter().filter(|other| !same_position(other, best));
-    let runner_up = others.reduce(|a, b| {
+    verified.reduce(|a, b| if rank(b) > rank(a) { b } else { a })
+}
+
+/// The candidate with the most inliers; the first of equal ones.
+fn most_inliers<'a>(
+    candidates: impl Iterator<Item = &'a VerifiedCandidate>,
+) -> Option<&'a VerifiedCandidate> {
+    candidates.reduce(|a, b| {
         if b.inliers.len() > a.inliers.len() {
             b
         } else {
             a
         }
-    });
-    Some((best, runner_up))
+    })
 }
 
 fn same_position(a: &VerifiedCandidate, b: &VerifiedCandidate) -> bool {
     match (a.centre_level_px, b.centre_level_px) {
         (Some(a), Some(b)) => Vector2::new(a.x - b.x, a.y - b.y).norm() <= SAME_POSITION_PX,
         _ => std::ptr::eq(a, b),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_geo::LevelPx;
+
+    use super::*;
+    use crate::{
+        outcome::TimeMs, search::candidates::Candidate, search::vote::Peak, trace::RoundTrace,
+    };
+
+    /// A candidate at `x_px` with so many inliers.
+    fn verified(x_px: f64, inliers: usize) -> VerifiedCandidate {
+        VerifiedCandidate {
+            candidate: Candidate {
+                query: 0,
+                tile: 0,
+                similarity: 0.0,
+                peak: Peak::default(),
+            },
+            pairs: Vec::new(),
+            inliers: (0..inliers).collect(),
+            transform: None,
+            covariance_px2: None,
+            expected_inliers: 1.0,
+            centre_level_px: Some(LevelPx { x: x_px, y: 0.0 }),
+            rejection: None,
+        }
+    }
+
+    fn round(level: usize, verified: Vec<VerifiedCandidate>) -> RoundResult {
+        RoundResult {
+            level,
+            hypotheses: Vec::new(),
+            queries: Vec::new(),
+            dense: None,
+            verified,
+            about: String::new(),
+            trace: RoundTrace::default(),
+            time_ms: TimeMs::default(),
+        }
+    }
+
+    fn inliers(answer: &RankedAnswer<'_>) -> (usize, usize) {
+        let second = runner_up_inliers(answer.second());
+        (answer.verified.inliers.len(), second)
+    }
+
+    #[test]
+    fn one_answer_of_each_position_is_listed_with_the_best_of_the_others() {
+        let result = round(
+            0,
+            vec![
+                verified(0.0, 20),
+                verified(300.0, 26),
+                verified(10.0, 24),
+                verified(310.0, 25),
+                verified(900.0, 9),
+            ],
+        );
+        let options = Options::default();
+        let all: Vec<_> = RankedAnswer::distinct(&result, 5, &options)
+            .iter()
+            .map(inliers)
+            .collect();
+        assert_eq!(all, [(26, 24), (24, 26), (9, 26)]);
+        assert_eq!(RankedAnswer::distinct(&result, 2, &options).len(), 2);
+        let best = RankedAnswer::of(&result, &options).unwrap();
+        assert_eq!(inliers(&best), (26, 24));
+    }
+
+    #[test]
+    fn a_rival_of_another_round_becomes_the_runner_up_if_it_is_better() {
+        let (fine, coarse) = (
+            round(0, vec![verified(0.0, 30), verified(300.0, 12)]),
+            round(1, vec![verified(700.0, 22)]),
+        );
+        let options = Options::default();
+        let of = |result| RankedAnswer::of(result, &options).unwrap();
+        let best = of(&fine).against(&[of(&coarse).as_rival()], &options);
+        assert_eq!(inliers(&best), (30, 22));
+        assert_eq!(best.runner_up.unwrap().level, 1);
+        let alone = of(&fine).against(&[], &options);
+        assert_eq!(
+            (inliers(&alone), alone.runner_up.unwrap().level),
+            ((30, 12), 0)
+        );
     }
 }

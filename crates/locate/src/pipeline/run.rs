@@ -1,4 +1,4 @@
-//! The whole search in default mode: round after round until an answer is clear, then a second matching of the best one.
+//! The whole search in default mode: round after round until an answer is clear, then a second matching of the best answers.
 
 use grimnet_photo::{Damage, Photo, View};
 use nalgebra::Point2;
@@ -10,8 +10,8 @@ use crate::{
     outcome::{EvidenceUsed, Outcome, Reason, TimeMs},
     pipeline::{
         answer::{no_fix, outcome},
+        finalists::{self, best_finalist, finalists, realign_all},
         ranking::RankedAnswer,
-        realign::realign,
         round_result::RoundResult,
         rounds::run_round,
         verification::VerifiedCandidate,
@@ -72,11 +72,10 @@ pub(crate) fn locate(
         time_ms += result.time_ms;
     }
     let evidence = EvidenceUsed::of(view);
-    let best = results
-        .iter()
-        .filter_map(|result| RankedAnswer::of(result, options))
-        .reduce(|a, b| if b.rank() > a.rank() { b } else { a });
-    let Some(best) = best else {
+    let finalists = finalists(context, &results);
+    let realigned = realign_all(context, photo, view, &finalists)?;
+    time_ms += finalists::time_ms(&realigned);
+    let Some(best) = best_finalist(finalists, &realigned, options) else {
         let first = results.iter().find_map(|result| result.queries.first());
         return Ok(Located {
             outcome: no_fix(reason_without_candidates(&results), None, evidence),
@@ -85,14 +84,6 @@ pub(crate) fn locate(
             time_ms,
         });
     };
-    let realigned = realign(context, photo, view, &best)?;
-    if let Some(realigned) = &realigned {
-        time_ms += realigned.time_ms;
-    }
-    let realigned = realigned
-        .as_ref()
-        .and_then(|result| RankedAnswer::of(result, options));
-    let best = best.or_realigned(realigned, options);
     let outcome = outcome(context, photo, view, prior, &best, evidence)?;
     let query = &best.round.queries[best.verified.candidate.query];
     let verified = outcome.fix().map(|_| best.verified);

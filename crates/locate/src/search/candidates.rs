@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::{
     error::Result,
-    options::Options,
+    options::{Options, VoteOptions},
     prior::Near,
     query_features::QueryFeatures,
     search::matching::Descriptors,
@@ -76,23 +76,21 @@ fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
         .collect()
 }
 
-/// Lets the matches of each candidate vote for a translation. Does nothing if the options have no vote.
+/// Lets the matches of the strongest `keypoints` of each candidate vote for a translation.
 pub(crate) fn vote(
     level: &Level,
     queries: &[QueryFeatures],
     candidates: &mut [Candidate],
+    keypoints: usize,
     scratch: &ScratchPool,
-    options: &Options,
+    options: &VoteOptions,
 ) -> Result<()> {
-    let Some(vote) = &options.vote else {
-        return Ok(());
-    };
     candidates.par_iter_mut().try_for_each(|candidate| {
         let query = &queries[candidate.query];
-        let tile = level.strongest_features(candidate.tile, vote.keypoints)?;
+        let tile = level.strongest_features(candidate.tile, keypoints)?;
         scratch.with(|scratch| -> Result<()> {
             scratch.matcher.mutual(
-                query.strongest(vote.keypoints),
+                query.strongest(keypoints),
                 Descriptors::from(&tile.descriptors),
                 query.dim,
                 None,
@@ -105,17 +103,20 @@ pub(crate) fn vote(
             candidate.peak =
                 scratch
                     .histogram
-                    .vote(vote, &scratch.matches, &query.points, &scratch.points);
+                    .vote(options, &scratch.matches, &query.points, &scratch.points);
             Ok(())
         })
     })
 }
 
-/// Sorts candidates by falling number of votes, ties by falling similarity.
-pub(crate) fn rank_by_votes(candidates: &mut [Candidate]) {
+/// Sorts candidates by falling evidence: their votes, and the similarity of the global descriptors as so many votes.
+pub(crate) fn rank_by_votes(candidates: &mut [Candidate], options: &VoteOptions) {
+    let evidence = |candidate: &Candidate| {
+        f64::from(candidate.peak.votes) + options.similarity_votes * f64::from(candidate.similarity)
+    };
     candidates.sort_by(|a, b| {
-        let by_votes = b.peak.votes.cmp(&a.peak.votes);
-        by_votes
+        let by_evidence = evidence(b).total_cmp(&evidence(a));
+        by_evidence
             .then(b.similarity.total_cmp(&a.similarity))
             .then((a.query, a.tile).cmp(&(b.query, b.tile)))
     });
@@ -136,6 +137,37 @@ pub(crate) fn distinct_tiles<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn similarity_counts_as_votes() {
+        let candidate = |tile, similarity, votes| Candidate {
+            query: 0,
+            tile,
+            similarity,
+            peak: Peak {
+                votes,
+                ..Peak::default()
+            },
+        };
+        let order = |similarity_votes| {
+            let mut all = vec![
+                candidate(0, 0.1, 12),
+                candidate(1, 0.5, 10),
+                candidate(2, 0.4, 12),
+            ];
+            let options = VoteOptions {
+                similarity_votes,
+                ..VoteOptions::default()
+            };
+            rank_by_votes(&mut all, &options);
+            all.iter()
+                .map(|candidate| candidate.tile)
+                .collect::<Vec<_>>()
+        };
+        // 12 + 1, 10 + 5 and 12 + 4 votes.
+        assert_eq!(order(10.0), [2, 1, 0]);
+        assert_eq!(order(0.0), [2, 0, 1]);
+    }
 
     #[test]
     fn a_tile_is_listed_once_at_its_first_occurrence() {

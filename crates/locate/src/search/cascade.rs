@@ -7,7 +7,7 @@ use grimnet_pack::Level;
 
 use crate::{
     error::Result,
-    options::Options,
+    options::{Options, VoteOptions},
     outcome::elapsed_ms,
     query_features::QueryFeatures,
     search::{
@@ -26,6 +26,8 @@ pub(crate) struct Cascade<'a> {
     waiting: std::vec::IntoIter<Candidate>,
     /// Candidates that have entered and were not matched yet, best by votes first.
     entered: Vec<Candidate>,
+    /// Candidates that have entered and did not take part in the second vote, best of each stage first.
+    passed_over: Vec<Candidate>,
     stages_begun: usize,
     left_in_stage: usize,
     /// Time spent on the vote, milliseconds.
@@ -48,6 +50,7 @@ impl<'a> Cascade<'a> {
             options,
             waiting: candidates.into_iter(),
             entered: Vec::new(),
+            passed_over: Vec::new(),
             stages_begun: 0,
             left_in_stage: 0,
             vote_ms: 0.0,
@@ -69,28 +72,53 @@ impl<'a> Cascade<'a> {
 
     /// The candidates that were not matched, in the order in which they would have been.
     pub fn into_rest(self) -> impl Iterator<Item = Candidate> {
-        self.entered.into_iter().chain(self.waiting)
+        self.entered
+            .into_iter()
+            .chain(self.passed_over)
+            .chain(self.waiting)
     }
 
     fn begin_stage(&mut self) -> Result<()> {
         let since = Instant::now();
         let Some(size) = self.stage_size() else {
-            self.entered.clear();
             return Ok(());
         };
         let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
-        vote(
-            self.level,
-            self.queries,
-            &mut entering,
-            self.scratch,
-            self.options,
-        )?;
-        self.entered.extend(entering);
-        rank_by_votes(&mut self.entered);
+        if let Some(options) = &self.options.vote {
+            self.count_votes(&mut entering, options)?;
+            self.entered.extend(entering);
+            rank_by_votes(&mut self.entered, options);
+        } else {
+            self.entered.extend(entering);
+        }
         self.stages_begun += 1;
         self.left_in_stage = self.options.max_matched;
         self.vote_ms += elapsed_ms(since);
+        Ok(())
+    }
+
+    /// Lets the candidates vote, and the best of them again with more keypoints. The others are passed over.
+    fn count_votes(&mut self, entering: &mut Vec<Candidate>, options: &VoteOptions) -> Result<()> {
+        let vote = |candidates: &mut [Candidate], keypoints: usize| {
+            vote(
+                self.level,
+                self.queries,
+                candidates,
+                keypoints,
+                self.scratch,
+                options,
+            )
+        };
+        vote(entering, options.keypoints)?;
+        let recount = options
+            .recount
+            .filter(|_| entering.len() > self.options.max_matched);
+        if let Some(recount) = recount {
+            rank_by_votes(entering, options);
+            let others = entering.split_off(recount.candidates.min(entering.len()));
+            vote(entering, recount.keypoints)?;
+            self.passed_over.extend(others);
+        }
         Ok(())
     }
 

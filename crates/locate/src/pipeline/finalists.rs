@@ -1,0 +1,107 @@
+//! The finalists: the best answers at different positions over all rounds. If none is clear, each is matched again, because a wrong
+//! answer on a large map can have as many matches by chance as the right one under a heading that is ten degrees off.
+
+use grimnet_photo::{Photo, View};
+use rayon::prelude::*;
+
+use crate::{
+    context::Context,
+    error::Result,
+    options::Options,
+    outcome::TimeMs,
+    pipeline::{
+        ranking::{RankedAnswer, Rival, SAME_POSITION_PX},
+        realign::realign,
+        round_result::RoundResult,
+    },
+};
+
+/// The best answers at different positions, best first: a clear one alone, else up to [`Options::finalists`].
+pub(crate) fn finalists<'a>(
+    context: Context<'_>,
+    results: &'a [RoundResult],
+) -> Vec<RankedAnswer<'a>> {
+    let options = context.options;
+    let mut answers: Vec<RankedAnswer<'a>> = results
+        .iter()
+        .flat_map(|result| RankedAnswer::distinct(result, options.finalists, options))
+        .collect();
+    // The sort is stable: of equal answers the one of the earlier round comes first.
+    answers.sort_by_key(|answer| std::cmp::Reverse(answer.rank()));
+    let is_clear = answers.first().is_some_and(|best| best.is_clear(options));
+    let most = if is_clear { 1 } else { options.finalists };
+    let mut finalists: Vec<RankedAnswer<'a>> = Vec::new();
+    for answer in answers {
+        if finalists.len() == most {
+            break;
+        }
+        if !finalists
+            .iter()
+            .any(|other| is_same_place(context, other, &answer))
+        {
+            finalists.push(answer);
+        }
+    }
+    finalists
+}
+
+/// Matches each finalist again. `None` stands for one that would not change.
+pub(crate) fn realign_all(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    finalists: &[RankedAnswer<'_>],
+) -> Result<Vec<Option<RoundResult>>> {
+    finalists
+        .par_iter()
+        .map(|answer| realign(context, photo, view, answer))
+        .collect()
+}
+
+/// The time that the second matching took.
+pub(crate) fn time_ms(realigned: &[Option<RoundResult>]) -> TimeMs {
+    let mut sum = TimeMs::default();
+    for result in realigned.iter().flatten() {
+        sum += result.time_ms;
+    }
+    sum
+}
+
+/// The best of the finalists after the second matching, with the best of the others as its runner-up; `None` if there are none.
+pub(crate) fn best_finalist<'a>(
+    finalists: Vec<RankedAnswer<'a>>,
+    realigned: &'a [Option<RoundResult>],
+    options: &Options,
+) -> Option<RankedAnswer<'a>> {
+    let mut answers: Vec<RankedAnswer<'a>> = finalists
+        .into_iter()
+        .zip(realigned)
+        .map(|(answer, again)| {
+            let again = again
+                .as_ref()
+                .and_then(|result| RankedAnswer::of(result, options));
+            answer.or_realigned(again, options)
+        })
+        .collect();
+    answers.sort_by_key(|answer| std::cmp::Reverse(answer.rank()));
+    let rivals: Vec<Rival<'a>> = answers.iter().skip(1).map(RankedAnswer::as_rival).collect();
+    let best = answers.into_iter().next()?;
+    Some(best.against(&rivals, options))
+}
+
+/// Whether two answers, perhaps of different levels, have the photo's centre at the same place of the map.
+fn is_same_place(context: Context<'_>, a: &RankedAnswer<'_>, b: &RankedAnswer<'_>) -> bool {
+    let place = |answer: &RankedAnswer<'_>| {
+        let level = context.level(answer.round.level);
+        let centre = level.map_px_from_level_px(answer.verified.centre_level_px?);
+        Some((centre, level.gsd_m()))
+    };
+    let finest_m = context.level(0).gsd_m();
+    match (place(a), place(b)) {
+        (Some((a, gsd_a_m)), Some((b, gsd_b_m))) => {
+            let reach_px = SAME_POSITION_PX * gsd_a_m.max(gsd_b_m) / finest_m;
+            (a.x - b.x).hypot(a.y - b.y) <= reach_px
+        }
+        _ => false,
+    }
+}

@@ -64,16 +64,29 @@ fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{:.0} %", 100.0 * v))
 }
 
-/// Adds a claim: its conditions, the comparison with peers, the other figures, and those of photos that are not on the map if they
-/// were tried.
-pub(crate) fn section(page: &mut String, claim: &Claim, summary: &Value, tried: Option<&Value>) {
+/// What `grim eval` measured.
+pub(crate) struct Figures {
+    /// `summary.json`.
+    pub summary: Value,
+    /// `recall.json`, if the ranks of the right tile are shown.
+    pub recall: Option<Value>,
+    /// `elsewhere.json`, if photos that are not on the map were tried.
+    pub elsewhere: Option<Value>,
+}
+
+/// Adds a claim: its conditions, the comparison with peers, and the other figures.
+pub(crate) fn section(page: &mut String, claim: &Claim, figures: &Figures) {
+    let summary = &figures.summary;
     conditions(page, claim, &summary["about"]);
     let runs = runs(summary);
     comparison(page, claim, &runs);
     other_figures(page, &runs);
     footprint_shares(page, &runs);
     reliability(page, &runs);
-    if let Some(tried) = tried {
+    if let Some(ranks) = &figures.recall {
+        recall(page, ranks);
+    }
+    if let Some(tried) = &figures.elsewhere {
         elsewhere(page, tried);
     }
     for remark in &claim.remarks {
@@ -237,6 +250,37 @@ fn reliability(page: &mut String, runs: &[(&String, &Value)]) {
                 "\n| | stated confidence | fixes | mean | right | 95 % interval |\n|---|---|---:|---:|---:|---:|\n{rows}"
             ),
         );
+    }
+}
+
+/// Shares of photos with a tile that covers their centre among the first, from `recall.json`.
+fn recall(page: &mut String, runs: &Value) {
+    let runs = runs.as_array().map_or(&[][..], Vec::as_slice);
+    let numbers = |values: &Value| values.as_array().cloned().unwrap_or_default();
+    let Some(first) = runs.first() else { return };
+    let at = numbers(&first["covers"]["at"]);
+    put(page, format_args!("\n| a right tile is among the first |"));
+    for k in &at {
+        put(page, format_args!(" {k} |"));
+    }
+    put(
+        page,
+        format_args!(" was matched |\n|---|{}---:|\n", "---:|".repeat(at.len())),
+    );
+    for run in runs {
+        let covers = &run["covers"];
+        for (key, how) in [
+            ("by_descriptor", "by descriptor"),
+            ("by_vote", "after the vote"),
+        ] {
+            let name = run["run"].as_str().unwrap_or("-");
+            let tiles = &run["gallery_tiles"];
+            put(page, format_args!("| {name}, {tiles} tiles, {how} |"));
+            for share in numbers(&covers[key]).iter().chain([&covers["matched"]]) {
+                put(page, format_args!(" {} |", percent(share.as_f64())));
+            }
+            put(page, format_args!("\n"));
+        }
     }
 }
 

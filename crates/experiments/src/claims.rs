@@ -1,7 +1,7 @@
 //! EVALUATION.md: the published figures of accuracy, made from stored `summary.json` files.
 //!
-//! A folder holds one folder a claim, with `claim.json` ([`Claim`]), the `summary.json` that `grim eval` wrote and, where photos that
-//! are not on the map were tried, its `elsewhere.json`, and
+//! A folder holds one folder a claim, with `claim.json` ([`Claim`]), the `summary.json` that `grim eval` wrote and, where they are to be
+//! shown, its `recall.json` (ranks of the right tile) and `elsewhere.json` (photos that are not on the map), and
 //! `tracks/` ([`crate::track_claims`]), `experiments/`, with the tables of `grim-experiments`, and `paper.md`, the table of
 //! what follows the publication and what differs. The page is made by
 //! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use crate::claim::Claim;
-use crate::claim_section::section;
+use crate::claim_section::{Figures, section};
 use crate::experiment_table::ExperimentTable;
 use crate::track_claims::{self, TrackClaimError};
 
@@ -66,10 +66,16 @@ pub fn page(folder: &Path) -> Result<String, ClaimError> {
         .filter(|path| path.join("claim.json").is_file())
     {
         let claim: Claim = read(&folder.join("claim.json"))?;
-        let summary: Value = read(&folder.join("summary.json"))?;
-        let elsewhere = folder.join("elsewhere.json");
-        let elsewhere: Option<Value> = elsewhere.is_file().then(|| read(&elsewhere)).transpose()?;
-        section(&mut page, &claim, &summary, elsewhere.as_ref());
+        let if_there = |name: &str| {
+            let path = folder.join(name);
+            path.is_file().then(|| read(&path)).transpose()
+        };
+        let figures = Figures {
+            summary: read(&folder.join("summary.json"))?,
+            recall: if_there("recall.json")?,
+            elsewhere: if_there("elsewhere.json")?,
+        };
+        section(&mut page, &claim, &figures);
     }
     let tracks = folder.join("tracks");
     if tracks.is_dir() {
@@ -148,7 +154,16 @@ mod tests {
         let tried = r#"{"all":{"name":"all trials","trials":900,"fixes":1,"share_interval":[0.0002,0.0063]},
             "by_source":[{"name":"coast","trials":900,"fixes":1,"share_interval":[0.0002,0.0063]}]}"#;
         fs_err::write(claim.join("elsewhere.json"), tried).unwrap();
+        let ranks = r#"[{"run":"heading known","gallery_tiles":4100,"covers":{"frames":10,"at":[1,5],
+            "by_descriptor":[0.5,0.6],"by_vote":[0.7,0.8],"matched":0.9},"near":{}}]"#;
+        fs_err::write(claim.join("recall.json"), ranks).unwrap();
         let page = page(folder.path()).unwrap();
+        for row in [
+            "| heading known, 4100 tiles, by descriptor | 50 % | 60 % | 90 % |",
+            "| heading known, 4100 tiles, after the vote | 70 % | 80 % | 90 % |",
+        ] {
+            assert!(page.contains(row), "{page}");
+        }
         for name in ["all trials", "coast"] {
             let row = format!("| {name} | 900 | 1 | 0.02 % to 0.63 % |");
             assert!(page.contains(&row), "{page}");

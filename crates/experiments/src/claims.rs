@@ -9,8 +9,6 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
-
 use crate::claim::Claim;
 use crate::claim_section::{Figures, section};
 use crate::experiment_table::ExperimentTable;

@@ -5,8 +5,17 @@
 //! the turn, and the ratio of the two heights. That ratio is not passed on: tilt that is not known changes it at every step in
 //! the same direction, so chained over frames it drifts.
 
-use nalgebra::{Point2, Rotation3, Vector3};
+mod evidence;
+mod levelling;
 
+use nalgebra::Point2;
+
+pub use levelling::FrameTilt;
+
+use self::{
+    evidence::{LEAST_INLIERS, is_motion},
+    levelling::levelled_points,
+};
 use crate::{
     error::Result,
     frame_features::FrameFeatures,
@@ -14,7 +23,6 @@ use crate::{
         correspondence::Correspondence,
         covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
         estimation::{EstimatedTransform, EstimationOptions, GeometryModel, estimate},
-        homography::Homography,
         ransac::{Ransac, Score},
         sampler::Sampling,
         similarity::Similarity,
@@ -27,17 +35,6 @@ use crate::{
     },
     search::{matching::sort_best_first, scratch::Scratch},
 };
-
-/// How a camera that looks down was tilted when it took a photo.
-///
-/// Rotations in the order pitch, roll about axes that turn with the camera, as in `Z-Y-X` Euler angles from north-east-down.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct FrameTilt {
-    /// Degrees, positive with the nose up: the camera then looks ahead, towards the photo's top.
-    pub pitch_deg: f64,
-    /// Degrees, positive with the right side down: the camera then looks to the left.
-    pub roll_deg: f64,
-}
 
 /// What is known of the camera at two photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -77,27 +74,12 @@ impl FrameMotion {
     }
 }
 
-/// Fewer matches than this that agree are no motion: with the thousands of pairs of two photos, a dozen can agree by chance.
-const LEAST_INLIERS: usize = 16;
-/// At least this share of the matches on common ground must agree. Waves and traffic give many matches of which few agree, and
-/// those few move with the waves.
-const LEAST_INLIER_SHARE: f64 = 0.2;
-/// Similarities between two photos that can be told apart: hundreds of places in each direction, of turns and a few of scales.
-const DISTINCT_SIMILARITIES: f64 = 1e7;
-/// Expected number of pairs of photos without common ground that are taken for a motion, at most.
-const MOST_FALSE_ALARMS: f64 = 1e-3;
-/// Waves and traffic look alike, so that descriptors agree by chance more often than in random order by about this factor.
-const ALIKE: f64 = 4.0;
 /// The matches that agree must have at least this standard deviation along their short axis, over half a photo's side.
 const LEAST_SPREAD: f64 = 0.08;
 /// Largest change of height between two photos, as a factor.
 const MOST_HEIGHT_CHANGE: f64 = 1.35;
 /// Weight of a match whose keypoints agreed with the map in both photos, in one, in none: roofs and trees seldom agree.
 const WEIGHTS: [f64; 3] = [1.0, 0.6, 0.3];
-/// Where points near the horizon are put, so that they agree with nothing.
-const NOWHERE: Point2<f64> = Point2::new(1e9, 1e9);
-/// A ray further off the vertical than this meets no ground that is near enough to match.
-const LEAST_RAY_COS: f64 = 0.3;
 /// RANSAC between two photos of one camera: twice as strict as between photo and map.
 const RANSAC: Ransac = Ransac {
     threshold_px: 2.5,
@@ -122,11 +104,12 @@ pub(crate) fn motion_between(
     // All is done in pixels of the first query, where a keypoint is a whole pixel.
     let unit_px = first.photo_px_per_query_px;
     let [first_tilt, second_tilt] = pair.tilts.unwrap_or_default();
-    let to = levelled_points(first, &first_tilt, pair, unit_px);
-    let from: Vec<Point2<f32>> = levelled_points(second, &second_tilt, pair, unit_px)
-        .iter()
-        .map(|point| point.cast::<f32>())
-        .collect();
+    let to = levelled_points(first, &first_tilt, pair.focal_length_px, unit_px);
+    let from: Vec<Point2<f32>> =
+        levelled_points(second, &second_tilt, pair.focal_length_px, unit_px)
+            .iter()
+            .map(|point| point.cast::<f32>())
+            .collect();
     let keypoints = KeypointPair {
         points: &from,
         scores: &second.scores,
@@ -135,7 +118,6 @@ pub(crate) fn motion_between(
     let Some((estimated, mut pairs)) = matched(first, second, &keypoints, seed, scratch)? else {
         return Ok(None);
     };
-    let could_agree = on_common_ground(&estimated.homography, &pairs, &to);
     let chance = expected_inliers(&estimated.homography, &keypoints, RANSAC.threshold_px);
     for (pair, found) in pairs.iter_mut().zip(&scratch.guided) {
         let on_map = [
@@ -150,49 +132,12 @@ pub(crate) fn motion_between(
         .map(|&index| pairs[index])
         .collect();
     let half_side = second.half_side_px() / unit_px;
-    if agreeing.len() < LEAST_INLIERS
-        || ln_false_alarms(agreeing.len(), ALIKE * chance) > MOST_FALSE_ALARMS.ln()
-        || (agreeing.len() as f64) < LEAST_INLIER_SHARE * could_agree as f64
+    if !is_motion(agreeing.len(), chance, &estimated.homography, &pairs, &to)
         || spread(agreeing.iter().map(|pair| pair.from), half_side) < LEAST_SPREAD
     {
         return Ok(None);
     }
     Ok(motion_of(&agreeing, pair, unit_px))
-}
-
-/// Pairs whose keypoint of the second photo the transform puts into the first photo, as far as that has keypoints: the others
-/// cannot agree.
-fn on_common_ground(
-    transform: &Homography,
-    pairs: &[Correspondence],
-    first_points: &[Point2<f64>],
-) -> usize {
-    let seen = first_points.iter().filter(|point| **point != NOWHERE);
-    let (low, high) = seen.fold(
-        (
-            Point2::new(f64::INFINITY, f64::INFINITY),
-            Point2::new(f64::NEG_INFINITY, f64::NEG_INFINITY),
-        ),
-        |(low, high), point| (low.inf(point), high.sup(point)),
-    );
-    let is_inside =
-        |at: Point2<f64>| at.x >= low.x && at.y >= low.y && at.x <= high.x && at.y <= high.y;
-    pairs
-        .iter()
-        .filter(|pair| transform.map(pair.from).is_some_and(is_inside))
-        .count()
-}
-
-/// Logarithm of a bound of the number of false alarms (Desolneux, Moisan and Morel 2000): that any of the distinct similarities
-/// has so many inliers where each has `chance` of them in the mean, Poisson distributed (Chernoff's bound).
-fn ln_false_alarms(inliers: usize, chance: f64) -> f64 {
-    let inliers = inliers as f64;
-    let tail = if inliers > chance {
-        inliers - chance - inliers * (inliers / chance).ln()
-    } else {
-        0.0
-    };
-    DISTINCT_SIMILARITIES.ln() + tail
 }
 
 /// The similarity that levelled points of the second photo have to those of the first, with the pairs that it was fitted to;
@@ -257,35 +202,12 @@ fn motion_of(agreeing: &[Correspondence], pair: &FramePair, unit_px: f64) -> Opt
     })
 }
 
-/// The keypoints as a camera sees them that looks straight down, in units of `unit_px` pixels.
-fn levelled_points(
-    frame: &FrameFeatures,
-    tilt: &FrameTilt,
-    pair: &FramePair,
-    unit_px: f64,
-) -> Vec<Point2<f64>> {
-    let levelled = |point: &Point2<f64>| {
-        levelled(*point, tilt, pair.focal_length_px).map_or(NOWHERE, |point| point / unit_px)
-    };
-    frame.points_px.iter().map(levelled).collect()
-}
-
-/// A point of a photo (pixels from its centre, x right, y down) as a camera at the same place with the same focal length and heading
-/// sees it that looks straight down. `None` near the horizon and above.
-fn levelled(point_px: Point2<f64>, tilt: &FrameTilt, focal_length_px: f64) -> Option<Point2<f64>> {
-    let rotation =
-        Rotation3::from_euler_angles(tilt.roll_deg.to_radians(), tilt.pitch_deg.to_radians(), 0.0);
-    // Forward, right, down.
-    let ray = Vector3::new(-point_px.y, point_px.x, focal_length_px);
-    let level = rotation * ray;
-    (level.z > LEAST_RAY_COS * level.norm())
-        .then(|| Point2::new(level.y, -level.x) * (focal_length_px / level.z))
-}
-
 #[cfg(test)]
 mod tests {
-    use super::*;
     use approx::assert_relative_eq;
+    use nalgebra::Vector3;
+
+    use super::{levelling::levelled, *};
 
     /// Where a camera sees a ground point: photo pixels from the centre, x right, y down. North, east and metres; written out
     /// from the axes and not with the rotation of [`levelled`].
@@ -389,41 +311,5 @@ mod tests {
         let off = motion_of(&pairs(rolled, level), &uncertain, 1.0).unwrap();
         let error_px = (off.forward_px - motion.forward_px).hypot(off.right_px - motion.right_px);
         assert!((7.0..11.0).contains(&error_px), "{error_px}");
-    }
-
-    #[test]
-    fn matches_beside_the_first_photo_cannot_agree() {
-        let shift = nalgebra::Matrix3::new(1.0, 0.0, 60.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
-        let shift = Homography::from_matrix(shift).unwrap();
-        let first = [Point2::new(-50.0, -40.0), Point2::new(50.0, 40.0), NOWHERE];
-        // Shifted by 60 to the right, the first two are within the first photo and the third is beside it.
-        let pairs = [-100.0, -20.0, 0.0]
-            .map(|x| Correspondence::new(Point2::new(x, 10.0), Point2::origin()));
-        assert_eq!(on_common_ground(&shift, &pairs, &first), 2);
-    }
-
-    #[test]
-    fn inliers_count_against_what_chance_gives_along_the_transform() {
-        // Of Poisson with mean 2: P(X >= 20) is 6.44e-14 (the series added up); the bound is above it, by a factor of ten.
-        let exact = 6.44e-14f64.ln() + DISTINCT_SIMILARITIES.ln();
-        let bound = ln_false_alarms(20, 2.0);
-        assert!(
-            bound > exact && bound < exact + 11f64.ln(),
-            "{bound} {exact}"
-        );
-        // Few that agree are enough where chance gives none, and many are not where it gives as many.
-        assert!(ln_false_alarms(16, 0.5) < MOST_FALSE_ALARMS.ln());
-        assert!(ln_false_alarms(40, 35.0) > MOST_FALSE_ALARMS.ln());
-        assert!(ln_false_alarms(3, 9.0) > 0.0);
-    }
-
-    #[test]
-    fn rays_near_the_horizon_meet_no_ground() {
-        let ahead = FrameTilt {
-            pitch_deg: 60.0,
-            roll_deg: 0.0,
-        };
-        assert!(levelled(Point2::new(0.0, -400.0), &ahead, 1000.0).is_none());
-        assert!(levelled(Point2::new(0.0, 400.0), &ahead, 1000.0).is_some());
     }
 }

@@ -20,14 +20,19 @@ fn frame(number: usize) -> PathBuf {
 
 /// `grim track` with the flight's pack: the lines, standard error and exit status.
 fn track(arguments: &[&str], source: &[&Path]) -> (Vec<Value>, String, i32) {
-    let output = grim()
-        .arg("track")
-        .arg("--pack")
-        .arg(pack())
-        .args(arguments)
-        .args(source)
-        .output()
-        .unwrap();
+    answers(
+        grim()
+            .arg("track")
+            .arg("--pack")
+            .arg(pack())
+            .args(arguments)
+            .args(source),
+    )
+}
+
+/// Runs `grim track`: the lines, standard error and exit status.
+pub(super) fn answers(command: &mut assert_cmd::Command) -> (Vec<Value>, String, i32) {
+    let output = command.output().unwrap();
     let errors = String::from_utf8(output.stderr).unwrap();
     let text = String::from_utf8(output.stdout).unwrap();
     (lines(&text), errors, output.status.code().unwrap())

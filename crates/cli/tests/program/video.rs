@@ -5,7 +5,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{demo, grim, lines, pack};
+use super::{demo, grim, pack, track::answers};
 
 /// Ten frames of the demo's flight, one a second: `video/make_video.sh`.
 const FLIGHT: &[u8] = include_bytes!("video/flight.mp4");
@@ -14,18 +14,15 @@ const METRES_PER_DEG: f64 = 111_320.0;
 
 /// Follows the video; no program is on the PATH. Gives the lines, standard error and exit status.
 fn track(video: &Path, arguments: &[&str]) -> (Vec<Value>, String, i32) {
-    let output = grim()
-        .env("PATH", "")
-        .args(["track", "--fps", "1", "--hfov", "70", "--height-agl", "115"])
-        .arg("--pack")
-        .arg(pack())
-        .args(arguments)
-        .arg(video)
-        .output()
-        .unwrap();
-    let errors = String::from_utf8(output.stderr).unwrap();
-    let text = String::from_utf8(output.stdout).unwrap();
-    (lines(&text), errors, output.status.code().unwrap())
+    answers(
+        grim()
+            .env("PATH", "")
+            .args(["track", "--fps", "1", "--hfov", "70", "--height-agl", "115"])
+            .arg("--pack")
+            .arg(pack())
+            .args(arguments)
+            .arg(video),
+    )
 }
 
 #[test]

@@ -183,17 +183,22 @@ fn of_answers_with_drawings() {
     .test();
 }
 
+/// Frames of the demo's flight, as words of a command line.
+fn flight(frames: std::ops::RangeInclusive<usize>) -> String {
+    let frame = |number| format!("flight/frame_{number:03}.jpg");
+    let frames: Vec<String> = frames
+        .map(|number| demo().join(frame(number)).display().to_string())
+        .collect();
+    frames.join(" ")
+}
+
 #[test]
 fn of_a_track_with_its_recording_and_report() {
     let track = |frames: std::ops::RangeInclusive<usize>| {
-        let frame = |number| format!("flight/frame_{number:03}.jpg");
-        let frames: Vec<String> = frames
-            .map(|number| demo().join(frame(number)).display().to_string())
-            .collect();
         words(&format!(
             "track --pack {} {} -o track.gpx --record recorded --report report --overwrite",
             pack().display(),
-            frames.join(" ")
+            flight(frames)
         ))
     };
     Case {
@@ -208,14 +213,10 @@ fn of_a_track_with_its_recording_and_report() {
 #[test]
 fn of_a_track_with_nmea_sentences() {
     let track = |frames: std::ops::RangeInclusive<usize>| {
-        let frame = |number| format!("flight/frame_{number:03}.jpg");
-        let frames: Vec<String> = frames
-            .map(|number| demo().join(frame(number)).display().to_string())
-            .collect();
         words(&format!(
             "track --pack {} {} -o track.csv --nmea sentences.nmea --overwrite",
             pack().display(),
-            frames.join(" ")
+            flight(frames)
         ))
     };
     Case {

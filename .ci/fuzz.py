@@ -62,12 +62,10 @@ def libfuzzer_targets(log):
     for name in listed.stdout.split():
         corpus = log / "corpus" / name
         corpus.mkdir(parents=True, exist_ok=True)
-        # The targets that make their inputs from a valid file have no corpus in the repository.
-        seeds = ROOT / "fuzz/corpus" / name
         yield name, [
             str(ROOT / "fuzz/target" / host / "release" / name),
             str(corpus),
-            *([str(seeds)] if seeds.is_dir() else []),
+            str(ROOT / "fuzz/corpus" / name),
             f"-rss_limit_mb={RSS_LIMIT_MIB}",
             f"-timeout={TIMEOUT_S}",
             f"-artifact_prefix={log}/findings/{name}-",

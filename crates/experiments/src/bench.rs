@@ -4,21 +4,22 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use grimnet_eval::evaluation::{Found, Method, MethodError, TrialError, evaluate};
+use grimnet_eval::metrics::Frame;
 use grimnet_eval::metrics::rank_distance::FrameDistances;
 use grimnet_eval::metrics::recall::{FrameRecall, MOST_RANKS, RightTile};
-use grimnet_eval::metrics::{Frame, ScoredFix};
 use grimnet_eval::report::plot::PlotError;
 use grimnet_eval::scene::{HeadingMode, Scene};
-use grimnet_geo::{GeoError, LonLat, Raster};
+use grimnet_geo::{GeoError, Raster};
 use grimnet_locate::{Localizer, LocateError, Options, Outcome, Prior};
 use grimnet_net::{Domain, Model};
 use grimnet_output::{OutputError, OutputPolicy};
 use grimnet_pack::{BuildOptions, Levels, Pack, PackError, build};
-use grimnet_photo::{HeadingPrior, Metadata, Photo, PhotoError, ViewPrior};
+use grimnet_photo::{Photo, PhotoError};
 
+use crate::changed::{Change, Changed};
 use crate::given::Given;
 use crate::photometry::Photometry;
-use crate::sift_map::{SiftMap, SiftMapError};
+use crate::sift_method::{SiftMaps, SiftMethodError};
 
 /// What localises the photos.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -74,7 +75,7 @@ pub enum BenchError {
     Locate(#[from] LocateError),
     /// The SIFT baseline.
     #[error(transparent)]
-    Sift(#[from] SiftMapError),
+    Sift(#[from] SiftMethodError),
     /// The map.
     #[error(transparent)]
     Map(#[from] GeoError),
@@ -100,7 +101,7 @@ pub struct Bench<'a> {
     model: &'a Model,
     folder: PathBuf,
     measured: HashMap<String, Measured>,
-    sift_maps: HashMap<PathBuf, SiftMap>,
+    sift_maps: SiftMaps,
 }
 
 impl<'a> Bench<'a> {
@@ -114,7 +115,7 @@ impl<'a> Bench<'a> {
             model,
             folder: folder.to_owned(),
             measured: HashMap::new(),
-            sift_maps: HashMap::new(),
+            sift_maps: SiftMaps::default(),
         })
     }
 
@@ -143,33 +144,15 @@ impl<'a> Bench<'a> {
         let measured = if setup.method == Localisation::Learned {
             run(&localizer, localizer.pack(), scene, setup)?
         } else {
-            self.sift_map(&pack_path, &localizer, scene, setup)?;
-            let sift = Sift {
-                map: &self.sift_maps[&pack_path],
-                retrieval: (setup.method == Localisation::SiftAmongRetrieved).then_some(&localizer),
-            };
+            let among_retrieved = setup.method == Localisation::SiftAmongRetrieved;
+            let told = (heading_mode(setup), change(setup));
+            let sift = self
+                .sift_maps
+                .method(&localizer, scene, told, among_retrieved)?;
             run(&sift, localizer.pack(), scene, setup)?
         };
         self.measured.insert(key, measured.clone());
         Ok(measured)
-    }
-
-    /// Makes the SIFT features of the level that the localiser uses for these photos, whose tiles retrieval names.
-    fn sift_map(
-        &mut self,
-        pack_path: &Path,
-        localizer: &Localizer,
-        scene: &Scene,
-        setup: &Setup,
-    ) -> Result<(), BenchError> {
-        if self.sift_maps.contains_key(pack_path) {
-            return Ok(());
-        }
-        let pack = localizer.pack();
-        let level = level_of(pack, scene, setup)?;
-        let map = SiftMap::new(scene.map.as_ref(), &pack.levels()[level])?;
-        self.sift_maps.insert(pack_path.to_owned(), map);
-        Ok(())
     }
 
     /// Localises all photos of a scene by two independent networks (the paper's G + M): that of `retrieval` finds `k` tiles, and
@@ -198,11 +181,9 @@ impl<'a> Bench<'a> {
             Pack::open(self.pack(scene, &setup.build)?)?,
         )?
         .with_options(setup.options.clone());
-        let level = level_of(finder.pack(), scene, setup)?;
         let apart = Apart {
             finder: &finder,
             matcher: &matcher,
-            level,
         };
         let mut measured = run(&apart, finder.pack(), scene, setup)?;
         // The search is not the matcher's.
@@ -237,16 +218,20 @@ pub fn pack_of(
     Ok(path)
 }
 
-/// The level that photos are compared with: the nearest to their resolution if that is given, else the finest. Packs of paper mode
-/// have one.
-fn level_of(pack: &Pack, scene: &Scene, setup: &Setup) -> Result<usize, BenchError> {
-    let width_m = match setup.given {
-        Given::Nothing => None,
-        Given::Scale | Given::HeadingAndScale => scene.ground_width_m()?,
-    };
-    Ok(width_m.map_or(0, |width_m| {
-        pack.nearest_level(width_m / setup.options.query_width_px)
-    }))
+/// What a setup tells of the heading.
+fn heading_mode(setup: &Setup) -> HeadingMode {
+    match setup.given {
+        Given::Heading | Given::HeadingAndScale => HeadingMode::Known,
+        Given::Nothing | Given::Scale => HeadingMode::Unknown,
+    }
+}
+
+/// What a setup changes of photos and tells of them.
+fn change(setup: &Setup) -> Change {
+    Change {
+        photometry: setup.photometry,
+        given: setup.given,
+    }
 }
 
 /// Runs a method over the photos of a scene.
@@ -258,14 +243,9 @@ fn run(
 ) -> Result<Measured, BenchError> {
     let changed = Changed {
         method,
-        photometry: setup.photometry,
-        given: setup.given,
+        change: change(setup),
     };
-    let heading = match setup.given {
-        Given::HeadingAndScale => HeadingMode::Known,
-        Given::Nothing | Given::Scale => HeadingMode::Unknown,
-    };
-    let trials = evaluate(&changed, &scene.shots, heading, &mut |_| ());
+    let trials = evaluate(&changed, &scene.shots, heading_mode(setup), &mut |_| ());
     let mut measured = Measured::default();
     for (shot, trial) in scene.shots.iter().zip(trials) {
         let found = trial.found?;
@@ -291,69 +271,16 @@ fn run(
     Ok(measured)
 }
 
-/// A method on changed photos.
-struct Changed<'a> {
-    method: &'a dyn Method,
-    photometry: Photometry,
-    given: Given,
-}
-
-impl Method for Changed<'_> {
-    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        if self.photometry == Photometry::Original && self.given != Given::Nothing {
-            return self.method.locate(photo, prior);
-        }
-        let mut changed = Photo {
-            image: self.photometry.apply(&photo.image),
-            ..photo.clone()
-        };
-        let mut prior = *prior;
-        if self.given == Given::Nothing {
-            changed.metadata = Metadata {
-                orientation: photo.metadata.orientation,
-                ..Metadata::default()
-            };
-            prior.view = ViewPrior {
-                heading: HeadingPrior::Unknown,
-                ..ViewPrior::default()
-            };
-        }
-        self.method.locate(&changed, &prior)
-    }
-}
-
-/// SIFT against the tiles of a map: all of them, or those that retrieval names.
-struct Sift<'a> {
-    map: &'a SiftMap,
-    retrieval: Option<&'a Localizer>,
-}
-
-impl Method for Sift<'_> {
-    fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        let among = self
-            .retrieval
-            .map(|localizer| localizer.retrieve(photo, prior))
-            .transpose()?;
-        let found = self.map.locate(photo, prior, among.as_deref())?;
-        Ok(Found {
-            fix: found.map(|fix| without_covariance(fix.position)),
-            reason: Some("no transform is consistent with any matches".to_owned()),
-            inliers: found.map(|fix| fix.inliers),
-            ..Found::default()
-        })
-    }
-}
-
 /// One localiser retrieves tiles, another matches in each.
 struct Apart<'a> {
     finder: &'a Localizer,
     matcher: &'a Localizer,
-    level: usize,
 }
 
 impl Method for Apart<'_> {
     fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        let level = &self.finder.pack().levels()[self.level];
+        let first_level = self.finder.first_level(photo, prior).unwrap_or_default();
+        let level = &self.finder.pack().levels()[first_level];
         let reach_m = level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
         let mut best: Option<(usize, Outcome)> = None;
         for tile in self.finder.retrieve(photo, prior)? {
@@ -374,14 +301,6 @@ impl Method for Apart<'_> {
         // The time of the whole search counts, not of its best tile.
         found.stage_ms.clear();
         Ok(found)
-    }
-}
-
-fn without_covariance(position: LonLat) -> ScoredFix {
-    ScoredFix {
-        position,
-        covariance_en_m2: [1.0, 0.0, 1.0],
-        radius95_m: 0.0,
     }
 }
 

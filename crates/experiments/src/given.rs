@@ -5,6 +5,8 @@
 pub enum Given {
     /// Nothing, as in the paper: metadata are removed.
     Nothing,
+    /// The heading alone: metadata are removed.
+    Heading,
     /// The metadata and the ground width, without the heading.
     Scale,
     /// The metadata, the ground width and the heading.

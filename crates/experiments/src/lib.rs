@@ -5,6 +5,7 @@
 //! that compare trained networks. The program `grim-experiments` runs them. [`claims`] makes EVALUATION.md from stored figures.
 
 pub mod bench;
+mod changed;
 pub mod claim;
 mod claim_section;
 pub mod claims;
@@ -20,6 +21,7 @@ pub mod recipe;
 mod scene_rows;
 pub mod sift;
 pub mod sift_map;
+pub mod sift_method;
 pub mod sweep;
 pub mod tables;
 pub mod track_claims;

@@ -39,6 +39,16 @@ impl Variant {
         recipe: Recipe::Default,
         given: Given::Nothing,
     };
+    /// The paper's procedure on photos that are turned by their heading, which its text does not use.
+    pub const PAPER_WITH_HEADING: Self = Self {
+        recipe: Recipe::Paper,
+        given: Given::Heading,
+    };
+    /// The default method with as much.
+    pub const DEFAULT_WITH_HEADING: Self = Self {
+        recipe: Recipe::Default,
+        given: Given::Heading,
+    };
     /// The paper's procedure with what its text does not use: photos are turned by their heading, and the map is resampled so that a
     /// tile is as wide as a photo.
     pub const PAPER_WITH_PRIOR: Self = Self {
@@ -50,17 +60,16 @@ impl Variant {
         recipe: Recipe::Default,
         given: Given::HeadingAndScale,
     };
-    /// All four: within each half the inputs are equal.
-    pub const ALL: [Self; 4] = [
+    /// The paper's procedure and the default method with equal inputs: nothing, the heading, heading and scale.
+    pub const PAIRS: [[Self; 2]; 3] = [
+        [Self::PAPER, Self::DEFAULT_WITHOUT_PRIOR],
+        [Self::PAPER_WITH_HEADING, Self::DEFAULT_WITH_HEADING],
+        [Self::PAPER_WITH_PRIOR, Self::DEFAULT_WITH_PRIOR],
+    ];
+    /// Those of the tables with many rows: both methods with nothing, and both with heading and scale.
+    pub const SWEPT: [Self; 4] = [
         Self::PAPER,
         Self::DEFAULT_WITHOUT_PRIOR,
-        Self::PAPER_WITH_PRIOR,
-        Self::DEFAULT_WITH_PRIOR,
-    ];
-    /// Those of the tables with many rows. [`Variant::DEFAULT_WITHOUT_PRIOR`], which searches over headings and scales, is left to the tables
-    /// that compare methods.
-    pub const SWEPT: [Self; 3] = [
-        Self::PAPER,
         Self::PAPER_WITH_PRIOR,
         Self::DEFAULT_WITH_PRIOR,
     ];
@@ -71,7 +80,8 @@ impl Variant {
     /// A photo cannot be read.
     pub fn setup(self, scene: &Scene) -> Result<Setup, PhotoError> {
         let setup = self.plain_setup();
-        if self.recipe != Recipe::Paper || self.given == Given::Nothing {
+        let is_scaled = matches!(self.given, Given::Scale | Given::HeadingAndScale);
+        if self.recipe != Recipe::Paper || !is_scaled {
             return Ok(setup);
         }
         let width_m = scene.ground_width_m()?;
@@ -94,7 +104,7 @@ impl Variant {
         Setup {
             build,
             options: Options {
-                turn_by_heading: self.given == Given::HeadingAndScale,
+                turn_by_heading: matches!(self.given, Given::Heading | Given::HeadingAndScale),
                 ..options
             },
             given: self.given,
@@ -111,11 +121,13 @@ impl Variant {
         };
         match (self.recipe, self.given) {
             (Recipe::Paper, Given::Nothing) => method,
+            (Recipe::Paper, Given::Heading) => format!("{method}; heading given"),
             (Recipe::Paper, Given::Scale) => format!("{method}; map at footprint / 512"),
             (Recipe::Paper, Given::HeadingAndScale) => {
                 format!("{method}; heading given, map at footprint / 512")
             }
             (Recipe::Default, Given::Nothing) => format!("{method}; nothing given"),
+            (Recipe::Default, Given::Heading) => format!("{method}; heading given"),
             (Recipe::Default, Given::Scale) => format!("{method}; scale given"),
             (Recipe::Default, Given::HeadingAndScale) => {
                 format!("{method}; heading and scale given")
@@ -145,10 +157,11 @@ mod tests {
             Variant::PAPER.name(&compact),
             "paper's procedure, compact network"
         );
-        let mut names: Vec<String> = Variant::ALL.map(|v| v.name(&compact)).into();
+        let all = Variant::PAIRS.concat();
+        let mut names: Vec<String> = all.iter().map(|v| v.name(&compact)).collect();
         names.sort();
         names.dedup();
-        assert_eq!(names.len(), 4);
+        assert_eq!(names.len(), 6);
     }
 
     #[test]

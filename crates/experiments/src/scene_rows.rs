@@ -108,7 +108,7 @@ pub(super) fn paper_scenes(rows: &[PaperRow]) -> (Vec<Column>, Vec<Row>) {
 pub(super) const ALE_NOTE: &str = "Metres are average errors over the frames with a fix (ALE); a frame without one has no error, and is counted in the columns of shares.";
 
 /// The note of tables with rows of different inputs.
-pub(super) const INPUTS_NOTE: &str = "The rows of the paper's procedure without other words are given nothing but the pixels, as published; all other rows are given heading and ground width.";
+pub(super) const INPUTS_NOTE: &str = "The rows of the paper's procedure without other words are given nothing but the pixels, as published, and default mode with nothing given has as little; the other rows of both are given heading and ground width. Compare rows of equal inputs.";
 
 /// A table of errors by scene without rows.
 pub(super) fn table(id: &str, title: &str, number: u32, scenes: &[Scene]) -> ExperimentTable {

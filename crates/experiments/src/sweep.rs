@@ -106,6 +106,7 @@ impl Sweep {
     fn paper_headings(flight: &WorldFlight) -> Vec<Step> {
         let variants = [
             (Variant::PAPER, "as published"),
+            (Variant::PAPER_WITH_HEADING, "heading given"),
             (
                 Variant {
                     given: Given::Scale,

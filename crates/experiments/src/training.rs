@@ -317,7 +317,7 @@ fn da_bn(
         scenes,
     );
     for (name, network, norms) in [
-        ("GRiM-Net", UNCHANGED, Norms::ByDomain),
+        ("with DA-BN", UNCHANGED, Norms::ByDomain),
         ("without DA-BN", "plain BN", Norms::Joint),
     ] {
         let trained = networks.get(network, |config| config.norms = norms)?;

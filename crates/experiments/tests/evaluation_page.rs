@@ -17,3 +17,48 @@ fn the_page_and_the_stored_figures_agree() {
     }
     assert_eq!(made.lines().count(), kept.lines().count());
 }
+
+/// Rows of the tables of evaluation/paper.md whose head is `equation or section`: their cells.
+fn rows(text: &str) -> Vec<Vec<&str>> {
+    let mut rows = Vec::new();
+    let mut is_inside = false;
+    for line in text.lines() {
+        if !line.starts_with('|') {
+            is_inside = false;
+        } else if line.starts_with("| equation or section |") {
+            is_inside = true;
+        } else if is_inside && !line.starts_with("|---") {
+            let cells = line.trim_matches('|').split('|').map(str::trim);
+            rows.push(cells.collect());
+        }
+    }
+    rows
+}
+
+#[test]
+fn every_row_of_the_table_of_the_paper_names_its_source_an_existing_file_and_what_differs() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let text = std::fs::read_to_string(root.join("evaluation/paper.md")).unwrap();
+    let rows = rows(&text);
+    assert!(rows.len() > 30, "{} rows", rows.len());
+    for row in rows {
+        let [source, paper, ours, differs] = row[..] else {
+            panic!("{} cells in {row:?}", row.len());
+        };
+        let has_source = source == "-" || source.contains(|c: char| c.is_ascii_digit());
+        assert!(
+            has_source && !paper.is_empty() && !differs.is_empty(),
+            "{row:?}"
+        );
+        let files: Vec<&str> = ours
+            .split('`')
+            .skip(1)
+            .step_by(2)
+            .filter(|name| name.contains('/') || name.ends_with(".rs"))
+            .collect();
+        assert!(!files.is_empty(), "no file in {row:?}");
+        for file in files {
+            assert!(root.join(file).is_file(), "no file {file}: {row:?}");
+        }
+    }
+}

@@ -20,8 +20,7 @@ use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_photo::{Metadata, Photo, PhotoLimits};
 
 /// A photo cut out of the map, so that any matcher must find it to a fraction of a pixel.
-fn cut(scene: &Scene, [w, h]: [f64; 2]) -> Shot {
-    let (x, y) = (400.0, 380.0);
+fn cut(scene: &Scene, [x, y]: [f64; 2], [w, h]: [f64; 2]) -> Shot {
     let patch = scene
         .map
         .read(WindowPx::new(x, y, w, h), w as u32, h as u32)
@@ -49,7 +48,7 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     let mut scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
         .make(folder.path())
         .unwrap();
-    let shot = cut(&scene, [384.0, 288.0]);
+    let shot = cut(&scene, [400.0, 380.0], [384.0, 288.0]);
     scene.shots = vec![shot];
     let model = Model::bundled().unwrap();
     let mut bench = Bench::new(&model, folder.path()).unwrap();
@@ -77,6 +76,31 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     assert!(!bench.measure(&scene, &dark).unwrap().frames[0].fixed);
 }
 
+/// With its ground width given, a photo twice as wide as a tile of the finest level is compared with the next level; SIFT features of the finest
+/// level, made before for photos of unknown scale, are not those.
+#[test]
+fn sift_is_compared_with_the_level_of_each_photo() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = WorldFlight::over("town", 5, 320.0, 0.9, 1)
+        .make(folder.path())
+        .unwrap();
+    scene.shots = vec![cut(&scene, [120.0, 150.0], [800.0, 600.0])];
+    let model = Model::bundled().unwrap();
+    let mut bench = Bench::new(&model, folder.path()).unwrap();
+    let mut error_m = |variant: Variant, method: Localisation| {
+        let setup = Setup {
+            method,
+            ..variant.setup(&scene).unwrap()
+        };
+        bench.measure(&scene, &setup).unwrap().frames[0].error_m
+    };
+    error_m(Variant::DEFAULT_WITHOUT_PRIOR, Localisation::SiftWholeMap);
+    for method in [Localisation::SiftAmongRetrieved, Localisation::SiftWholeMap] {
+        let error_m = error_m(Variant::DEFAULT_WITH_PRIOR, method).unwrap();
+        assert!(error_m < 1.0, "{method:?}: {error_m} m");
+    }
+}
+
 #[test]
 fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     let folder = tempfile::tempdir().unwrap();
@@ -88,8 +112,8 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
     let mut bench = Bench::new(&model, folder.path()).unwrap();
     let scenes = [scene];
     let table = tables::run(Experiment::Photometry, &mut bench, &scenes).unwrap();
-    // Four conditions by the paper's procedure, as published and with heading and scale, and by the default method.
-    assert_eq!((table.paper_table, table.rows.len()), (Some(7), 12));
+    // Four conditions by the paper's procedure and by the default method, with nothing given and with heading and scale.
+    assert_eq!((table.paper_table, table.rows.len()), (Some(7), 16));
     assert_eq!(
         table.rows[0].name,
         "Original condition, paper's procedure, compact network"
@@ -110,7 +134,7 @@ fn a_table_has_a_column_a_scene_and_what_an_average_hides() {
 
     // Figure 7b has the frames of every method, figure 7a of each row.
     let table = tables::run(Experiment::Success, &mut bench, &scenes).unwrap();
-    assert_eq!((table.rows.len(), table.figures.len()), (4, 4));
+    assert_eq!((table.rows.len(), table.figures.len()), (6, 6));
     let out = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
     table.write(&out).unwrap();
     let svg = std::fs::read_to_string(folder.path().join(&table.figures[0].file)).unwrap();
@@ -126,7 +150,7 @@ fn what_is_given_reaches_the_method() {
         .make(folder.path())
         .unwrap();
     // A square photo, which paper mode does not distort.
-    let mut shot = cut(&scene, [400.0, 400.0]);
+    let mut shot = cut(&scene, [400.0, 380.0], [400.0, 400.0]);
     let upright = shot.photo.open().unwrap();
     let turned = image::imageops::rotate90(&upright.image);
     let up = scene.map.georeference();

@@ -7,9 +7,11 @@ use std::process::{Command, Output};
 
 use grimnet_experiments::bench::{at_gsd, pack_of};
 use grimnet_experiments::experiment_table::ExperimentTable;
+use grimnet_experiments::world_flight::WorldFlight;
 use grimnet_geo::{MapOptions, open_map};
 use grimnet_net::Model;
 use grimnet_pack::{BuildOptions, Pack};
+use grimnet_world::{PhotoTags, write_jpeg_with_exif};
 use image::RgbImage;
 
 fn program(arguments: &[&str]) -> Output {
@@ -123,8 +125,6 @@ fn recall_is_measured_among_distractors() {
 
 /// A folder with map, a photo and its truth.
 fn data_set(folder: &Path) -> std::path::PathBuf {
-    use grimnet_experiments::world_flight::WorldFlight;
-
     let data = folder.join("data");
     let photos = data.join("photos");
     std::fs::create_dir_all(&photos).unwrap();
@@ -146,6 +146,109 @@ fn data_set(folder: &Path) -> std::path::PathBuf {
     }
     std::fs::write(data.join("truth.csv"), truth).unwrap();
     data
+}
+
+/// A folder of MSDI's shape with one photo a scene, and the map of each beside it: `(data, maps)`. All lie at the same coordinates.
+fn five_scenes(folder: &Path) -> (std::path::PathBuf, Vec<(&'static str, std::path::PathBuf)>) {
+    let photos = folder.join("msdi/data/calibrated_images");
+    let names = [
+        "business_school",
+        "energy_center",
+        "holy_name_church",
+        "metropolitan_university",
+        "museum",
+    ];
+    let made = (20..).zip(names).map(|(seed, name)| {
+        let scene = WorldFlight::over(name, seed, 320.0, 0.9, 1)
+            .make(&folder.join("maps"))
+            .unwrap();
+        let shot = &scene.shots[0];
+        let photo = shot.photo.open().unwrap();
+        let told = &photo.metadata;
+        let height_m = told.relative_altitude_m.unwrap();
+        let focal_px = told.calibrated_focal_px.unwrap();
+        let tags = PhotoTags {
+            lat_deg: shot.truth.position.lat_deg,
+            lon_deg: shot.truth.position.lon_deg,
+            gps_altitude_m: height_m,
+            relative_altitude_m: height_m,
+            gimbal_yaw_deg: told.gimbal_yaw_deg.unwrap(),
+            gimbal_pitch_deg: told.gimbal_pitch_deg.unwrap(),
+            gimbal_roll_deg: told.gimbal_roll_deg.unwrap(),
+            flight_yaw_deg: told.gimbal_yaw_deg.unwrap(),
+            focal_length_mm: 4.5,
+            focal_35mm: 36.0 * focal_px / f64::from(photo.image.width()),
+            calibrated_focal_px: focal_px,
+            make: "test".into(),
+            model: "test".into(),
+            taken: "2026:06:21 10:00:00".into(),
+        };
+        std::fs::create_dir_all(photos.join(name)).unwrap();
+        let path = photos.join(name).join("001.jpg");
+        write_jpeg_with_exif(&path, &photo.image, 95, &tags).unwrap();
+        (name, folder.join(format!("maps/{name}.tif")))
+    });
+    let maps = made.collect();
+    (folder.join("msdi"), maps)
+}
+
+#[test]
+fn each_scene_without_a_map_gets_the_one_that_is_named_for_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let (data, maps) = five_scenes(folder.path());
+    let out = folder.path().join("out");
+    let with_maps = |named: &[(String, String)], experiment: &str| {
+        let mut arguments = vec![data.to_str().unwrap(), "--experiment", experiment];
+        arguments.extend(["--out", out.to_str().unwrap()]);
+        let named: Vec<String> = named
+            .iter()
+            .map(|(scene, map)| format!("{scene}={map}"))
+            .collect();
+        for map in &named {
+            arguments.extend(["--scene-map", map]);
+        }
+        program(&arguments)
+    };
+    let own: Vec<(String, String)> = maps
+        .iter()
+        .map(|(scene, map)| ((*scene).to_owned(), map.to_str().unwrap().to_owned()))
+        .collect();
+
+    let refused = with_maps(&own[1..], "success");
+    assert_eq!(refused.status.code(), Some(2));
+    let given = errors(&refused);
+    assert!(
+        given.contains("MSDI comes without a map") && given.contains("business_school"),
+        "{given}"
+    );
+    let unknown = with_maps(&[("museums".to_owned(), own[4].1.clone())], "success");
+    assert_eq!(unknown.status.code(), Some(2));
+    let given = errors(&unknown);
+    assert!(
+        given.contains("--scene-map museums") && given.contains("metropolitan_university"),
+        "{given}"
+    );
+
+    let run = with_maps(&own, "success");
+    assert!(run.status.success(), "{}", errors(&run));
+    let table = ExperimentTable::read(&out.join("success.json")).unwrap();
+    assert_eq!(table.conditions["frames"], "5");
+    let columns: Vec<&str> = table.columns.iter().map(|c| c.name.as_str()).collect();
+    let scenes: Vec<&str> = maps.iter().map(|(name, _)| *name).collect();
+    assert_eq!(columns, [&scenes[..], &["all frames"]].concat());
+    // The maps show other towns at the same coordinates: on a map of another scene no photo could be found.
+    let row = table.rows.last().unwrap();
+    assert_eq!(row.name, "default mode; heading and scale given");
+    assert_eq!(row.values, vec![Some(100.0); 6]);
+
+    let mut swapped = own;
+    let first = swapped[0].1.clone();
+    swapped[0].1 = std::mem::replace(&mut swapped[1].1, first);
+    let run = with_maps(&swapped, "success");
+    assert!(run.status.success(), "{}", errors(&run));
+    let table = ExperimentTable::read(&out.join("success.json")).unwrap();
+    let found = &table.rows.last().unwrap().values[..5];
+    assert_eq!(found, [0.0, 0.0, 100.0, 100.0, 100.0].map(Some));
 }
 
 #[test]

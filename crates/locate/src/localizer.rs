@@ -255,8 +255,19 @@ impl Localizer {
         Ok(Self { extractor, ..self })
     }
 
+    /// The level of the pack that the photo is compared with first; `None` for a pack without tiles. Packs of paper mode have one.
+    #[doc(hidden)]
+    #[must_use]
+    pub fn first_level(&self, photo: &Photo, prior: &Prior) -> Option<usize> {
+        if self.options.mode == Mode::Paper {
+            return Some(procedure::LEVEL);
+        }
+        let rounds = rounds(&photo.view(&prior.view), &self.pack, &self.options);
+        Some(rounds.first()?.hypotheses.first()?.level)
+    }
+
     /// The tiles most similar to the photo under its first round of hypotheses (in paper mode to the whole photo), best first, at
-    /// most [`Options::top_k`]. They are indices in the level of that round.
+    /// most [`Options::top_k`]. They are indices in [`Localizer::first_level`].
     ///
     /// # Errors
     /// As [`Localizer::locate`].

@@ -1,4 +1,4 @@
-//! The GRiM-Net network on the CPU: network description, model file, inference.
+//! Networks of the form of GRiM-Net on the CPU: network description, model file, inference.
 //!
 //! A [`NetSpec`] describes a network (presets: `compact`, the default, and three variants of the paper's VGG-16); a
 //! [`Model`] is a description with its weights; an [`Extractor`] is a model prepared for one [`Domain`] (normalisation

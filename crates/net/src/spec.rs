@@ -13,7 +13,7 @@ pub const BATCH_NORM_EPSILON: f32 = 1e-5;
 /// Number of stages; the last works at 1/32 of the image's side.
 pub(crate) const STAGES: usize = 5;
 
-/// Which of the two sets of DA-BN statistics and affine parameters is used (paper, section 3.3, eq. 3).
+/// Which of the two sets of DA-BN statistics and affine parameters is used (paper, section 3.3.2, eq. 3).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Domain {
@@ -202,8 +202,9 @@ impl NetSpec {
         }
     }
 
-    /// The paper's network: VGG-16 (Simonyan and Zisserman 2015) conv1 to conv5, two transposed convolutions, NetVLAD on the
-    /// deepest features with whitening from 32,768 to 512 values. The input is normalised with ImageNet's statistics.
+    /// The paper's encoder, VGG-16 (Simonyan and Zisserman 2015) conv1 to conv5, two transposed convolutions, each followed by
+    /// normalisation and ReLU, NetVLAD on the deepest features, scaled to unit length, with whitening from 32,768 to 512 values. The
+    /// input is normalised with ImageNet's statistics. [`NetSpec::vgg16_paper`] has the layers as published.
     pub fn vgg16() -> Self {
         let stage = |&(width, layers): &(usize, usize)| Stage {
             widths: vec![width; layers],
@@ -228,7 +229,7 @@ impl NetSpec {
         }
     }
 
-    /// The paper's network as published: as [`NetSpec::vgg16`] without normalisation and activation after the transposed
+    /// The paper's layers as published: as [`NetSpec::vgg16`] without normalisation and activation after the transposed
     /// convolutions (eq. 4), and without scaling of NetVLAD's input (eq. 5-6). It is harder to train from random weights.
     pub fn vgg16_paper() -> Self {
         let normalised = Self::vgg16();

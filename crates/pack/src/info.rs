@@ -9,6 +9,9 @@ use crate::mode::Mode;
 use crate::pack::Pack;
 use crate::printable::Printable;
 
+/// Values of the paper's local descriptors (equation 14) and tile descriptors (equation 8).
+const PAPER_DIMS: [usize; 2] = [256, 512];
+
 /// Summary of a pack.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PackInfo {
@@ -24,6 +27,10 @@ pub struct PackInfo {
     pub model_hash: String,
     /// Preset and name of the model.
     pub model: String,
+    /// Numbers in a local descriptor.
+    pub descriptor_dim: usize,
+    /// Numbers in a tile descriptor.
+    pub global_dim: usize,
     /// Whether the weights of the model are random, so that the pack cannot be used to localise.
     pub model_is_random: bool,
     /// Hash of the map, hex.
@@ -98,6 +105,8 @@ impl Pack {
             model: format!("{} {name}", manifest.model.preset)
                 .trim()
                 .to_owned(),
+            descriptor_dim: manifest.model.descriptor_dim,
+            global_dim: manifest.model.global_dim,
             model_is_random: card("random").and_then(|v| v.as_bool()).unwrap_or(false),
             map_hash: map.hash.clone(),
             map: map.description.clone(),
@@ -207,6 +216,16 @@ impl fmt::Display for PackInfo {
             Printable(&self.model),
             Printable(&short(&self.model_hash))
         )?;
+        let dims = [self.descriptor_dim, self.global_dim];
+        if mode == Mode::Paper && dims != PAPER_DIMS {
+            let [local, of_tile] = PAPER_DIMS;
+            writeln!(
+                f,
+                "         local descriptors of {} values, tile descriptors of {}: the paper's procedure with another network than the \
+                 paper's, which has {local} and {of_tile}",
+                self.descriptor_dim, self.global_dim
+            )?;
+        }
         writeln!(
             f,
             "map      {} ({})",

@@ -16,7 +16,7 @@ use crate::index::Index;
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 
-/// The paper's index: IVF256, PQ64 (section 3.2). The paper does not give nprobe; faiss visits one list by default.
+/// The paper's index: IVF256, PQ64 (section 3.4.2). The paper does not give nprobe; faiss visits one list by default.
 pub const PAPER_INDEX: Index = Index::IvfPq {
     nlist: 256,
     subquantisers: 64,

@@ -271,6 +271,15 @@ fn paper_mode_keeps_tiles_independent() {
         note.contains("at least 256 tiles") && note.contains("paper mode"),
         "{note}"
     );
+    // A pack says where its network is not the paper's.
+    let [local, of_tile] = [
+        features.descriptors.to_f32().len() / features.len(),
+        expected.global.len(),
+    ];
+    let dims = format!(
+        "local descriptors of {local} values, tile descriptors of {of_tile}: the paper's procedure with another network"
+    );
+    assert!(note.contains(&dims), "{note}");
 }
 
 #[test]

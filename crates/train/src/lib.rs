@@ -1,4 +1,4 @@
-//! Training the GRiM-Net network.
+//! Training of networks of the form of GRiM-Net.
 //!
 //! [`TrainConfig`] describes a run, [`Data`] lists its pictures, [`Trainer`] runs it and writes [`Checkpoint`]s, and [`export`]
 //! makes the model file that `grimnet-net` reads. The modules: `model` (the network on burn tensors), [`loss`], [`ops`] (operations

@@ -10,30 +10,29 @@ use crate::experiment_table::{Column, ExperimentTable, Figure, Row};
 use crate::recipe::Variant;
 use crate::scene_rows::{PAPER_SCENES, all_frames, over, paper_scenes, scene_row, table};
 
-/// What each half of the rows is given.
-const NOTE: &str = "Within each half of the rows the inputs are equal: nothing but the photo and the map's own pixels, or heading and ground width as well. \
-    SIFT searches every tile and answers with the one of most inliers. The paper's procedure always answers; without heading and scale its tiles are 512 \
-    map pixels wide, whatever a photo shows. GLVL has not been run: its authors' weights are not part of this program.";
+/// What the rows are given.
+const NOTE: &str = "Within each third of the rows the inputs are equal: nothing but the photo and the map's own pixels, the heading as well, or heading and \
+    ground width. SIFT searches every tile of the level that default mode compares a photo with first, and answers with the one of most inliers; without a \
+    ground width it takes the photo to be as wide as a tile, and finds its scale itself. Default mode without a ground width tries several, those near 165 m \
+    first. The paper's procedure always answers; without heading and scale its tiles are 512 map pixels wide, whatever a photo shows. GLVL has not been run: \
+    its authors' weights are not part of this program.";
 
 pub(super) fn methods(
     bench: &mut Bench<'_>,
     scenes: &[Scene],
 ) -> Result<ExperimentTable, BenchError> {
     let (mut rows, mut runs) = (Vec::new(), Vec::new());
-    for half in [
-        [Variant::PAPER, Variant::DEFAULT_WITHOUT_PRIOR],
-        [Variant::PAPER_WITH_PRIOR, Variant::DEFAULT_WITH_PRIOR],
-    ] {
+    for pair in Variant::PAIRS {
         let sift = over(bench, scenes, |scene| {
             Ok(Setup {
                 method: Localisation::SiftWholeMap,
-                ..half[1].setup(scene)?
+                ..pair[1].setup(scene)?
             })
         })?;
-        let given = half[1].name(bench.model());
+        let given = pair[1].name(bench.model());
         let given = given.split_once("; ").map_or("", |(_, given)| given);
         let mut measured = vec![(format!("SIFT; {given}"), sift)];
-        for variant in half {
+        for variant in pair {
             let name = variant.name(bench.model());
             measured.push((
                 name,
@@ -72,7 +71,7 @@ pub(super) fn success(
 ) -> Result<ExperimentTable, BenchError> {
     let rate = |frames: &[Frame]| Some(100.0 * Summary::of(frames).within_20m);
     let (mut rows, mut figures) = (Vec::new(), Vec::new());
-    for variant in Variant::ALL {
+    for variant in Variant::PAIRS.concat() {
         let measured = over(bench, scenes, |scene| Ok(variant.setup(scene)?))?;
         let mut values: Vec<Option<f64>> = measured.iter().map(|m| rate(&m.frames)).collect();
         let frames = all_frames(&measured);

@@ -32,7 +32,7 @@ use crate::{
 };
 
 /// The level that is searched: packs of paper mode have one.
-const LEVEL: usize = 0;
+pub(crate) const LEVEL: usize = 0;
 
 /// Localises one photo.
 ///

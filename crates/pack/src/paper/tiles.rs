@@ -21,7 +21,7 @@ use crate::level::{CELL_PX, TILE_PX};
 use crate::local_descriptors::DescriptorType;
 use crate::options::BuildOptions;
 
-/// Distance between neighbouring tiles, level pixels (section 3.1).
+/// Distance between neighbouring tiles, level pixels (section 3.2).
 const STRIDE_PX: u32 = CELL_PX;
 
 /// Tiles in one piece of work.

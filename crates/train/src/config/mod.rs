@@ -87,7 +87,7 @@ pub struct TrainConfig {
     pub multi_similarity: MultiSimilarityOptions,
     /// Settings of the homography loss.
     pub homography: HomographyOptions,
-    /// Train retrieval in odd steps and matching in even steps (paper, section 4.2), each on the data that serves it, instead
+    /// Train retrieval in odd steps and matching in even steps (paper, section 4.3), each on the data that serves it, instead
     /// of both in every step.
     pub alternate: bool,
     /// Whether each domain has its own normalisation.

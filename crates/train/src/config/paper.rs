@@ -7,7 +7,7 @@ use crate::data::{HomographyRange, LabelOptions, PairOptions};
 use crate::loss::{HingeOptions, TripletOptions};
 use crate::run::optimiser::AdamOptions;
 
-/// Processing resolution, pixels (section 4.2: H = W = 320).
+/// Processing resolution, pixels (section 4.3: H = W = 320).
 const SIDE_PX: u32 = 320;
 /// Positions sampled for the descriptor hinge. Equations 16-17 average over all pairs of positions, which are 10^10; this
 /// estimate has 400 corresponding pairs among 160,000, a share of 1/400. Read literally the equation has a share of 1/102,400;
@@ -20,7 +20,7 @@ const ROTATION_DEG: f64 = 90.0;
 const ADAPTATION_VIEWS: usize = 100;
 
 impl TrainConfig {
-    /// The paper's recipe (sections 3.3-3.6 and 4.2): network, resolution, losses with their margins and weights, labels by
+    /// The paper's recipe (sections 3.3-3.6 and 4.3): network, resolution, losses with their margins and weights, labels by
     /// homographic adaptation, retrieval and matching in turns from the start, Adam with its default settings and a constant
     /// learning rate, and a tenth of that rate for the encoder.
     ///
@@ -108,7 +108,7 @@ mod tests {
         assert_eq!(recipe.hinge.positive_weight, 1.0);
         // Equation 24: pixels.
         assert_eq!(recipe.homography.unit_px, 1.0);
-        // Section 4.2.
+        // Section 4.3.
         assert_eq!(recipe.pairs.side_px, 320);
         assert!(recipe.alternate);
         assert_eq!(recipe.global_from, 0.0);

@@ -63,7 +63,7 @@ impl Serves {
     }
 }
 
-/// The paper's two tasks, trained in turns (section 4.2).
+/// The paper's two tasks, trained in turns (section 4.3).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Task {
     /// Trains encoder and NetVLAD.

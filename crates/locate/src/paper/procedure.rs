@@ -7,7 +7,7 @@ use std::time::Instant;
 use grimnet_geo::{LevelPx, LonLat};
 use grimnet_pack::resize_for_network;
 use grimnet_pack::{Level, Mode};
-use grimnet_photo::{Photo, QueryOptions, View};
+use grimnet_photo::{Evidence, Photo, QueryOptions, View};
 use image::imageops::{FilterType, resize};
 use nalgebra::Matrix3;
 
@@ -64,14 +64,7 @@ pub(crate) fn locate(
         })
         .collect::<Result<_>>()?;
     time_ms.matching = elapsed_ms(since);
-    let evidence = EvidenceUsed {
-        assumed: Some(if heading_deg(context, view).is_some() {
-            "paper mode: the photo is turned by its heading; its scale is not used".into()
-        } else {
-            "paper mode: neither heading nor scale is used".into()
-        }),
-        ..EvidenceUsed::of(view)
-    };
+    let evidence = evidence(heading_deg(context, view).is_some(), view);
     let by_descriptor = distinct_tiles(&candidates);
     let trace = Trace {
         rounds: vec![RoundTrace {
@@ -120,6 +113,27 @@ fn check_pack(context: Context<'_>) -> Result<()> {
 fn heading_deg(context: Context<'_>, view: &View) -> Option<f64> {
     let heading = view.heading.filter(|_| context.options.turn_by_heading)?;
     Some(heading.heading_deg)
+}
+
+/// What was used of what is known of the view: nothing, unless the photo is turned by its heading.
+fn evidence(is_turned: bool, view: &View) -> EvidenceUsed {
+    if is_turned {
+        return EvidenceUsed {
+            assumed: Some(
+                "paper mode: the photo is turned by its heading; its scale is not used".into(),
+            ),
+            ..EvidenceUsed::of(view)
+        };
+    }
+    let unused = view
+        .used
+        .iter()
+        .map(|known| Evidence::new(&known.field, &known.value, "paper mode does not use it"));
+    EvidenceUsed {
+        used: Vec::new(),
+        set_aside: unused.chain(view.set_aside.iter().cloned()).collect(),
+        assumed: Some("paper mode: neither heading nor scale is used".into()),
+    }
 }
 
 /// The features of the whole photo, resized to the square that the network saw of the level's tiles.

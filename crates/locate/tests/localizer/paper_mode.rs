@@ -108,3 +108,20 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
         self::localizer(Options::paper()).locate(&photo(&town(2), place, 0.0), &Prior::none());
     assert!(matches!(refused, Err(LocateError::NotAPaperPack { .. })));
 }
+
+#[test]
+fn paper_mode_neither_uses_nor_claims_to_use_what_is_known_of_the_view() {
+    let (place, _) = PLACES[1];
+    let query = photo(&town(2), place, 0.0);
+    let localizer = paper_localizer(Options::paper());
+    let told = Prior::none().with_heading(90.0, 5.0).with_gsd_m(GSD_M);
+    let [with, without] =
+        [told, Prior::none()].map(|prior| localizer.locate(&query, &prior).unwrap());
+    let [with, without] = [&with, &without].map(|outcome| outcome.fix().unwrap());
+    assert_eq!(
+        (with.lat_deg, with.lon_deg, with.inliers),
+        (without.lat_deg, without.lon_deg, without.inliers)
+    );
+    assert!(with.evidence.used.is_empty(), "{:?}", with.evidence.used);
+    assert!(with.evidence.set_aside.len() > without.evidence.set_aside.len());
+}

@@ -218,6 +218,7 @@ impl Tile<'_> {
 }
 
 /// Two 16-bit integers as a word, the first in the low half.
+#[inline(always)]
 fn pair(elements: &[i8]) -> i32 {
     let half = |i: usize| i32::from(elements.get(i).copied().unwrap_or(0));
     (half(1) << 16) | (half(0) & 0xffff)
@@ -295,9 +296,11 @@ mod x86 {
             // SAFETY: the token exists only where the processor has AVX2; so for all below.
             unsafe { compiled(self, tile) }
         }
+        #[inline(always)]
         fn a_word(elements: &[i8]) -> i32 {
             pair(elements)
         }
+        #[inline(always)]
         fn b_word(elements: &[i8]) -> i32 {
             pair(elements)
         }
@@ -336,7 +339,12 @@ mod x86 {
     }
 
     /// Four bytes as a word, zero where there are fewer.
+    #[inline(always)]
     fn four(elements: &[i8]) -> [u8; 4] {
+        // All words but a row's last one, without a call that copies.
+        if let Some(whole) = elements.first_chunk::<4>() {
+            return whole.map(i8::cast_unsigned);
+        }
         let mut bytes = [0; 4];
         bytes[..elements.len()].copy_from_slice(bytemuck::cast_slice(elements));
         bytes
@@ -357,10 +365,12 @@ mod x86 {
             // SAFETY: the token exists only where the processor has these features; so for all below.
             unsafe { compiled(self, tile) }
         }
+        #[inline(always)]
         fn a_word(elements: &[i8]) -> i32 {
             // Flipping the sign bit adds 128. Where `a` ends early, `b` is zero.
             i32::from_le_bytes(four(elements)) ^ i32::from_le_bytes([0x80; 4])
         }
+        #[inline(always)]
         fn b_word(elements: &[i8]) -> i32 {
             i32::from_le_bytes(four(elements))
         }

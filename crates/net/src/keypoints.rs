@@ -3,6 +3,7 @@
 use std::cmp::Ordering;
 
 use image::GrayImage;
+use rayon::prelude::*;
 
 use crate::{ExtractOptions, Keypoint};
 
@@ -11,6 +12,8 @@ const MASK_MARGIN_PX: usize = 4;
 
 /// Pixels of a row of the heatmap that are compared at a time.
 const LANES: usize = 8;
+/// Rows of the heatmap that are worth a task.
+const ROWS_OF_TASK: usize = 64;
 
 /// Local maxima of `heatmap` (rows of `width` probabilities) inside the window, strongest first; equal ones in raster order.
 /// Neighbours outside the window are compared too, so that adjacent windows give the keypoints of the whole image. Maxima
@@ -24,8 +27,8 @@ pub(crate) fn keypoints(
 ) -> Vec<Keypoint> {
     let height = heatmap.len() / width.max(1);
     let radius = options.nms_radius_px as usize;
-    let mut found = Vec::new();
-    for y in y0..y1 {
+    let peaks_of_row = |y: usize| {
+        let mut found = Vec::new();
         let row = &heatmap[y * width..][..width];
         let mut consider = |x: usize| {
             if is_peak(heatmap, width, height, x, y, radius)
@@ -57,7 +60,13 @@ pub(crate) fn keypoints(
         (tail..x1)
             .filter(|&x| row[x] > options.threshold)
             .for_each(&mut consider);
-    }
+        found
+    };
+    let mut found: Vec<Keypoint> = (y0..y1)
+        .into_par_iter()
+        .with_min_len(ROWS_OF_TASK)
+        .flat_map_iter(peaks_of_row)
+        .collect();
     // Equal scores in raster order.
     let stronger = |a: &Keypoint, b: &Keypoint| {
         let place = |k: &Keypoint| (k.y_px, k.x_px);

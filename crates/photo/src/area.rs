@@ -85,9 +85,19 @@ pub(crate) fn reduce(image: &RgbImage, crop: Crop, width: u32, height: u32) -> R
                 let (out, _) = out.as_chunks_mut::<3>();
                 for (out, span) in out.iter_mut().zip(&columns) {
                     let mut mean = [0.5f32; 3];
-                    for (pixel, weight) in pixels[span.first..].iter().zip(span.weights()) {
+                    let mut add = |pixel: &[f32; 3], weight: f32| {
                         for (mean, &sum) in mean.iter_mut().zip(pixel) {
                             *mean += weight * sum;
+                        }
+                    };
+                    // As `Span::weights` has them, without a choice for each pixel.
+                    if let Some((first, rest)) =
+                        pixels[span.first..span.first + span.count].split_first()
+                    {
+                        add(first, span.first_weight);
+                        if let Some((last, inner)) = rest.split_last() {
+                            inner.iter().for_each(|pixel| add(pixel, span.inner_weight));
+                            add(last, span.last_weight);
                         }
                     }
                     // `as` saturates at 0 and 255.

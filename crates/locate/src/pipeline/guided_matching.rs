@@ -81,18 +81,17 @@ pub(crate) fn match_guided(
 }
 
 /// Keypoints of a tile, indexed by position.
-pub(crate) struct KeypointIndex<'a> {
-    points: &'a [Point2<f64>],
-    /// Indices of the points from top to bottom.
-    by_y: Vec<usize>,
+pub(crate) struct KeypointIndex {
+    /// The points from top to bottom, each with its index.
+    by_y: Vec<(Point2<f64>, usize)>,
 }
 
-impl<'a> KeypointIndex<'a> {
+impl KeypointIndex {
     /// Builds the index.
-    pub fn new(points: &'a [Point2<f64>]) -> Self {
-        let mut by_y: Vec<usize> = (0..points.len()).collect();
-        by_y.sort_by(|&a, &b| points[a].y.total_cmp(&points[b].y));
-        Self { points, by_y }
+    pub fn new(points: &[Point2<f64>]) -> Self {
+        let mut by_y: Vec<(Point2<f64>, usize)> = points.iter().copied().zip(0..).collect();
+        by_y.sort_by(|(a, _), (b, _)| a.y.total_cmp(&b.y));
+        Self { by_y }
     }
 
     /// Appends the indices of the points within `reach_px` of the position to which `transform` maps `from`.
@@ -106,17 +105,14 @@ impl<'a> KeypointIndex<'a> {
         let Some(at) = transform.map(from) else {
             return;
         };
-        let top = at.y - reach_px;
-        let first = self
-            .by_y
-            .partition_point(|&index| self.points[index].y < top);
-        let below = self.by_y[first..].iter().copied();
+        let (top, bottom) = (at.y - reach_px, at.y + reach_px);
+        let first = self.by_y.partition_point(|(point, _)| point.y < top);
+        let below = self.by_y[first..].iter();
         found.extend(
             below
-                .take_while(|&index| self.points[index].y <= at.y + reach_px)
-                .filter(|&index| {
-                    nalgebra::distance_squared(&self.points[index], &at) <= reach_px.powi(2)
-                }),
+                .take_while(|(point, _)| point.y <= bottom)
+                .filter(|(point, _)| nalgebra::distance_squared(point, &at) <= reach_px * reach_px)
+                .map(|&(_, index)| index),
         );
     }
 }

@@ -1,7 +1,7 @@
-//! JPEG: structure, pixels and the check of the compressed data, also with tables of another stream.
+//! JPEG: structure, pixels at full and reduced size, and the check of the compressed data, also with tables of another stream.
 #![no_main]
 
-use grimnet_jpeg::{Jpeg, JpegSegments, check_scans};
+use grimnet_jpeg::{Jpeg, JpegSegments, Reduction, check_scans};
 use libfuzzer_sys::fuzz_target;
 
 const MAX_PX: u64 = 1 << 20;
@@ -17,7 +17,17 @@ fuzz_target!(|bytes: &[u8]| {
     if u64::from(width) * u64::from(height) > MAX_PX {
         return;
     }
-    if let Ok(decoded) = jpeg.decode() {
+    let whole = jpeg.decode();
+    if let Ok(decoded) = &whole {
         assert_eq!(decoded.image.dimensions(), (width, height));
+    }
+    for reduction in [Reduction::Half, Reduction::Quarter, Reduction::Eighth] {
+        let reduced = jpeg.decode_reduced(reduction);
+        assert!(reduced.is_ok() || whole.is_err());
+        if let (Ok(reduced), Ok(whole)) = (&reduced, &whole) {
+            let is_reduced = reduced.image.dimensions() == reduction.size_px((width, height));
+            assert!(is_reduced || reduced.image.dimensions() == (width, height));
+            assert!(reduced.damage.is_none() || whole.damage.is_some());
+        }
     }
 });

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use grimnet_locate::{Localizer, Outcome, Prior};
-use grimnet_photo::{Photo, PhotoLimits, QUERY_LONG_SIDE_PX};
+use grimnet_photo::{Photo, PhotoLimits};
 
 use crate::inputs;
 
@@ -19,7 +19,7 @@ pub fn locate_one(
     limits: &PhotoLimits,
 ) -> Result<(Photo, Outcome)> {
     inputs::check_regular(path)?;
-    let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), limits)?;
+    let photo = localizer.needed_pixels(prior).open(path, limits)?;
     let outcome = localizer.locate(&photo, prior)?;
     Ok((photo, outcome))
 }
@@ -34,10 +34,11 @@ pub fn adapt_to_flight(
     prior: &Prior,
     limits: &PhotoLimits,
 ) -> Result<Localizer> {
+    let needed = localizer.needed_pixels(prior);
     let photos: Vec<Photo> = paths
         .iter()
         .filter(|path| inputs::check_regular(path).is_ok())
-        .filter_map(|path| Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), limits).ok())
+        .filter_map(|path| needed.open(path, limits).ok())
         .collect();
     Ok(localizer.adapted_to_flight(photos.iter().map(|photo| (photo, prior)))?)
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::time::Instant;
 
 use grimnet_locate::{Localizer, Outcome, Prior, TimeMs, Trace};
-use grimnet_photo::{Photo, PhotoError};
+use grimnet_photo::{Metadata, Photo, PhotoError, QUERY_LONG_SIDE_PX};
 
 use crate::metrics::{Frame, ScoredFix, rounded};
 use crate::scene::{HeadingMode, Shot};
@@ -19,6 +19,16 @@ pub trait Method {
     /// # Errors
     /// Returns an error if the photo or what is known of it is refused.
     fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError>;
+
+    /// The least long side, px, of a photo with these metadata and this full size as displayed, px, that the method can use.
+    fn needed_long_side_px(
+        &self,
+        _metadata: &Metadata,
+        _full_size_px: (u32, u32),
+        _prior: &Prior,
+    ) -> u32 {
+        QUERY_LONG_SIDE_PX
+    }
 }
 
 /// What a method found.
@@ -85,6 +95,16 @@ impl Method for Localizer {
         let (outcome, trace) = self.locate_traced(photo, prior)?;
         Ok(Found::of(outcome, trace))
     }
+
+    fn needed_long_side_px(
+        &self,
+        metadata: &Metadata,
+        full_size_px: (u32, u32),
+        prior: &Prior,
+    ) -> u32 {
+        let needed = self.needed_pixels(prior);
+        needed.long_side_px(metadata, full_size_px)
+    }
 }
 
 /// Why a photo could not be localised at all.
@@ -117,7 +137,11 @@ pub struct Trial {
 /// Localises one photo and compares the answer with its truth.
 #[must_use]
 pub fn evaluate_one(method: &dyn Method, shot: &Shot, heading: HeadingMode) -> Trial {
-    let photo = match shot.photo.open() {
+    let needed = |metadata: &Metadata, full_size_px| {
+        let prior = shot.prior(heading, full_size_px);
+        method.needed_long_side_px(metadata, full_size_px, &prior)
+    };
+    let photo = match shot.photo.open_as_needed(needed) {
         Ok(photo) => photo,
         Err(error) => {
             return Trial {
@@ -127,7 +151,7 @@ pub fn evaluate_one(method: &dyn Method, shot: &Shot, heading: HeadingMode) -> T
         }
     };
     let since = Instant::now();
-    let found = method.locate(&photo, &shot.prior(heading, &photo));
+    let found = method.locate(&photo, &shot.prior(heading, photo.full_size_px));
     let elapsed_ms = since.elapsed().as_secs_f64() * 1e3;
     let mut scored = frame(shot, &found.as_ref().map_err(|error| chain(error.as_ref())));
     scored.time_ms.get_or_insert(elapsed_ms);
@@ -311,11 +335,15 @@ mod tests {
         };
         let photo = shot.photo.open().unwrap();
         assert_eq!(
-            shot.prior(HeadingMode::Unknown, &photo).view.gsd_m,
+            shot.prior(HeadingMode::Unknown, photo.full_size_px)
+                .view
+                .gsd_m,
             Some(2.0)
         );
         assert_eq!(
-            shot.prior(HeadingMode::FromPhoto, &photo).view.heading,
+            shot.prior(HeadingMode::FromPhoto, photo.full_size_px)
+                .view
+                .heading,
             Prior::none().view.heading
         );
     }

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use grimnet_geo::{LonLat, Raster};
 use grimnet_locate::{HeadingPrior, Prior};
-use grimnet_photo::{Photo, PhotoError, PhotoLimits, QUERY_LONG_SIDE_PX};
+use grimnet_photo::{Metadata, Photo, PhotoError, PhotoLimits, QUERY_LONG_SIDE_PX};
 
 /// Standard deviation with which a true heading is given to the localiser, degrees.
 pub const TRUE_HEADING_SIGMA_DEG: f64 = 5.0;
@@ -92,14 +92,25 @@ pub enum PhotoSource {
 }
 
 impl PhotoSource {
-    /// Opens the photo, with as many pixels as a query needs.
+    /// Opens the photo, with as many pixels as any query needs.
     ///
     /// # Errors
     /// The file cannot be read.
     pub fn open(&self) -> Result<Arc<Photo>, PhotoError> {
+        self.open_as_needed(|_, _| QUERY_LONG_SIDE_PX)
+    }
+
+    /// Opens the photo as [`Photo::open_as_needed`] does; one in memory as it is.
+    ///
+    /// # Errors
+    /// The file cannot be read.
+    pub fn open_as_needed(
+        &self,
+        needed_long_side_px: impl Fn(&Metadata, (u32, u32)) -> u32,
+    ) -> Result<Arc<Photo>, PhotoError> {
         match self {
             Self::File { path, limits } => {
-                let photo = Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), limits)?;
+                let photo = Photo::open_as_needed(path, limits, needed_long_side_px)?;
                 Ok(Arc::new(photo))
             }
             Self::Memory(photo) => Ok(photo.clone()),
@@ -141,9 +152,9 @@ impl HeadingMode {
 }
 
 impl Shot {
-    /// What the localiser is told of `photo`, which is this shot's photo as opened.
+    /// What the localiser is told of this shot's photo, which has this width and height at full size as displayed, px.
     #[must_use]
-    pub fn prior(&self, heading: HeadingMode, photo: &Photo) -> Prior {
+    pub fn prior(&self, heading: HeadingMode, full_size_px: (u32, u32)) -> Prior {
         let mut prior = self.known;
         match heading {
             HeadingMode::Known => {}
@@ -151,7 +162,7 @@ impl Shot {
             HeadingMode::FromPhoto => prior.view.heading = HeadingPrior::FromMetadata,
         }
         match self.footprint_width_m {
-            Some(width_m) => prior.with_gsd_m(width_m / f64::from(photo.full_size_px.0)),
+            Some(width_m) => prior.with_gsd_m(width_m / f64::from(full_size_px.0)),
             None => prior,
         }
     }
@@ -162,7 +173,7 @@ impl Shot {
     /// The photo cannot be read.
     pub fn ground_width_m(&self) -> Result<Option<f64>, PhotoError> {
         let photo = self.photo.open()?;
-        let view = photo.view(&self.prior(HeadingMode::Known, &photo).view);
+        let view = photo.view(&self.prior(HeadingMode::Known, photo.full_size_px).view);
         Ok(view.footprint.map(|footprint| footprint.width_m))
     }
 }

@@ -154,7 +154,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut ranks = Vec::new();
         for shot in &scene.shots {
             let photo = shot.photo.open()?;
-            let view = photo.view(&shot.prior(HeadingMode::Unknown, &photo).view);
+            let view = photo.view(&shot.prior(HeadingMode::Unknown, photo.full_size_px).view);
             let width_m = view
                 .footprint
                 .map_or(width_m, |footprint| footprint.width_m);

@@ -51,7 +51,7 @@ impl SiftMaps {
     ) -> Result<Sift<'a>, SiftMethodError> {
         for shot in &scene.shots {
             let photo = shot.photo.open()?;
-            let (photo, prior) = change.of(&photo, &shot.prior(heading, &photo));
+            let (photo, prior) = change.of(&photo, &shot.prior(heading, photo.full_size_px));
             let Some(level) = localizer.first_level(&photo, &prior) else {
                 continue;
             };

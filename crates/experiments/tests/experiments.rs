@@ -208,7 +208,7 @@ fn photos_are_read_with_their_truth_and_scale() {
     assert_eq!(scene.shots.len(), 1, "the other photo does not exist");
     let shot = &scene.shots[0];
     assert_eq!(shot.truth.place.as_deref(), Some("square"));
-    let given = shot.prior(HeadingMode::Known, &shot.photo.open().unwrap());
+    let given = shot.prior(HeadingMode::Known, shot.photo.open().unwrap().full_size_px);
     assert_eq!(given.view.gsd_m, Some(0.2), "160 m over 800 px");
     assert_eq!(
         given.view.heading,

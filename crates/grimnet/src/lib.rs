@@ -19,7 +19,8 @@
 //! ```
 //!
 //! [`Localizer::builder`] takes another model or other settings. A [`Prior`] says what is known besides the photo: its heading, height
-//! or ground resolution, or the area where it was taken.
+//! or ground resolution, or the area where it was taken. [`Localizer::needed_pixels`] says at what size photos serve on this map; JPEG
+//! files that [`NeededPixels::open`] reads are decoded at half, a quarter or an eighth of their size where that suffices.
 //!
 //! # Errors
 //! [`Localizer`] returns [`LocateError`], [`Photo`] returns [`PhotoError`], [`map::build`] returns [`map::BuildError`]. A photo whose
@@ -33,9 +34,9 @@ pub mod map;
 
 pub use grimnet_geo::LonLat;
 pub use grimnet_locate::{
-    Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, Near, NoFix, Options,
-    Outcome, Prior, Reason, Rejection, ViewPrior,
+    Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, Near, NeededPixels, NoFix,
+    Options, Outcome, Prior, Reason, Rejection, ViewPrior,
 };
 pub use grimnet_net::{Model, NetError};
 pub use grimnet_pack::{Pack, PackError};
-pub use grimnet_photo::{Photo, PhotoError};
+pub use grimnet_photo::{Photo, PhotoError, PhotoLimits};

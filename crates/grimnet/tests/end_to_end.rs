@@ -5,8 +5,8 @@
 use std::{path::Path, sync::OnceLock};
 
 use grimnet::{
-    Localizer, LocateError, LonLat, Model, Options, Outcome, Pack, Photo, PhotoError, Prior,
-    Reason,
+    Localizer, LocateError, LonLat, Model, Options, Outcome, Pack, Photo, PhotoError, PhotoLimits,
+    Prior, Reason,
     map::{self, BuildError, BuildOptions, Levels, MapBuild},
 };
 use grimnet_world::{
@@ -144,6 +144,39 @@ fn photos_are_localised_from_their_metadata_and_without_a_heading() {
             assert!(fix.radius95_m > 0.0 && fix.radius95_m < 20.0);
         }
     }
+}
+
+#[test]
+fn large_photos_are_read_at_the_size_that_the_map_needs() {
+    let area = area();
+    let localizer = Localizer::open(area.file("area.grim")).unwrap();
+    let camera = Camera {
+        width_px: 2600,
+        height_px: 1950,
+        ..CAMERA
+    };
+    let world = World::new(WorldConfig {
+        seed: 11,
+        size_m: SIZE_M,
+        ..WorldConfig::default()
+    });
+    let picture = world.render_photo(&POSES[0], &camera, &Look::drone(Season::Summer));
+    let tags = PhotoTags::for_pose(&POSES[0], &camera, &area.placement, 40.0).unwrap();
+    let path = area.file("large.jpg");
+    write_jpeg_with_exif(&path, &picture, 92, &tags).unwrap();
+    let needed = localizer.needed_pixels(&Prior::none());
+    let photo = needed.open(&path, &PhotoLimits::DEFAULT).unwrap();
+    assert_eq!(photo.full_size_px, (2600, 1950));
+    assert_eq!(photo.image.dimensions(), (1300, 975));
+    let outcome = localizer.locate(&photo, &Prior::none()).unwrap();
+    let error_m = area.error_m(&outcome, 0);
+    assert!(error_m < 3.0, "{error_m} m");
+    // Four times the footprint does not suit the map's only level, so that more pixels are needed.
+    let wide = Prior::none().with_gsd_m(4.0 * 126.0 / 2600.0);
+    let photo = localizer
+        .needed_pixels(&wide)
+        .open(&path, &PhotoLimits::DEFAULT);
+    assert_eq!(photo.unwrap().image.dimensions(), (2048, 1536));
 }
 
 #[test]

@@ -5,7 +5,19 @@ use crate::damage::{Checked, Damage};
 /// Bytes after the last block of a scan or restart interval that are tolerated: some encoders align their output to 16 bits.
 const MAX_PADDING_BITS: u32 = 7 + 16;
 
+/// A position in a file: the offset of a byte, and how many of its bits are before the position.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct BitPosition(u64);
+
+impl BitPosition {
+    /// The byte that the position is in.
+    pub(crate) fn byte(self) -> usize {
+        (self.0 >> 3) as usize
+    }
+}
+
 /// The bits of a scan, without stuffed bytes, up to the next marker.
+#[derive(Debug, Clone)]
 pub(crate) struct Bits<'a> {
     bytes: &'a [u8],
     at: usize,
@@ -25,6 +37,38 @@ impl<'a> Bits<'a> {
             count: 0,
             at_marker: false,
         }
+    }
+
+    /// The bits behind a position that [`Bits::position`] told.
+    pub(crate) fn at_position(bytes: &'a [u8], position: BitPosition) -> Self {
+        let mut bits = Self::new(bytes, position.byte());
+        bits.refill();
+        let before = (position.0 & 7) as u32;
+        // A position within a byte has that byte behind it.
+        bits.window <<= before;
+        bits.count = bits.count.saturating_sub(before);
+        bits
+    }
+
+    /// The file.
+    pub(crate) fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// The offset of the first byte that was not read yet: of a marker, if only padding may be left.
+    pub(crate) fn read_to(&self) -> usize {
+        self.at
+    }
+
+    /// Where the next bit is in the file.
+    pub(crate) fn position(&self) -> BitPosition {
+        let mut byte = self.at;
+        for _ in 0..self.count.div_ceil(8) {
+            let is_stuffed = byte >= 2 && self.bytes.get(byte - 2..byte) == Some(&[0xFF, 0]);
+            byte = byte.saturating_sub(if is_stuffed { 2 } else { 1 });
+        }
+        let before = (8 - self.count % 8) % 8;
+        BitPosition((byte as u64) << 3 | u64::from(before))
     }
 
     /// Fills the window to 56 bits at least, as far as there are data.

@@ -9,6 +9,7 @@ use zune_jpeg::zune_core::options::DecoderOptions;
 
 use crate::damage::Damage;
 use crate::error::JpegError;
+use crate::reduced::{self, Reduction};
 use crate::scan;
 use crate::structure::JpegStructure;
 
@@ -19,7 +20,7 @@ pub struct Jpeg<'a> {
     structure: JpegStructure,
 }
 
-/// A whole picture.
+/// A decoded picture.
 #[derive(Debug)]
 pub struct DecodedJpeg {
     /// Its pixels.
@@ -63,6 +64,42 @@ impl<'a> Jpeg<'a> {
         picture + coefficients
     }
 
+    /// Memory for each pixel of the full size while decoding at reduced size, bytes: three pictures' worth of samples and coefficients
+    /// of parts that are read side by side, half of which may be in vain, and the picture.
+    #[must_use]
+    pub fn reduced_memory_bytes_per_px(&self, reduction: Reduction) -> f64 {
+        let kept = 1.0 / f64::from(reduction.divisor() * reduction.divisor());
+        // Three samples of 16 bits; for each block, and there may be three for 64 px, a mean; for each MCU, a position.
+        let of_parts = 6.0 * kept + 3.0 * 4.0 / 64.0 + 8.0 / 64.0;
+        2.5 * of_parts + 3.0 * kept
+    }
+
+    /// Decodes the picture at reduced size: each pixel is the mean over its area. What cannot be reduced is decoded as by
+    /// [`decode`](Self::decode), at full size: progressive files, those in several scans or of other colours than grey and YCbCr,
+    /// and damaged ones.
+    ///
+    /// # Errors
+    /// As [`decode`](Self::decode).
+    pub fn decode_reduced(&self, reduction: Reduction) -> Result<DecodedJpeg, JpegError> {
+        let (bytes, structure) = (self.bytes, &self.structure);
+        structure.check_complete(bytes)?;
+        if structure.frame.is_progressive || structure.has_other_colours {
+            return self.decode();
+        }
+        match reduced::decode(
+            bytes,
+            &structure.frame,
+            reduction,
+            reduced::part_count(bytes),
+        ) {
+            Ok(Some(image)) => Ok(DecodedJpeg {
+                image,
+                damage: None,
+            }),
+            Ok(None) | Err(_) => self.decode(),
+        }
+    }
+
     /// Decodes the whole picture. Compare [`size_px`](Self::size_px) with what may be allocated first.
     ///
     /// The compressed data are checked beside the decoding: strictly by the decoder, and those of baseline files block by block.
@@ -70,8 +107,6 @@ impl<'a> Jpeg<'a> {
     ///
     /// # Errors
     /// [`JpegError`] if the data end before the end-of-image marker, or nothing can be decoded.
-    // Scaled decoding (DCT scaling by 1/8 to 1/2 in crate jpeg-decoder) took 0.85 to 1.1 times as long as this decoder on drone
-    // photos, so the picture is decoded at full size.
     pub fn decode(&self) -> Result<DecodedJpeg, JpegError> {
         let (bytes, frame) = (self.bytes, &self.structure.frame);
         self.structure.check_complete(bytes)?;

@@ -14,16 +14,22 @@
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod bits;
+mod block;
 mod damage;
 mod decode;
 mod error;
 mod huffman;
+mod reduced;
+mod restart;
 mod scan;
+mod scan_header;
 mod segments;
 mod structure;
+mod tables;
 
 pub use damage::Damage;
 pub use decode::{DecodedJpeg, Jpeg};
 pub use error::JpegError;
+pub use reduced::Reduction;
 pub use scan::check_scans;
 pub use segments::JpegSegments;

@@ -54,7 +54,7 @@ impl Frame {
     }
 
     /// Largest sampling factors, horizontal and vertical.
-    fn max_sampling(&self) -> (u64, u64) {
+    pub(crate) fn max_sampling(&self) -> (u64, u64) {
         let largest = |of: fn(&FrameComponent) -> u32| {
             u64::from(self.components.iter().map(of).max().unwrap_or(1))
         };
@@ -94,6 +94,8 @@ impl Frame {
 pub(crate) struct JpegStructure {
     /// The frame header.
     pub frame: Frame,
+    /// Whether three components are not YCbCr: an Adobe segment (APP14) says so.
+    pub has_other_colours: bool,
     /// Number of components in the first scan.
     pub first_scan_components: usize,
     /// Offset of the first scan's entropy-coded data.
@@ -108,6 +110,7 @@ impl JpegStructure {
     /// Reads the segments up to the first scan.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, JpegError> {
         let mut frame = None;
+        let mut has_other_colours = false;
         let mut segments = JpegSegments::new(bytes);
         while let Some((marker, body)) = segments.next() {
             match marker {
@@ -133,10 +136,13 @@ impl JpegStructure {
                         ));
                     }
                 }
+                // "Adobe", version, flags, and 1 for YCbCr.
+                0xEE if body.starts_with(b"Adobe") => has_other_colours = body.get(11) != Some(&1),
                 0xDA => {
                     let Some(frame) = frame else { break };
                     return Ok(Self {
                         frame,
+                        has_other_colours,
                         first_scan_components: body.first().map_or(0, |&count| count.into()),
                         scan_at: segments.position,
                     });

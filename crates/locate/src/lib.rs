@@ -35,6 +35,7 @@ mod frame_features;
 mod frame_motion;
 mod geometry;
 mod localizer;
+mod needed_pixels;
 mod options;
 mod outcome;
 mod paper;
@@ -56,6 +57,7 @@ pub use geometry::{
 pub use grimnet_pack::{Index, Mode};
 pub use grimnet_photo::{HeadingPrior, ViewPrior};
 pub use localizer::{Localizer, LocalizerBuilder};
+pub use needed_pixels::NeededPixels;
 pub use options::{
     Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, Recount, VoteOptions,
 };

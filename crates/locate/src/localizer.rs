@@ -11,6 +11,7 @@ use crate::{
     error::Result,
     frame_features::FrameFeatures,
     frame_motion::{FrameMotion, FramePair, motion_between},
+    needed_pixels::NeededPixels,
     options::{Adapt, Options},
     outcome::Outcome,
     paper::procedure,
@@ -133,6 +134,13 @@ impl Localizer {
     /// The pack.
     pub fn pack(&self) -> &Pack {
         &self.pack
+    }
+
+    /// How many pixels of photos, of which `prior` is known, the search can use. Photos that are read by
+    /// [`NeededPixels::open`] are decoded faster than at full size, and found as well.
+    #[must_use]
+    pub fn needed_pixels(&self, prior: &Prior) -> NeededPixels {
+        NeededPixels::new(&self.pack, &self.options, &prior.view)
     }
 
     /// Finds the position of the photo's centre.

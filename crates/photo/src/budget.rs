@@ -19,6 +19,15 @@ pub(crate) struct MemoryBudget {
 }
 
 impl MemoryBudget {
+    /// What decoding a picture of this width and height takes, if it takes `bytes_per_px` for each pixel.
+    pub(crate) fn needed_bytes(self, (width_px, height_px): (u32, u32), bytes_per_px: f64) -> u64 {
+        let copy = if self.is_copied { 3.0 } else { 0.0 };
+        let pixels = f64::from(width_px) * f64::from(height_px);
+        // `as` saturates.
+        let of_pixels = (pixels * (bytes_per_px + copy)) as u64;
+        of_pixels.saturating_add(self.file_bytes)
+    }
+
     /// Returns an error if the photo is too small, or needs more memory than the limit. `bytes_per_px` is what decoding takes for
     /// each pixel.
     pub(crate) fn check(
@@ -28,11 +37,7 @@ impl MemoryBudget {
         bytes_per_px: f64,
         limits: &PhotoLimits,
     ) -> Result<(), PhotoError> {
-        let copy = if self.is_copied { 3.0 } else { 0.0 };
-        let pixels = f64::from(width_px) * f64::from(height_px);
-        // `as` saturates.
-        let needed_bytes = (pixels * (bytes_per_px + copy)) as u64;
-        let needed_bytes = needed_bytes.saturating_add(self.file_bytes);
+        let needed_bytes = self.needed_bytes((width_px, height_px), bytes_per_px);
         if needed_bytes > limits.max_memory_bytes {
             return Err(PhotoError::TooLarge {
                 path: path.into(),

@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::Path;
 
-use grimnet_jpeg::{Damage, DecodedJpeg, Jpeg, JpegError};
+use grimnet_jpeg::{Damage, DecodedJpeg, Jpeg, JpegError, Reduction};
 use grimnet_limits::PhotoLimits;
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, RgbImage};
@@ -24,12 +24,22 @@ pub(crate) struct Decoded {
     pub damage: Option<Damage>,
 }
 
-/// Decodes a file's bytes, reduced if `max_long_side_px` is less than its long side.
+/// At what size a file is decoded.
+#[derive(Clone, Copy)]
+pub(crate) struct DecodedSize<'a> {
+    /// The long side is reduced to this, px; `None` for no limit.
+    pub max_long_side_px: Option<u32>,
+    /// The least long side that serves as well, px, for a picture of this width and height as displayed. Decoders that can leave
+    /// out work come as near to it as they can.
+    pub needed_long_side_px: &'a dyn Fn((u32, u32)) -> u32,
+}
+
+/// Decodes a file's bytes.
 pub(crate) fn decode(
     path: &Path,
     bytes: &[u8],
     orientation: u8,
-    max_long_side_px: Option<u32>,
+    size: DecodedSize<'_>,
     limits: &PhotoLimits,
 ) -> Result<Decoded, PhotoError> {
     if bytes.is_empty() {
@@ -47,15 +57,31 @@ pub(crate) fn decode(
     };
     let budget = MemoryBudget {
         file_bytes: bytes.len() as u64 * file_copies,
-        is_copied: max_long_side_px.is_none() && orientation != Orientation::NoTransforms,
+        is_copied: size.max_long_side_px.is_none() && orientation != Orientation::NoTransforms,
     };
-    let (stored, damage) = match format {
+    let swaps = orientation.to_exif() >= 5;
+    let displayed = |(width, height)| {
+        if swaps {
+            (height, width)
+        } else {
+            (width, height)
+        }
+    };
+    let (stored, stored_size_px, damage) = match format {
         ImageFormat::Jpeg => {
-            let decoded = decode_jpeg(path, bytes, &budget, limits)?;
-            (decoded.image, decoded.damage)
+            let jpeg = Jpeg::read(bytes).map_err(|error| from_jpeg(path, error))?;
+            let full_px = jpeg.size_px();
+            let needed_px = || {
+                let needed_px = (size.needed_long_side_px)(displayed(full_px));
+                needed_px.min(size.max_long_side_px.unwrap_or(u32::MAX))
+            };
+            let decoded = decode_jpeg(path, &jpeg, needed_px, &budget, limits)?;
+            (decoded.image, full_px, decoded.damage)
         }
         ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP => {
-            (decode_other(path, bytes, format, &budget, limits)?, None)
+            let image = decode_other(path, bytes, format, &budget, limits)?;
+            let size_px = image.dimensions();
+            (image, size_px, None)
         }
         other => {
             return Err(PhotoError::Unsupported {
@@ -64,34 +90,38 @@ pub(crate) fn decode(
             });
         }
     };
-    let full_size_px = stored.dimensions();
-    let stored = match max_long_side_px {
+    let stored = match size.max_long_side_px {
         Some(limit) => area::limit_long_side(stored, limit),
         None => stored,
     };
-    let swaps = orientation.to_exif() >= 5;
     let mut image = DynamicImage::ImageRgb8(stored);
     image.apply_orientation(orientation);
     Ok(Decoded {
         image: image.into_rgb8(),
-        full_size_px: if swaps {
-            (full_size_px.1, full_size_px.0)
-        } else {
-            full_size_px
-        },
+        full_size_px: displayed(stored_size_px),
         damage,
     })
 }
 
+/// Decodes a JPEG at the smallest size with a long side of at least `needed_px`.
 fn decode_jpeg(
     path: &Path,
-    bytes: &[u8],
+    jpeg: &Jpeg<'_>,
+    needed_px: impl FnOnce() -> u32,
     budget: &MemoryBudget,
     limits: &PhotoLimits,
 ) -> Result<DecodedJpeg, PhotoError> {
-    let jpeg = Jpeg::read(bytes).map_err(|error| from_jpeg(path, error))?;
+    // A file that cannot be decoded at reduced size is decoded at its own.
     budget.check(path, jpeg.size_px(), jpeg.memory_bytes_per_px(), limits)?;
-    jpeg.decode().map_err(|error| from_jpeg(path, error))
+    let reduction = Reduction::to_long_side(jpeg.size_px(), needed_px()).filter(|&reduction| {
+        let bytes_per_px = jpeg.reduced_memory_bytes_per_px(reduction);
+        budget.needed_bytes(jpeg.size_px(), bytes_per_px) <= limits.max_memory_bytes
+    });
+    let decoded = match reduction {
+        Some(reduction) => jpeg.decode_reduced(reduction),
+        None => jpeg.decode(),
+    };
+    decoded.map_err(|error| from_jpeg(path, error))
 }
 
 fn from_jpeg(path: &Path, error: JpegError) -> PhotoError {

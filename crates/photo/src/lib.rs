@@ -64,3 +64,4 @@ pub use points::{PhotoPx, QueryPx};
 pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
 pub use scale::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};
 pub use view::{CameraAttitude, Footprint, Heading, HeadingPrior, View, ViewPrior};
+pub use warp::LEVEL_PX_PER_QUERY_PX;

@@ -8,15 +8,19 @@ use image::RgbImage;
 
 use crate::area;
 use crate::camera::Tilt;
-use crate::decode;
+use crate::decode::{self, DecodedSize};
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
 use crate::photo_file::read_photo_file;
-use crate::query::{Query, QueryMaker, QueryOptions};
+use crate::query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions};
 use crate::view::{View, ViewPrior};
+use crate::warp::LEVEL_PX_PER_QUERY_PX;
 
 /// [`Photo::open`] reduces longer sides to this, pixels: no query needs more.
 pub const QUERY_LONG_SIDE_PX: u32 = 2048;
+
+/// Long side, pixels, that serves every query of the default size.
+const SUFFICIENT_LONG_SIDE_PX: u32 = (LEVEL_PX_PER_QUERY_PX * DEFAULT_MAX_SIDE_PX as f64) as u32;
 
 /// A decoded photo.
 #[derive(Debug, Clone)]
@@ -35,13 +39,13 @@ pub struct Photo {
 
 impl Photo {
     /// Reads a JPEG, PNG, TIFF or WebP photo at the size that localisation needs: a long side of at most
-    /// [`QUERY_LONG_SIDE_PX`].
+    /// [`QUERY_LONG_SIDE_PX`], as [`Photo::open_as_needed`] does with what serves every query.
     ///
     /// # Errors
     /// Returns a [`PhotoError`] that names the file if it is unreadable, not a picture, truncated, too large (checked before
     /// allocation) or too small, or its headers are damaged. Damage of the compressed data is in [`Photo::damage`].
     pub fn open(path: impl AsRef<Path>) -> Result<Self, PhotoError> {
-        Self::open_reduced(path, QUERY_LONG_SIDE_PX)
+        Self::open_as_needed(path, &PhotoLimits::DEFAULT, |_, _| SUFFICIENT_LONG_SIDE_PX)
     }
 
     /// Reads a photo at full size.
@@ -97,9 +101,65 @@ impl Photo {
         max_long_side_px: Option<u32>,
         limits: &PhotoLimits,
     ) -> Result<Self, PhotoError> {
-        let path = path.as_ref();
         let metadata = Metadata::from_bytes(bytes);
-        let decoded = decode::decode(path, bytes, metadata.orientation, max_long_side_px, limits)?;
+        let size = DecodedSize {
+            max_long_side_px,
+            needed_long_side_px: &|_| u32::MAX,
+        };
+        Self::decoded(path.as_ref(), bytes, metadata, size, limits)
+    }
+
+    /// Reads a photo at a size that its metadata decide: `needed_long_side_px` gets them with the photo's full width and height as
+    /// displayed, px, and says what long side serves. JPEG files with a longer side than [`QUERY_LONG_SIDE_PX`] are decoded at the
+    /// smallest of 1/8, 1/4, 1/2 of their size and their own that suffices, which takes less time; the area of the last column and
+    /// row may lie partly beyond the photo. What is still longer is reduced to that.
+    ///
+    /// # Errors
+    /// As [`Photo::open`].
+    pub fn open_as_needed(
+        path: impl AsRef<Path>,
+        limits: &PhotoLimits,
+        needed_long_side_px: impl Fn(&Metadata, (u32, u32)) -> u32,
+    ) -> Result<Self, PhotoError> {
+        let path = path.as_ref();
+        let bytes = read_photo_file(path, limits)?;
+        Self::from_bytes_as_needed(path, &bytes, limits, needed_long_side_px)
+    }
+
+    /// As [`Photo::open_as_needed`], from the bytes of a photo file. `path` is used in errors only.
+    ///
+    /// # Errors
+    /// As [`Photo::open`].
+    pub fn from_bytes_as_needed(
+        path: impl AsRef<Path>,
+        bytes: &[u8],
+        limits: &PhotoLimits,
+        needed_long_side_px: impl Fn(&Metadata, (u32, u32)) -> u32,
+    ) -> Result<Self, PhotoError> {
+        let metadata = Metadata::from_bytes(bytes);
+        let needed_by = metadata.clone();
+        let size = DecodedSize {
+            max_long_side_px: Some(QUERY_LONG_SIDE_PX),
+            needed_long_side_px: &|full_size_px: (u32, u32)| {
+                if full_size_px.0.max(full_size_px.1) > QUERY_LONG_SIDE_PX {
+                    needed_long_side_px(&needed_by, full_size_px)
+                } else {
+                    // Decoded fast as it is.
+                    u32::MAX
+                }
+            },
+        };
+        Self::decoded(path.as_ref(), bytes, metadata, size, limits)
+    }
+
+    fn decoded(
+        path: &Path,
+        bytes: &[u8],
+        metadata: Metadata,
+        size: DecodedSize<'_>,
+        limits: &PhotoLimits,
+    ) -> Result<Self, PhotoError> {
+        let decoded = decode::decode(path, bytes, metadata.orientation, size, limits)?;
         Ok(Self {
             path: path.to_owned(),
             image: decoded.image,

@@ -9,8 +9,8 @@ use axum::response::{IntoResponse, Response};
 use base64::Engine as _;
 use grimnet_answer::{Answer, text_of};
 use grimnet_locate::draw::{DrawOptions, draw_matches};
-use grimnet_locate::{LocateError, Outcome, Prior};
-use grimnet_photo::{Photo, PhotoError, QUERY_LONG_SIDE_PX};
+use grimnet_locate::{LocateError, NeededPixels, Outcome, Prior};
+use grimnet_photo::{Photo, PhotoError};
 use image::ImageFormat;
 use serde::Serialize;
 
@@ -149,7 +149,8 @@ impl Question {
     /// Decodes and localises the photo, and writes the answer. This takes long.
     fn answer(self, state: &Arc<State>, map: &ServedMap) -> Result<String, Problem> {
         let start = Instant::now();
-        let photo = decode(&self.name, &self.photo, &state.limits)?;
+        let needed = map.localizer.needed_pixels(&self.prior);
+        let photo = decode(needed, &self.name, &self.photo, &state.limits)?;
         drop(self.photo);
         let outcome = map
             .localizer
@@ -181,8 +182,14 @@ impl Question {
 }
 
 /// Decodes a photo at the size that localisation needs.
-pub(crate) fn decode(name: &str, bytes: &[u8], limits: &Limits) -> Result<Photo, Problem> {
-    Photo::from_bytes_within(name, bytes, Some(QUERY_LONG_SIDE_PX), &limits.photo)
+pub(crate) fn decode(
+    needed: NeededPixels,
+    name: &str,
+    bytes: &[u8],
+    limits: &Limits,
+) -> Result<Photo, Problem> {
+    needed
+        .decode(name, bytes, &limits.photo)
         .map_err(|error| problem_of_photo(&error))
 }
 

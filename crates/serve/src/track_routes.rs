@@ -184,7 +184,8 @@ fn take_in(
     prior: Prior,
 ) -> Result<TrackFrame, Problem> {
     let start = std::time::Instant::now();
-    let photo = decode(name, bytes, &state.limits)?;
+    let needed = track.flight().localizer().needed_pixels(&prior);
+    let photo = decode(needed, name, bytes, &state.limits)?;
     let known = Known {
         prior,
         attitude: None,

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_geo::Raster;
-use grimnet_locate::{Localizer, Options};
+use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_output::OutputFolder;
 use grimnet_photo::PhotoLimits;
 
@@ -33,6 +33,7 @@ pub fn follow_crossing(
         source: TimeSource::Auto,
         frames_per_s: None,
         limits: PhotoLimits::DEFAULT,
+        needed: Some(localizer.needed_pixels(&Prior::none())),
     };
     let mut frames = PhotoList::new(photos, &options)?;
     let truth = Truth::read(&folder.path().join("flight_truth.csv"))?;

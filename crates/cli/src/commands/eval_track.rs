@@ -236,7 +236,7 @@ pub fn hide(
             name: shot.name.clone(),
             time_s,
             truth: shot.truth.position,
-            known: shot.prior(HeadingMode::Known, &photo),
+            known: shot.prior(HeadingMode::Known, photo.full_size_px),
         };
         shots.push((index, timed));
     }

@@ -96,13 +96,14 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     } else {
         LONGEST_PAUSE_S
     };
+    let needed = localizer.needed_pixels(&arguments.known.known().prior);
     let flight = Flight::new(localizer, arguments.known.flight_options(clock_jump_s))?;
     let recorder = match &output.record {
         Some(folder) => Some(Recorder::create(folder, &policy)?),
         None => None,
     };
     let stream = open_output(arguments, &policy)?;
-    let mut frames = source.open(arguments)?;
+    let mut frames = source.open(arguments, needed)?;
     if let (Some(telemetry), Some(ends_s)) = (&beside.telemetry, frames.ends_s()) {
         telemetry.compare_with_video(ends_s);
     }

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args};
 use grimnet_flight::{FlightOptions, Known};
-use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, Options, Prior};
+use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, NeededPixels, Options, Prior};
 use grimnet_photo::ViewPrior;
 use grimnet_track::{Start, TrackOptions, Vehicle};
 
@@ -101,11 +101,12 @@ pub struct FrameArgs {
 
 impl FrameArgs {
     /// How photos are read and get their times.
-    pub fn options(&self) -> FrameOptions {
+    pub fn options(&self, needed: NeededPixels) -> FrameOptions {
         FrameOptions {
             source: self.time_from,
             frames_per_s: self.fps,
             limits: self.limits.photo(),
+            needed: Some(needed),
         }
     }
 }

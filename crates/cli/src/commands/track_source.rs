@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 
+use grimnet_locate::NeededPixels;
+
 use super::track_options::TrackArgs;
 use crate::photos;
 use crate::tracking::following::Following;
@@ -63,13 +65,13 @@ impl Source {
         }
     }
 
-    /// Opens it.
+    /// Opens it; `needed` is how many pixels of its photos are used.
     ///
     /// # Errors
     /// The source cannot be read.
-    pub fn open(self, arguments: &TrackArgs) -> Result<Box<dyn Frames>> {
+    pub fn open(self, arguments: &TrackArgs, needed: NeededPixels) -> Result<Box<dyn Frames>> {
         let frames = &arguments.frames;
-        let options = frames.options();
+        let options = frames.options(needed);
         Ok(match self {
             Self::Photos(paths) => Box::new(PhotoList::new(paths, &options)?),
             Self::Folder(folder) => Box::new(Following::new(

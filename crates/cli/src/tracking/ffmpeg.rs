@@ -49,6 +49,7 @@ impl FfmpegVideo {
             source: TimeSource::Auto,
             frames_per_s: Some(frames_per_s),
             limits,
+            needed: None,
         };
         Ok(Self {
             ffmpeg,

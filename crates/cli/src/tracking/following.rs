@@ -166,7 +166,7 @@ impl Frames for Following {
             let now = Instant::now();
             self.look(now)?;
             if let Some(ready) = self.next_ready(now) {
-                let frame = frame_from_file(&ready.path, ready.time_s, &self.options.limits);
+                let frame = frame_from_file(&ready.path, ready.time_s, &self.options);
                 // What is being processed is no idleness.
                 self.last_new = self.last_new.max(now);
                 return Ok(Some(frame));
@@ -203,6 +203,7 @@ mod tests {
             source: TimeSource::Auto,
             frames_per_s: None,
             limits: PhotoLimits::DEFAULT,
+            needed: None,
         };
         Following::new(folder, options, Some(Duration::from_millis(1)), most_wait).unwrap()
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result};
+use grimnet_locate::NeededPixels;
 use grimnet_photo::{Metadata, Photo, PhotoLimits, QUERY_LONG_SIDE_PX, read_photo_file};
 
 use super::frame_time::{Epoch, FrameTime, TimeSource, frame_time};
@@ -62,6 +63,8 @@ pub struct FrameOptions {
     pub frames_per_s: Option<f64>,
     /// Limits within which photos are read.
     pub limits: PhotoLimits,
+    /// How many of their pixels are used; `None` if that is not known.
+    pub needed: Option<NeededPixels>,
 }
 
 impl FrameOptions {
@@ -83,11 +86,12 @@ pub const NO_TIME_HINT: &str = "neither its EXIF data nor its name tell when it 
     frames in order, N a second";
 
 /// Reads and decodes a photo file as a frame.
-pub fn frame_from_file(path: &Path, time_s: f64, limits: &PhotoLimits) -> Frame {
+pub fn frame_from_file(path: &Path, time_s: f64, options: &FrameOptions) -> Frame {
     let name = path.display().to_string();
-    let read = inputs::check_regular(path).and_then(|()| Ok(read_photo_file(path, limits)?));
+    let read =
+        inputs::check_regular(path).and_then(|()| Ok(read_photo_file(path, &options.limits)?));
     match read {
-        Ok(bytes) => frame_from_bytes(name, time_s, &bytes, limits),
+        Ok(bytes) => frame_from_bytes(name, time_s, &bytes, options),
         Err(error) => Frame {
             name,
             time_s,
@@ -98,9 +102,13 @@ pub fn frame_from_file(path: &Path, time_s: f64, limits: &PhotoLimits) -> Frame 
 }
 
 /// Decodes the bytes of a photo as a frame.
-pub fn frame_from_bytes(name: String, time_s: f64, bytes: &[u8], limits: &PhotoLimits) -> Frame {
-    let photo = Photo::from_bytes_within(&name, bytes, Some(QUERY_LONG_SIDE_PX), limits)
-        .context("the frame cannot be decoded");
+pub fn frame_from_bytes(name: String, time_s: f64, bytes: &[u8], options: &FrameOptions) -> Frame {
+    let limits = &options.limits;
+    let photo = match options.needed {
+        Some(needed) => needed.decode(&name, bytes, limits),
+        None => Photo::from_bytes_within(&name, bytes, Some(QUERY_LONG_SIDE_PX), limits),
+    };
+    let photo = photo.context("the frame cannot be decoded");
     Frame {
         hash: blake3::hash(bytes).to_hex().to_string(),
         photo,

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
-use grimnet_photo::{Metadata, PhotoLimits};
+use grimnet_photo::Metadata;
 
 use super::frame_time::{Epoch, FrameTime};
 use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_file};
@@ -20,7 +20,7 @@ pub struct PhotoList {
     next: usize,
     epoch: Epoch,
     without_time: usize,
-    limits: PhotoLimits,
+    options: FrameOptions,
 }
 
 impl PhotoList {
@@ -71,7 +71,7 @@ impl PhotoList {
             next: 0,
             epoch,
             without_time,
-            limits: options.limits,
+            options: *options,
         })
     }
 }
@@ -120,7 +120,7 @@ impl Frames for PhotoList {
             return Ok(None);
         };
         self.next += 1;
-        Ok(Some(frame_from_file(path, *time_s, &self.limits)))
+        Ok(Some(frame_from_file(path, *time_s, &self.options)))
     }
 
     fn epoch(&self) -> Epoch {
@@ -150,7 +150,8 @@ mod tests {
         FrameOptions {
             source: TimeSource::Auto,
             frames_per_s,
-            limits: PhotoLimits::DEFAULT,
+            limits: grimnet_photo::PhotoLimits::DEFAULT,
+            needed: None,
         }
     }
 

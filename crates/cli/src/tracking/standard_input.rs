@@ -52,7 +52,7 @@ impl<R: BufRead> StreamedFrames<R> {
 
     /// The next frame, with the metadata that may tell its time. `None` at the end.
     fn read(&mut self) -> Result<Option<(Frame, Metadata)>> {
-        let limits = &self.options.limits;
+        let options = &self.options;
         match &mut self.input {
             Input::Pictures(stream) => {
                 let picture = stream
@@ -61,7 +61,7 @@ impl<R: BufRead> StreamedFrames<R> {
                 Ok(picture.map(|bytes| {
                     let name = format!("frame_{:06}.jpg", self.number);
                     let metadata = Metadata::from_bytes(&bytes);
-                    (frame_from_bytes(name, 0.0, &bytes, limits), metadata)
+                    (frame_from_bytes(name, 0.0, &bytes, options), metadata)
                 }))
             }
             Input::Names(input) => {
@@ -79,8 +79,9 @@ impl<R: BufRead> StreamedFrames<R> {
                     }
                     let name = line.trim();
                     if !name.is_empty() {
-                        let frame = frame_from_file(Path::new(name), 0.0, limits);
-                        let metadata = Metadata::read_within(name, limits).unwrap_or_default();
+                        let frame = frame_from_file(Path::new(name), 0.0, options);
+                        let metadata =
+                            Metadata::read_within(name, &options.limits).unwrap_or_default();
                         return Ok(Some((frame, metadata)));
                     }
                 }
@@ -136,6 +137,7 @@ mod tests {
             source: TimeSource::Auto,
             frames_per_s: None,
             limits: PhotoLimits::DEFAULT,
+            needed: None,
         };
         let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
         let mut frames = StreamedFrames::new(text.as_bytes(), options).unwrap();

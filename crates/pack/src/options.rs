@@ -9,8 +9,9 @@ use crate::mode::Mode;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Levels {
-    /// Default mode: from the map's own resolution (not finer than [`crate::FINEST_AUTO_GSD_M`]) by factors of two
-    /// until a tile is about a kilometre wide or covers the map. Paper mode: the map's own pixels.
+    /// Default mode: from the map's own resolution by factors of two until a tile is about a kilometre wide or covers the map. The
+    /// finest is not finer than [`crate::FINEST_AUTO_GSD_M`]; a map of up to eight times [`crate::COARSEST_FINE_GSD_M`] is resampled to
+    /// finer pixels than its own first. Paper mode: the map's own pixels.
     #[default]
     Auto,
     /// These resolutions, metres per pixel.

@@ -1,4 +1,4 @@
-//! One round of the search: queries under each hypothesis, candidates, full matching.
+//! One round of the search: queries under each hypothesis, candidates, full matching stage by stage.
 
 use std::time::Instant;
 
@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::{
     context::{Context, TimeBudget},
     error::Result,
-    outcome::{TimeMs, elapsed_ms},
+    outcome::elapsed_ms,
     pipeline::{
         queries::{Queries, extract_queries, side_px},
         ranking::{best_candidate, is_clear},
@@ -19,8 +19,8 @@ use crate::{
     query_features::{MIN_KEYPOINTS, QueryFeatures},
     search::{
         candidates::{Candidate, by_descriptor, distinct_tiles},
-        cascade::Cascade,
-        hypotheses::{Hypothesis, Round},
+        cascade::{Cascade, Voters},
+        hypotheses::Round,
     },
     trace::RoundTrace,
 };
@@ -28,105 +28,141 @@ use crate::{
 /// Number of candidates that are matched in parallel. It is a constant so that the answer does not depend on the number of threads.
 const BATCH: usize = 4;
 
-/// Searches under the hypotheses of `round`.
-pub(crate) fn run_round(
-    context: Context<'_>,
-    photo: &Photo,
-    view: &View,
-    prior: &Prior,
-    round: Round,
-    budget: TimeBudget,
-) -> Result<RoundResult> {
-    let Round { hypotheses, about } = round;
-    let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
-    let side_px = side_px(context, &hypotheses);
-    let Queries {
-        features: queries,
-        dense,
-        mut time_ms,
-    } = extract_queries(context, photo, view, &hypotheses, side_px)?;
-    let mut verified = Vec::new();
-    let mut trace = RoundTrace {
-        level,
-        ..RoundTrace::default()
-    };
-    let is_enough = |query: &QueryFeatures| query.points.len() >= MIN_KEYPOINTS;
-    if queries.iter().any(is_enough) {
+/// How far a round is searched.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Depth {
+    /// Through its first stage: the candidates that are most similar by descriptor.
+    FirstStage,
+    /// Through all of its stages.
+    All,
+}
+
+/// A round in progress.
+pub(crate) struct OpenRound {
+    result: RoundResult,
+    cascade: Cascade,
+    stages_left: bool,
+}
+
+impl OpenRound {
+    /// Finds the candidates under the hypotheses of `round`; none is matched yet.
+    pub fn begin(
+        context: Context<'_>,
+        photo: &Photo,
+        view: &View,
+        prior: &Prior,
+        round: Round,
+    ) -> Result<Self> {
+        let Round { hypotheses, about } = round;
+        let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
+        let side_px = side_px(context, &hypotheses);
+        let Queries {
+            features: queries,
+            dense,
+            mut time_ms,
+        } = extract_queries(context, photo, view, &hypotheses, side_px)?;
+        let mut trace = RoundTrace {
+            level,
+            ..RoundTrace::default()
+        };
+        let is_enough = |query: &QueryFeatures| query.points.len() >= MIN_KEYPOINTS;
+        let mut candidates = Vec::new();
+        if queries.iter().any(is_enough) {
+            let since = Instant::now();
+            candidates = by_descriptor(
+                context.level(level),
+                &queries,
+                prior.near.as_ref(),
+                context.options,
+            )?;
+            time_ms.search = elapsed_ms(since);
+            trace.by_descriptor = distinct_tiles(&candidates);
+        }
+        Ok(Self {
+            result: RoundResult {
+                level,
+                hypotheses,
+                queries,
+                dense,
+                verified: Vec::new(),
+                about,
+                trace,
+                time_ms,
+            },
+            cascade: Cascade::new(candidates),
+            stages_left: true,
+        })
+    }
+
+    /// Matches candidates in the order of the cascade until an answer is clear, the time is used up, or `depth` is reached. Whether the
+    /// answer is clear.
+    pub fn search(
+        &mut self,
+        context: Context<'_>,
+        depth: Depth,
+        budget: TimeBudget,
+    ) -> Result<bool> {
         let since = Instant::now();
-        let candidates = by_descriptor(
-            context.level(level),
-            &queries,
-            prior.near.as_ref(),
-            context.options,
-        )?;
-        time_ms.search = elapsed_ms(since);
-        trace.by_descriptor = distinct_tiles(&candidates);
-        let matched = match_candidates(context, &hypotheses, &queries, candidates, budget)?;
-        time_ms += matched.time_ms;
-        let entered: Vec<Candidate> = matched.verified.iter().map(|v| v.candidate).collect();
-        trace.matched = distinct_tiles(&entered);
-        trace.by_vote = distinct_tiles(entered.iter().chain(&matched.rest));
-        verified = matched.verified;
-    }
-    Ok(RoundResult {
-        level,
-        hypotheses,
-        queries,
-        dense,
-        verified,
-        about,
-        trace,
-        time_ms,
-    })
-}
-
-/// Candidates that were matched in full, and the rest.
-struct MatchedCandidates {
-    verified: Vec<VerifiedCandidate>,
-    rest: Vec<Candidate>,
-    time_ms: TimeMs,
-}
-
-/// Matches candidates in the order of the cascade until an answer is clear or the time is used up.
-fn match_candidates(
-    context: Context<'_>,
-    hypotheses: &[Hypothesis],
-    queries: &[QueryFeatures],
-    candidates: Vec<Candidate>,
-    budget: TimeBudget,
-) -> Result<MatchedCandidates> {
-    let options = context.options;
-    let level = context.level(hypotheses.first().map_or(0, |hypothesis| hypothesis.level));
-    let since = Instant::now();
-    let mut verified: Vec<VerifiedCandidate> = Vec::new();
-    let mut cascade = Cascade::new(level, queries, candidates, context.scratch, options);
-    loop {
-        let batch = cascade.next_batch(BATCH)?;
-        if batch.is_empty() {
-            break;
+        let mut is_clear = false;
+        while self.stages_left && !is_clear {
+            let voters = Voters {
+                level: context.level(self.result.level),
+                queries: &self.result.queries,
+                scratch: context.scratch,
+                options: context.options,
+            };
+            self.stages_left = self.cascade.begin_stage(voters)?;
+            is_clear = self.match_stage(context, budget)?;
+            if depth == Depth::FirstStage || budget.is_spent() {
+                break;
+            }
         }
-        let more: Vec<VerifiedCandidate> = batch
-            .par_iter()
-            .map(|candidate| verify(context, level, hypotheses, queries, *candidate))
-            .collect::<Result<_>>()?;
-        verified.extend(more);
-        let is_enough = verified.len() >= options.min_matched;
-        if is_enough
-            && (budget.is_spent()
-                || best_candidate(&verified, options)
-                    .is_some_and(|(best, runner_up)| is_clear(best, runner_up, options)))
-        {
-            break;
+        self.result.time_ms.matching += elapsed_ms(since);
+        Ok(is_clear)
+    }
+
+    /// Matches the candidates of the stage that was begun; whether the answer is clear.
+    fn match_stage(&mut self, context: Context<'_>, budget: TimeBudget) -> Result<bool> {
+        let options = context.options;
+        let RoundResult {
+            level,
+            hypotheses,
+            queries,
+            verified,
+            ..
+        } = &mut self.result;
+        let level = context.level(*level);
+        loop {
+            let batch = self.cascade.next_batch(BATCH);
+            if batch.is_empty() {
+                return Ok(false);
+            }
+            let more: Vec<VerifiedCandidate> = batch
+                .par_iter()
+                .map(|candidate| verify(context, level, hypotheses, queries, *candidate))
+                .collect::<Result<_>>()?;
+            verified.extend(more);
+            if verified.len() < options.min_matched {
+                continue;
+            }
+            let is_clear = best_candidate(verified, options)
+                .is_some_and(|(best, runner_up)| is_clear(best, runner_up, options));
+            if is_clear || budget.is_spent() {
+                return Ok(is_clear);
+            }
         }
     }
-    let vote_ms = cascade.vote_ms;
-    Ok(MatchedCandidates {
-        verified,
-        rest: cascade.into_rest().collect(),
-        time_ms: TimeMs {
-            vote: vote_ms,
-            matching: elapsed_ms(since) - vote_ms,
-            ..TimeMs::default()
-        },
-    })
+
+    /// The result, with what was searched so far.
+    pub fn finish(self) -> RoundResult {
+        let mut result = self.result;
+        // The clock of the matching ran during the votes, too.
+        result.time_ms.vote = self.cascade.vote_ms;
+        result.time_ms.matching -= self.cascade.vote_ms;
+        let rest: Vec<Candidate> = self.cascade.into_rest().collect();
+        let matched: Vec<Candidate> = result.verified.iter().map(|v| v.candidate).collect();
+        result.trace.matched = distinct_tiles(&matched);
+        result.trace.by_vote = distinct_tiles(matched.iter().chain(&rest));
+        result
+    }
 }

@@ -11,9 +11,8 @@ use crate::{
     pipeline::{
         answer::{no_fix, outcome},
         finalists::{self, best_finalist, finalists, realign_all},
-        ranking::RankedAnswer,
         round_result::RoundResult,
-        rounds::run_round,
+        rounds::{Depth, OpenRound},
         verification::VerifiedCandidate,
     },
     prior::Prior,
@@ -54,16 +53,7 @@ pub(crate) fn locate(
     budget: TimeBudget,
 ) -> Result<Located> {
     let options = context.options;
-    let mut results: Vec<RoundResult> = Vec::new();
-    for round in rounds(view, context.pack, options) {
-        let result = run_round(context, photo, view, prior, round, budget)?;
-        let is_clear =
-            RankedAnswer::of(&result, options).is_some_and(|best| best.is_clear(options));
-        results.push(result);
-        if is_clear || budget.is_spent() {
-            break;
-        }
-    }
+    let results = search(context, photo, view, prior, budget)?;
     let trace = Trace {
         rounds: results.iter().map(|result| result.trace.clone()).collect(),
     };
@@ -93,6 +83,41 @@ pub(crate) fn locate(
         trace,
         time_ms,
     })
+}
+
+/// Searches the rounds until an answer is clear: first the most similar candidates of each, which cost little and are enough for most
+/// photos under the right hypothesis, then all candidates of each.
+fn search(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    prior: &Prior,
+    budget: TimeBudget,
+) -> Result<Vec<RoundResult>> {
+    let planned = rounds(view, context.pack, context.options);
+    let first_depth = if planned.len() > 1 {
+        Depth::FirstStage
+    } else {
+        Depth::All
+    };
+    let mut open: Vec<OpenRound> = Vec::with_capacity(planned.len());
+    let mut is_over = false;
+    for round in planned {
+        let mut round = OpenRound::begin(context, photo, view, prior, round)?;
+        is_over = round.search(context, first_depth, budget)? || budget.is_spent();
+        open.push(round);
+        if is_over {
+            break;
+        }
+    }
+    if !is_over && first_depth != Depth::All {
+        for round in &mut open {
+            if round.search(context, Depth::All, budget)? || budget.is_spent() {
+                break;
+            }
+        }
+    }
+    Ok(open.into_iter().map(OpenRound::finish).collect())
 }
 
 /// The features of a query of `photo`, with the fix that they gave.

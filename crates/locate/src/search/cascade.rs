@@ -16,12 +16,22 @@ use crate::{
     },
 };
 
+/// What a vote needs beside the candidates.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Voters<'a> {
+    /// The level that the candidates are tiles of.
+    pub level: &'a Level,
+    /// The queries that the candidates belong to.
+    pub queries: &'a [QueryFeatures],
+    /// Buffers.
+    pub scratch: &'a ScratchPool,
+    /// Settings.
+    pub options: &'a Options,
+}
+
 /// The candidates of one round that were not matched yet.
-pub(crate) struct Cascade<'a> {
-    level: &'a Level,
-    queries: &'a [QueryFeatures],
-    scratch: &'a ScratchPool,
-    options: &'a Options,
+#[derive(Debug, Default)]
+pub(crate) struct Cascade {
     /// Candidates that have not entered, best by descriptor first.
     waiting: std::vec::IntoIter<Candidate>,
     /// Candidates that have entered and were not matched yet, best by votes first.
@@ -34,40 +44,43 @@ pub(crate) struct Cascade<'a> {
     pub vote_ms: f64,
 }
 
-impl<'a> Cascade<'a> {
+impl Cascade {
     /// Starts with `candidates`, best by descriptor first.
-    pub fn new(
-        level: &'a Level,
-        queries: &'a [QueryFeatures],
-        candidates: Vec<Candidate>,
-        scratch: &'a ScratchPool,
-        options: &'a Options,
-    ) -> Self {
+    pub fn new(candidates: Vec<Candidate>) -> Self {
         Self {
-            level,
-            queries,
-            scratch,
-            options,
             waiting: candidates.into_iter(),
-            entered: Vec::new(),
-            passed_over: Vec::new(),
-            stages_begun: 0,
-            left_in_stage: 0,
-            vote_ms: 0.0,
+            ..Self::default()
         }
     }
 
-    /// The next candidates to match in full, at most `most`; empty after the last stage.
+    /// Lets the candidates of the next stage enter and vote; false after the last stage.
     ///
     /// # Errors
     /// Returns an error if the descriptors of query and pack do not have the same length.
-    pub fn next_batch(&mut self, most: usize) -> Result<Vec<Candidate>> {
-        if self.left_in_stage == 0 || self.entered.is_empty() {
-            self.begin_stage()?;
+    pub fn begin_stage(&mut self, voters: Voters<'_>) -> Result<bool> {
+        let since = Instant::now();
+        let Some(size) = self.stage_size(voters.options) else {
+            return Ok(false);
+        };
+        let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
+        if let Some(options) = &voters.options.vote {
+            self.count_votes(&mut entering, voters, options)?;
+            self.entered.extend(entering);
+            rank_by_votes(&mut self.entered, options);
+        } else {
+            self.entered.extend(entering);
         }
+        self.stages_begun += 1;
+        self.left_in_stage = voters.options.max_matched;
+        self.vote_ms += elapsed_ms(since);
+        Ok(true)
+    }
+
+    /// The next candidates of this stage to match in full, at most `most`; empty at its end.
+    pub fn next_batch(&mut self, most: usize) -> Vec<Candidate> {
         let count = most.min(self.left_in_stage).min(self.entered.len());
         self.left_in_stage -= count;
-        Ok(self.entered.drain(..count).collect())
+        self.entered.drain(..count).collect()
     }
 
     /// The candidates that were not matched, in the order in which they would have been.
@@ -78,41 +91,27 @@ impl<'a> Cascade<'a> {
             .chain(self.waiting)
     }
 
-    fn begin_stage(&mut self) -> Result<()> {
-        let since = Instant::now();
-        let Some(size) = self.stage_size() else {
-            return Ok(());
-        };
-        let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
-        if let Some(options) = &self.options.vote {
-            self.count_votes(&mut entering, options)?;
-            self.entered.extend(entering);
-            rank_by_votes(&mut self.entered, options);
-        } else {
-            self.entered.extend(entering);
-        }
-        self.stages_begun += 1;
-        self.left_in_stage = self.options.max_matched;
-        self.vote_ms += elapsed_ms(since);
-        Ok(())
-    }
-
     /// Lets the candidates vote, and the best of them again with more keypoints. The others are passed over.
-    fn count_votes(&mut self, entering: &mut Vec<Candidate>, options: &VoteOptions) -> Result<()> {
+    fn count_votes(
+        &mut self,
+        entering: &mut Vec<Candidate>,
+        voters: Voters<'_>,
+        options: &VoteOptions,
+    ) -> Result<()> {
         let vote = |candidates: &mut [Candidate], keypoints: usize| {
             vote(
-                self.level,
-                self.queries,
+                voters.level,
+                voters.queries,
                 candidates,
                 keypoints,
-                self.scratch,
+                voters.scratch,
                 options,
             )
         };
         vote(entering, options.keypoints)?;
         let recount = options
             .recount
-            .filter(|_| entering.len() > self.options.max_matched);
+            .filter(|_| entering.len() > voters.options.max_matched);
         if let Some(recount) = recount {
             rank_by_votes(entering, options);
             let others = entering.split_off(recount.candidates.min(entering.len()));
@@ -123,8 +122,8 @@ impl<'a> Cascade<'a> {
     }
 
     /// Number of candidates that enter in the next stage; `None` if all have entered.
-    fn stage_size(&self) -> Option<usize> {
-        let listed = self.options.stages.get(self.stages_begun).copied();
+    fn stage_size(&self, options: &Options) -> Option<usize> {
+        let listed = options.stages.get(self.stages_begun).copied();
         let all_entered = self.waiting.as_slice().is_empty();
         (!all_entered).then(|| listed.unwrap_or(usize::MAX))
     }

@@ -192,3 +192,29 @@ fn answers_depend_on_the_photos_that_normalisation_statistics_come_from() {
     }
     assert!(localizer(Options::default()).adapted_to_flight([]).is_err());
 }
+
+#[test]
+fn every_scale_is_tried_with_few_candidates_before_any_with_all() {
+    const FIRST: usize = 2;
+    let localizer = localizer(Options {
+        stages: vec![FIRST],
+        max_matched: FIRST,
+        min_matched: 1,
+        ..Options::default()
+    });
+    let (place, heading_deg) = PLACES[1];
+    // 100 m across: the third of the widths that are tried.
+    let scale = 100.0 / f64::from(PHOTO_PX.0) / GSD_M;
+    let matched = |picture: &RgbImage| -> (bool, Vec<usize>) {
+        let photo = photo_of(picture, place, heading_deg, PHOTO_PX, scale);
+        let (outcome, trace) = localizer.locate_traced(&photo, &Prior::none()).unwrap();
+        let counts = trace.rounds.iter().map(|round| round.matched.len());
+        (outcome.fix().is_some(), counts.collect())
+    };
+    let (found, counts) = matched(&scene().picture);
+    assert!(found && counts.len() > 1, "{counts:?}");
+    assert!(counts.iter().all(|&count| count <= FIRST), "{counts:?}");
+    let (found, counts) = matched(&town(2));
+    assert!(!found);
+    assert!(counts.iter().any(|&count| count > FIRST), "{counts:?}");
+}

@@ -94,23 +94,17 @@ fn search(
     prior: &Prior,
     budget: TimeBudget,
 ) -> Result<Vec<RoundResult>> {
-    let planned = rounds(view, context.pack, context.options);
-    let first_depth = if planned.len() > 1 {
-        Depth::FirstStage
-    } else {
-        Depth::All
-    };
-    let mut open: Vec<OpenRound> = Vec::with_capacity(planned.len());
+    let mut open: Vec<OpenRound> = Vec::new();
     let mut is_over = false;
-    for round in planned {
+    for round in rounds(view, context.pack, context.options) {
         let mut round = OpenRound::begin(context, photo, view, prior, round)?;
-        is_over = round.search(context, first_depth, budget)? || budget.is_spent();
+        is_over = round.search(context, Depth::FirstStage, budget)? || budget.is_spent();
         open.push(round);
         if is_over {
             break;
         }
     }
-    if !is_over && first_depth != Depth::All {
+    if !is_over {
         for round in &mut open {
             if round.search(context, Depth::All, budget)? || budget.is_spent() {
                 break;

@@ -1,12 +1,15 @@
-//! What the targets share: a file in memory, since most readers take paths.
+//! What the targets share: files in memory, since most readers take paths, and what holds of every map that opens.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// Writes the bytes to the file of this process, in memory where the system has such a folder, and gives its path.
-pub fn file_of(bytes: &[u8], name: &str) -> PathBuf {
+#[path = "../../crates/geo/tests/support/usable.rs"]
+pub mod usable;
+
+/// The folder of this process, in memory where the system has such a folder.
+pub fn folder() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
-    let folder = FOLDER.get_or_init(|| {
+    FOLDER.get_or_init(|| {
         let memory = PathBuf::from("/dev/shm");
         let parent = if memory.is_dir() {
             memory
@@ -16,8 +19,12 @@ pub fn file_of(bytes: &[u8], name: &str) -> PathBuf {
         let folder = parent.join(format!("grimnet-fuzz-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         folder
-    });
-    let path = folder.join(name);
+    })
+}
+
+/// Writes the bytes to a file of this process, and gives its path.
+pub fn file_of(bytes: &[u8], name: &str) -> PathBuf {
+    let path = folder().join(name);
     std::fs::write(&path, bytes).unwrap();
     path
 }

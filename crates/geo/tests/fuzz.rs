@@ -8,16 +8,17 @@ mod support;
 
 use std::path::Path;
 
-use grimnet_geo::{MapOptions, MapPx, WindowPx, open_map};
+use grimnet_geo::{MapOptions, open_map};
 use image::{Rgb, RgbImage};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use support::usable::assert_usable;
 use support::{Tag, ascii, double, short, write_map};
 
 /// Inputs of each test in a normal run.
 const CASES: u32 = 96;
 
-/// Opens the map and uses it: georeference, a small window.
+/// Opens the map and uses it.
 fn check(path: &Path, options: &MapOptions) {
     let map = match open_map(path, options) {
         Ok(map) => map,
@@ -27,17 +28,7 @@ fn check(path: &Path, options: &MapOptions) {
             return;
         }
     };
-    let (width, height) = map.size_px();
-    assert!(width > 0 && height > 0);
-    for (x, y) in [(0.0, 0.0), (width as f64 / 2.0, height as f64 / 2.0)] {
-        if let Ok(place) = map.georeference().lonlat_from_map_px(MapPx::new(x, y)) {
-            assert!(place.lat_deg.abs() <= 90.0 + 1e-9, "{place:?}");
-            assert!(place.lon_deg.is_finite(), "{place:?}");
-        }
-        let _ = map.georeference().ground_resolution_m(MapPx::new(x, y));
-    }
-    // Either pixels or an error.
-    let _ = map.read(WindowPx::new(1.0, 1.0, 8.0, 8.0), 8, 8);
+    assert_usable(&*map);
 }
 
 /// A number that a parser may stumble over.

@@ -10,37 +10,25 @@ mod support;
 use std::io::{Cursor, Write};
 use std::path::Path;
 
-use grimnet_geo::{MapOptions, MapPx, WindowPx, open_map};
+use grimnet_geo::{MapOptions, MapPx, open_map};
 use image::{ImageFormat, Rgb, RgbImage};
 use proptest::collection::vec;
 use proptest::prelude::*;
+use support::usable::assert_usable;
 use support::{geo_tags, write_map};
 
 /// Inputs of each test in a normal run.
 const CASES: u32 = 64;
 
-/// Opens a map and uses it: georeference, hash, windows at its own and at a coarse resolution. Nothing in its folder changes.
+/// Opens a map and uses it. Its centre is on Earth, and nothing in its folder changes.
 fn check(folder: &Path, path: &Path) {
     let before = names(folder);
     match open_map(path, &MapOptions::default()) {
         Ok(map) => {
+            assert_usable(&*map);
             let (width, height) = map.size_px();
-            assert!(width > 0 && height > 0);
             let centre = MapPx::new(width as f64 / 2.0, height as f64 / 2.0);
-            let place = map.georeference().lonlat_from_map_px(centre).unwrap();
-            assert!(place.lat_deg.abs() <= 90.0, "{place:?}");
-            let _ = map.caveats();
-            let _ = map.content_hash();
-            let whole = WindowPx::new(0.0, 0.0, width as f64, height as f64);
-            for (window, side) in [
-                (WindowPx::new(1.0, 1.0, 8.0, 8.0), 8),
-                (WindowPx::new(centre.x, centre.y, 300.5, 290.0), 41),
-            ] {
-                let _ = map.read(window, side, side);
-            }
-            if width.max(height) < 5000 {
-                let _ = map.read(whole, 16, 16);
-            }
+            map.georeference().lonlat_from_map_px(centre).unwrap();
         }
         Err(error) => {
             let text = error.to_string();

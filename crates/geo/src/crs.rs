@@ -109,6 +109,13 @@ impl Crs {
             crs: definition.clone(),
             reason,
         };
+        // The parser takes characters for bytes.
+        if !proj_string.is_ascii() {
+            return Err(unknown(
+                "it has characters that are not ASCII; degrees and minutes are written 12d30'"
+                    .to_string(),
+            ));
+        }
         let proj = Proj::from_proj_string(proj_string).map_err(|e| match e {
             proj4rs::errors::Error::NadGridNotAvailable => unknown(
                 "its datum shift is a grid of corrections, which is not built in; reproject the \

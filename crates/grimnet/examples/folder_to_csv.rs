@@ -26,7 +26,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     photos.sort();
 
     let mut out = std::io::stdout().lock();
-    writeln!(out, "photo,lat_deg,lon_deg,radius95_m,heading_deg,remark")?;
+    writeln!(
+        out,
+        "photo,lat_deg,lon_deg,radius95_m,confidence,heading_deg,remark"
+    )?;
     for path in &photos {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
         // A photo that cannot be read has its line too and does not stop the others.
@@ -35,22 +38,24 @@ fn main() -> Result<(), Box<dyn Error>> {
             .and_then(|photo| Ok(localizer.locate(&photo, &Prior::none())?));
         match answer {
             Ok(Outcome::Fix(fix)) => {
-                let heading = fix
-                    .heading_deg
-                    .map_or(String::new(), |deg| format!("{deg:.1}"));
+                let number = |value: Option<f64>, digits| {
+                    value.map_or(String::new(), |value| format!("{value:.digits$}"))
+                };
+                let confidence = number(fix.confidence, 4);
+                let heading = number(fix.heading_deg, 1);
                 let (lat, lon, radius) = (fix.lat_deg, fix.lon_deg, fix.radius95_m);
                 writeln!(
                     out,
-                    "{},{lat:.7},{lon:.7},{radius:.2},{heading},",
+                    "{},{lat:.8},{lon:.8},{radius:.3},{confidence},{heading},",
                     quoted(&name)
                 )?;
             }
             Ok(Outcome::NoFix(reason)) => {
                 let remark = quoted(&format!("no fix: {reason}"));
-                writeln!(out, "{},,,,,{remark}", quoted(&name))?;
+                writeln!(out, "{},,,,,,{remark}", quoted(&name))?;
             }
             Err(error) => {
-                writeln!(out, "{},,,,,{}", quoted(&name), quoted(&error.to_string()))?;
+                writeln!(out, "{},,,,,,{}", quoted(&name), quoted(&error.to_string()))?;
             }
         }
     }

@@ -338,12 +338,12 @@ proptest! {
     }
 }
 
-/// A packet whose namespaces took 111 s, for each was looked up among all the others.
+/// A quarter of this packet took 111 s, for each namespace was looked up among all the others.
 #[test]
 fn a_packet_of_many_namespaces_is_read_in_time() {
     use std::fmt::Write as _;
     let mut packet = String::from("<rdf:Description");
-    for i in 0..200_000 {
+    for i in 0..800_000 {
         let _ = write!(packet, " xmlns:a{i}=\"http://pix4d.com/camera/1.0\"");
     }
     packet += " drone-dji:RelativeAltitude=\"50\"/>";
@@ -353,7 +353,7 @@ fn a_packet_of_many_namespaces_is_read_in_time() {
     std::thread::spawn(move || {
         let _ = sender.send(grimnet_photo::Metadata::from_bytes(&bytes));
     });
-    // A guard against hanging, not a measurement: it takes a fraction of a second.
+    // A guard against hanging, not a measurement: it takes a second, and minutes if each name is looked up among all others.
     let metadata = receiver
         .recv_timeout(std::time::Duration::from_secs(30))
         .expect("still reading after 30 s");

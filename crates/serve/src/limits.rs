@@ -53,3 +53,46 @@ impl Default for Limits {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn security_md_states_the_defaults() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../SECURITY.md");
+        let page = std::fs::read_to_string(path).unwrap();
+        let limits = Limits::default();
+        let seconds = |time: Duration| format!("{} s", time.as_secs());
+        let rows = [
+            format!(
+                "| request, memory of a photo | {} MiB, {} MiB |",
+                limits.max_body_bytes >> 20,
+                limits.photo.max_memory_bytes >> 20
+            ),
+            format!(
+                "| localisations at once, waiting requests, connections | one for each core, {}, {} |",
+                limits.queue, limits.connections
+            ),
+            format!(
+                "| head, pause in a body, whole body, localisation with its wait | {} |",
+                [
+                    limits.head_time,
+                    limits.body_pause,
+                    limits.body_time,
+                    limits.locate_time
+                ]
+                .map(seconds)
+                .join(", ")
+            ),
+            format!(
+                "| clients that follow tracks, pause in which a client takes no byte of an answer | {}, {} |",
+                limits.listeners,
+                seconds(limits.write_pause)
+            ),
+        ];
+        for row in rows {
+            assert!(page.contains(&row), "SECURITY.md should hold:\n{row}");
+        }
+    }
+}

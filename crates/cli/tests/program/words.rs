@@ -227,8 +227,21 @@ fn nothing_from_a_file_name_steers_the_terminal() {
         .output()
         .unwrap();
     assert_eq!(output.status.code(), Some(2));
-    // Neither from the name nor as colour: this is no terminal.
     assert!(!output.stderr.contains(&0x1b));
+}
+
+#[test]
+fn messages_have_no_colours_in_a_pipe() {
+    let output = grim()
+        .args(["locate", "--pack"])
+        .arg(pack())
+        .arg("/no/such.jpg")
+        .env_remove("NO_COLOR")
+        .output()
+        .unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(errors.contains("could not be read"), "{errors}");
+    assert!(!errors.contains('\x1b'), "{errors:?}");
 }
 
 #[test]

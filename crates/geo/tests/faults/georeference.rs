@@ -86,6 +86,9 @@ fn an_unknown_crs_is_refused() {
         "",
         "+proj=nosuch",
         "ESRI:4326",
+        // The parser of PROJ strings cuts them between bytes.
+        "+proj=tmerc +lat_0=4\u{fffd}9\"",
+        "+proj=tmerc +lat_0=4\u{b0}30'",
     ] {
         let error = match with_crs(&path, crs) {
             Err(error) => error,

@@ -16,6 +16,7 @@ use crate::model::device::Accelerator;
 use crate::model::input::Norms;
 use crate::model::teacher::TeacherOptions;
 use crate::run::optimiser::AdamOptions;
+use grimnet_limits::PhotoLimits;
 use grimnet_net::NetSpec;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -108,6 +109,9 @@ pub struct TrainConfig {
     pub report_steps: u64,
     /// Fitting and measuring the exported model.
     pub export: ExportOptions,
+    /// Limits on each picture; not a part of the file.
+    #[serde(skip)]
+    pub photo_limits: PhotoLimits,
 }
 
 impl Default for TrainConfig {
@@ -153,6 +157,7 @@ impl Default for TrainConfig {
             validate_minutes: 15.0,
             report_steps: 50,
             export: ExportOptions::default(),
+            photo_limits: PhotoLimits::DEFAULT,
         }
     }
 }

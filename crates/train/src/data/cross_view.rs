@@ -6,9 +6,10 @@ use super::cell_labels::LABEL_NONE;
 use super::layout::{Fold, Folder, layout_error};
 use super::mapping::Mapping;
 use super::pair::{Pair, PairOptions, Place, Source, seen_cells};
-use super::picture::Picture;
+use super::picture_file;
 use super::resample::warp;
 use crate::error::TrainError;
+use grimnet_limits::PhotoLimits;
 use image::RgbImage;
 use nalgebra::Matrix3;
 use rand::Rng as _;
@@ -53,15 +54,21 @@ struct Match {
 pub struct CrossView {
     matches: Vec<Match>,
     unreadable: usize,
+    limits: PhotoLimits,
 }
 
 impl CrossView {
     /// Reads the matches of a fold (`Train` or `Val`) of a folder. `folder_index` tells data folders apart, whose coordinates
-    /// are not related. Matches without their picture files are skipped and counted.
+    /// are not related. Matches without their picture files, or with one beyond the limits, are skipped and counted.
     ///
     /// # Errors
     /// [`TrainError::Layout`] if `gt_matches.csv` is missing or is not such a table, [`TrainError::Io`].
-    pub fn open(folder: &Folder, fold: Fold, folder_index: usize) -> Result<Self, TrainError> {
+    pub fn open(
+        folder: &Folder,
+        fold: Fold,
+        folder_index: usize,
+        limits: PhotoLimits,
+    ) -> Result<Self, TrainError> {
         let split = match fold {
             Fold::Training => "Train",
             Fold::Validation => "Val",
@@ -83,11 +90,13 @@ impl CrossView {
         let mut out = Self {
             matches: Vec::with_capacity(rows.len()),
             unreadable: 0,
+            limits,
         };
+        let is_unreadable = |path: &Path| picture_file::size_px(path, limits).is_err();
         for row in rows {
             let photo = root.join("query_images").join(&row.query_name);
             let map = map_picture(&root, &row.ref_name);
-            if image::image_dimensions(&photo).is_err() || image::image_dimensions(&map).is_err() {
+            if is_unreadable(&photo) || is_unreadable(&map) {
                 tracing::warn!(photo = %photo.display(), map = %map.display(), "unreadable match skipped");
                 out.unreadable += 1;
                 continue;
@@ -168,14 +177,8 @@ fn positions_m(file: &Path) -> Result<HashMap<String, [f64; 2]>, TrainError> {
 }
 
 /// A whole picture as a square view; bilinear on its resolution pyramid.
-fn squared(path: &Path, side_px: u32) -> Option<(RgbImage, Vec<bool>)> {
-    let picture = match image::ImageReader::open(path).map(image::ImageReader::decode) {
-        Ok(Ok(image)) => Picture::new(image.into_rgb8()),
-        _ => {
-            tracing::warn!(path = %path.display(), "picture cannot be decoded and is skipped");
-            return None;
-        }
-    };
+fn squared(path: &Path, side_px: u32, limits: PhotoLimits) -> Option<(RgbImage, Vec<bool>)> {
+    let picture = picture_file::open(path, limits)?;
     let (width, height) = picture.size_px();
     let [sx, sy] = [width, height].map(|px| f64::from(px) / f64::from(side_px));
     // Pixel centres: picture = (view + 0.5) * scale - 0.5.
@@ -195,10 +198,10 @@ fn squared(path: &Path, side_px: u32) -> Option<(RgbImage, Vec<bool>)> {
 }
 
 impl Match {
-    fn pair(&self, options: &PairOptions) -> Option<Pair> {
+    fn pair(&self, options: &PairOptions, limits: PhotoLimits) -> Option<Pair> {
         let side_px = options.side_px;
-        let (sat, _) = squared(&self.map, side_px)?;
-        let (uav, seen) = squared(&self.photo, side_px)?;
+        let (sat, _) = squared(&self.map, side_px, limits)?;
+        let (uav, seen) = squared(&self.photo, side_px, limits)?;
         let uav_seen = seen_cells(&seen, side_px as usize);
         let labels = vec![LABEL_NONE; uav_seen.len()];
         Some(Pair {
@@ -231,7 +234,7 @@ impl Source for CrossView {
                 if out.iter().any(overlaps) {
                     return None;
                 }
-                one.pair(options)
+                one.pair(options, self.limits)
             });
             out.extend(chosen);
         }
@@ -289,7 +292,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = vtrn(root.path());
         std::fs::remove_file(root.path().join("Train/query_images/000000.png")).unwrap();
-        let source = CrossView::open(&folder, Fold::Training, 0).unwrap();
+        let source = CrossView::open(&folder, Fold::Training, 0, PhotoLimits::DEFAULT).unwrap();
         assert_eq!((source.len(), source.unreadable()), (5, 1));
         let options = PairOptions {
             side_px: 64,
@@ -312,7 +315,12 @@ mod tests {
     fn the_folds_and_folders_share_no_place() {
         let root = tempfile::tempdir().unwrap();
         let folder = vtrn(root.path());
-        let place = |fold, index| CrossView::open(&folder, fold, index).unwrap().matches[0].place;
+        let place = |fold, index| {
+            CrossView::open(&folder, fold, index, PhotoLimits::DEFAULT)
+                .unwrap()
+                .matches[0]
+                .place
+        };
         let first = place(Fold::Training, 0);
         assert_eq!(first.overlap(&place(Fold::Validation, 0)), 0.0);
         assert_eq!(first.overlap(&place(Fold::Training, 1)), 0.0);
@@ -324,7 +332,7 @@ mod tests {
         let root = tempfile::tempdir().unwrap();
         let folder = vtrn(root.path());
         std::fs::remove_file(root.path().join("Train/reference.csv")).unwrap();
-        let source = CrossView::open(&folder, Fold::Training, 0).unwrap();
+        let source = CrossView::open(&folder, Fold::Training, 0, PhotoLimits::DEFAULT).unwrap();
         let places: Vec<Place> = source.matches.iter().map(|m| m.place).collect();
         assert_eq!(places[0].overlap(&places[1]), 1.0);
         assert_eq!(places[1].overlap(&places[2]), 0.0);
@@ -336,10 +344,10 @@ mod tests {
         let folder = vtrn(root.path());
         let table = root.path().join("Train/gt_matches.csv");
         std::fs::write(&table, "a,b\n1,2\n").unwrap();
-        let error = CrossView::open(&folder, Fold::Training, 0).unwrap_err();
+        let error = CrossView::open(&folder, Fold::Training, 0, PhotoLimits::DEFAULT).unwrap_err();
         assert!(error.to_string().contains("query_name"), "{error}");
         std::fs::remove_file(table).unwrap();
-        let error = CrossView::open(&folder, Fold::Training, 0).unwrap_err();
+        let error = CrossView::open(&folder, Fold::Training, 0, PhotoLimits::DEFAULT).unwrap_err();
         assert!(error.to_string().contains("gt_matches.csv"), "{error}");
     }
 }

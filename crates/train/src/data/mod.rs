@@ -19,6 +19,7 @@ mod pair;
 mod peaks;
 mod photometric;
 mod picture;
+mod picture_file;
 mod pictures;
 mod rendered_place;
 mod resample;

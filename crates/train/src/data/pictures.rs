@@ -4,8 +4,10 @@ use super::label_cache::LabelCache;
 use super::labels::Labels;
 use super::layout::{Fold, Folder, Listed, files_of};
 use super::picture::Picture;
+use super::picture_file;
 use super::scene::Scene;
 use crate::error::TrainError;
+use grimnet_limits::PhotoLimits;
 use rayon::prelude::*;
 use std::collections::{BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -34,6 +36,8 @@ pub struct Pictures {
     training: Vec<usize>,
     validation: Vec<usize>,
     unreadable: usize,
+    /// Limits on each picture.
+    limits: PhotoLimits,
     scenes: usize,
     /// Added to an index to number the pictures of several sets through.
     first_place: usize,
@@ -62,13 +66,20 @@ fn drawn_fold(path: &Path, folder: &Folder) -> Fold {
 }
 
 impl Pictures {
-    /// Lists the pictures of the folders. Pictures whose header cannot be read, or whose shorter side is below
-    /// `least_side_px`, are skipped and counted.
+    /// Lists the pictures of the folders. Pictures whose header cannot be read, that need more memory than the limits, or whose
+    /// shorter side is below `least_side_px`, are skipped and counted.
     ///
     /// # Errors
     /// [`TrainError::Io`] if a folder cannot be read, [`TrainError::TooFewPictures`] if fewer than eight pictures remain.
-    pub fn scan(folders: &[Folder], least_side_px: u32) -> Result<Self, TrainError> {
-        let mut out = Self::default();
+    pub fn scan(
+        folders: &[Folder],
+        least_side_px: u32,
+        limits: PhotoLimits,
+    ) -> Result<Self, TrainError> {
+        let mut out = Self {
+            limits,
+            ..Self::default()
+        };
         for folder in folders {
             out.add_folder(folder, least_side_px)?;
         }
@@ -94,10 +105,13 @@ impl Pictures {
         self.scenes = among.end;
         let numbers: HashMap<&String, usize> = classes.into_iter().zip(among.clone()).collect();
         for Listed { path, fold, class } in &files {
-            let Ok((width, height)) = image::image_dimensions(path) else {
-                tracing::warn!(path = %path.display(), "unreadable picture skipped");
-                self.unreadable += 1;
-                continue;
+            let (width, height) = match picture_file::size_px(path, self.limits) {
+                Ok(size_px) => size_px,
+                Err(error) => {
+                    tracing::warn!(path = %path.display(), %error, "unreadable picture skipped");
+                    self.unreadable += 1;
+                    continue;
+                }
             };
             if width.min(height) < least_side_px {
                 self.unreadable += 1;
@@ -247,13 +261,6 @@ impl Pictures {
 
     /// Decodes a picture; `None` if it cannot be decoded.
     pub fn decode(&self, index: usize) -> Option<Picture> {
-        let path = &self.entries[index].path;
-        match image::ImageReader::open(path).map(image::ImageReader::decode) {
-            Ok(Ok(image)) => Some(Picture::new(image.into_rgb8())),
-            _ => {
-                tracing::warn!(path = %path.display(), "picture cannot be decoded and is skipped");
-                None
-            }
-        }
+        picture_file::open(&self.entries[index].path, self.limits)
     }
 }

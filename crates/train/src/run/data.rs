@@ -97,7 +97,8 @@ impl Data {
         }
         let first_place = self.entries;
         let mut pictures =
-            Pictures::scan(&folders, config.least_picture_px())?.with_first_place(first_place);
+            Pictures::scan(&folders, config.least_picture_px(), config.photo_limits)?
+                .with_first_place(first_place);
         let labels = config
             .labels
             .as_ref()
@@ -129,7 +130,7 @@ impl Data {
             if !is_cross_view(config, folder) {
                 continue;
             }
-            let training = CrossView::open(folder, Fold::Training, index)?;
+            let training = CrossView::open(folder, Fold::Training, index, config.photo_limits)?;
             self.unreadable += training.unreadable();
             if training.len() < LEAST_MATCHES {
                 return Err(TrainError::TooFewPictures {
@@ -145,7 +146,7 @@ impl Data {
                 Serves::Retrieval,
                 Arc::new(training),
             ));
-            let held_out = CrossView::open(folder, Fold::Validation, index)?;
+            let held_out = CrossView::open(folder, Fold::Validation, index, config.photo_limits)?;
             if !held_out.is_empty() {
                 self.held_out.push(("cross-view pairs", Arc::new(held_out)));
             }

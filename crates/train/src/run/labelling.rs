@@ -77,7 +77,7 @@ pub fn label_pictures(
         .filter(|folder| folder.serves != Serves::Retrieval)
         .cloned()
         .collect();
-    let pictures = Pictures::scan(&folders, config.least_picture_px())?;
+    let pictures = Pictures::scan(&folders, config.least_picture_px(), config.photo_limits)?;
     let (todo, mut progress) = unlabelled(&pictures, &cache)?;
     let started = Instant::now();
     for some in todo.chunks(rayon::current_num_threads()) {

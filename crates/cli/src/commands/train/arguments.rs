@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use crate::commands::LimitsChoice;
 use crate::outputs::OverwriteChoice;
 
 /// Arguments of `grim train`.
@@ -28,6 +29,9 @@ pub struct TrainArgs {
     /// Do not train: export the model of the last checkpoint
     #[arg(long, conflicts_with = "resume")]
     pub(super) export: bool,
+
+    #[command(flatten)]
+    pub(super) limits: LimitsChoice,
 
     #[command(flatten)]
     pub(super) overwrite: OverwriteChoice,

@@ -17,7 +17,7 @@ static SELECTED: OnceLock<Isa> = OnceLock::new();
 pub enum Isa {
     /// Plain Rust, on every processor.
     Portable,
-    /// x86-64 with AVX2 and FMA (Haswell, Zen and later).
+    /// x86-64 with AVX2, FMA and F16C (Haswell, Zen and later).
     Avx2,
     /// x86-64 with AVX-512 F, BW, DQ and VL (Skylake-X, Zen 4 and later). VNNI is used if the processor has it.
     Avx512,
@@ -41,7 +41,11 @@ impl Isa {
         match self {
             Isa::Portable => true,
             #[cfg(target_arch = "x86_64")]
-            Isa::Avx2 => is_x86_feature_detected!("avx2") && is_x86_feature_detected!("fma"),
+            Isa::Avx2 => {
+                is_x86_feature_detected!("avx2")
+                    && is_x86_feature_detected!("fma")
+                    && is_x86_feature_detected!("f16c")
+            }
             #[cfg(target_arch = "x86_64")]
             Isa::Avx512 => {
                 Isa::Avx2.is_available()

@@ -11,6 +11,7 @@
 mod buffer;
 mod conv;
 mod direct;
+mod dot_products;
 mod error;
 mod isa;
 mod layout;
@@ -32,10 +33,11 @@ mod winograd;
 mod workspace;
 
 pub use conv::{Activation, Conv2d, ConvSpec};
+pub use dot_products::{Stored, matmul_nt_stored};
 pub use error::KernelError;
 pub use isa::{ISA_VARIABLE, Isa, SelectIsaError, UnknownIsa};
 pub use matmul::{matmul_nn, matmul_nt};
-pub use matmul_i8::matmul_nt_i8;
+pub use matmul_i8::{matmul_nt_i8, matmul_nt_i8_by_rows};
 pub use matrix::{MatMut, MatRef};
 pub use norm::{channel_moments, scale_shift};
 pub use pool::max_pool_2x2;

@@ -4,11 +4,11 @@
 //! and [`MC`] rows of `a` are multiplied with one packed panel by one task (L2 cache).
 
 use crate::Isa;
+use crate::dot_products::matmul_nt_stored;
 use crate::layout::{Interleave, InterleaveShape};
 use crate::matrix::{MatMut, MatRef};
 use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, PanelShape, RightPanel, Taps};
 use crate::parallel::{SharedMut, for_each};
-use crate::simd::{Kernel, Simd};
 use crate::workspace::with_pooled;
 
 /// Size of the packed columns (nc) that are multiplied at a time: they should stay in the last-level cache.
@@ -17,8 +17,6 @@ const PACKED_BYTES: usize = 4 << 20;
 const MC: usize = 96;
 /// With fewer rows in `a`, packing `b` takes longer than it saves.
 const FEW_ROWS: usize = 12;
-/// Rows of `b` that one task multiplies if `b` is not packed.
-const DOT_BLOCK: usize = 64;
 
 /// `c = a b^T`: `a` is `m x k`, `b` is `n x k`, `c` is `m x n` (overwritten).
 ///
@@ -32,7 +30,7 @@ pub fn matmul_nt(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, c: MatMut<'_,
         [c.rows(), c.cols()],
     );
     if a.rows() < FEW_ROWS {
-        return dot_products(isa, a, b, c);
+        return matmul_nt_stored(isa, a, b, c);
     }
     product(isa, a, b.rows(), c, |column, columns, to, width| {
         let shape = InterleaveShape {
@@ -169,26 +167,6 @@ fn product(
     });
 }
 
-/// [`matmul_nt`] for few rows of `a`: each row of `b` is read once and not packed.
-fn dot_products(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, mut c: MatMut<'_, f32>) {
-    let out_stride = c.row_stride();
-    let out = SharedMut::new(c.data_mut());
-    let n = b.rows();
-    with_pooled(|workspace| {
-        for_each(
-            &mut workspace.workers,
-            0,
-            n.div_ceil(DOT_BLOCK),
-            |_, block| {
-                let first = block * DOT_BLOCK;
-                let columns = first..n.min(first + DOT_BLOCK);
-                // SAFETY: `c` has `a.rows()` rows of `n` columns, and these columns belong to this task.
-                isa.run(unsafe { DotBlock::new(a, b, columns, out, out_stride) });
-            },
-        );
-    });
-}
-
 /// [`matmul_nn`] for few rows of `a`: `b` is read once and not packed.
 fn in_place(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, mut c: MatMut<'_, f32>) {
     let width = 2 * isa.lanes();
@@ -224,93 +202,6 @@ fn in_place(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, mut c: MatMut<'_, 
     for i in 0..a.rows() {
         for j in whole * width..n {
             c.row_mut(i)[j] = (0..k).map(|l| a.row(i)[l] * b.row(l)[j]).sum();
-        }
-    }
-}
-
-/// `c[i][j]` for all rows `i` of `a` and `columns` `j`.
-struct DotBlock<'a> {
-    a: MatRef<'a, f32>,
-    b: MatRef<'a, f32>,
-    columns: std::ops::Range<usize>,
-    out: SharedMut,
-    out_stride: usize,
-}
-
-impl<'a> DotBlock<'a> {
-    /// # Safety
-    /// `columns` must be rows of `b`. Until the kernel has run, `out` must hold `a.rows()` rows, `out_stride` apart, whose
-    /// `columns` are written by no other thread.
-    unsafe fn new(
-        a: MatRef<'a, f32>,
-        b: MatRef<'a, f32>,
-        columns: std::ops::Range<usize>,
-        out: SharedMut,
-        out_stride: usize,
-    ) -> Self {
-        Self {
-            a,
-            b,
-            columns,
-            out,
-            out_stride,
-        }
-    }
-
-    /// `R x C` products from row `i`, column `j` on.
-    #[inline(always)]
-    fn tile<S: Simd, const R: usize, const C: usize>(&self, simd: S, i: usize, j: usize) {
-        let k = self.a.cols();
-        let a: [&[f32]; R] = std::array::from_fn(|r| &self.a.row(i + r)[..k]);
-        let b: [&[f32]; C] = std::array::from_fn(|c| &self.b.row(j + c)[..k]);
-        let mut sums = [[simd.zero(); C]; R];
-        let whole = k / S::LANES * S::LANES;
-        for l in (0..whole).step_by(S::LANES) {
-            // SAFETY: `l + LANES <= k`, the length of every row.
-            let b: [S::V; C] = std::array::from_fn(|c| unsafe { simd.load(b[c].as_ptr().add(l)) });
-            for (sums, a) in sums.iter_mut().zip(a) {
-                // SAFETY: as above.
-                let a = unsafe { simd.load(a.as_ptr().add(l)) };
-                for (sum, b) in sums.iter_mut().zip(b) {
-                    *sum = simd.mul_add(a, b, *sum);
-                }
-            }
-        }
-        for (r, sums) in sums.into_iter().enumerate() {
-            for (c, sum) in sums.into_iter().enumerate() {
-                let rest: f32 = a[r][whole..]
-                    .iter()
-                    .zip(&b[c][whole..])
-                    .map(|(a, b)| a * b)
-                    .sum();
-                // SAFETY: the contract of `new`: an element of `c`, whose columns belong to this block.
-                unsafe { *self.out.at((i + r) * self.out_stride + j + c) = simd.sum(sum) + rest };
-            }
-        }
-    }
-}
-
-impl Kernel for DotBlock<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
-        let m = self.a.rows();
-        for j in self.columns.clone().step_by(4) {
-            let mut i = 0;
-            while i < m {
-                if m - i >= 2 && self.columns.end - j >= 4 {
-                    self.tile::<S, 2, 4>(simd, i, j);
-                    i += 2;
-                } else {
-                    let columns = j..self.columns.end.min(j + 4);
-                    if columns.len() == 4 {
-                        self.tile::<S, 1, 4>(simd, i, j);
-                    } else {
-                        columns.for_each(|j| self.tile::<S, 1, 1>(simd, i, j));
-                    }
-                    i += 1;
-                }
-            }
         }
     }
 }

@@ -2,7 +2,10 @@
 
 mod reference;
 
-use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nn, matmul_nt, matmul_nt_i8};
+use grimnet_kernels::{
+    Isa, MatMut, MatRef, matmul_nn, matmul_nt, matmul_nt_i8, matmul_nt_i8_by_rows, matmul_nt_stored,
+};
+use half::f16;
 use proptest::prelude::*;
 use rand::{Rng, SeedableRng};
 use reference::random;
@@ -23,6 +26,27 @@ proptest! {
             c.fill(f32::NAN);
             matmul_nn(isa, MatRef::new(&a, m, k), MatRef::new(&b_rows, k, n), MatMut::new(&mut c, m, n));
             prop_assert!(expected.error(&c) < 2e-6, "{isa} nn: {:e}", expected.error(&c));
+        }
+    }
+
+    /// The stored numbers are exact in single precision, so only the rounding of the sums differs.
+    #[test]
+    fn matmul_of_stored_numbers_equals_f64(m in 0usize..14, n in 0usize..150, k in 0usize..300, seed: u32) {
+        let (a, b) = (random(m * k, seed.into()), random(n * k, u64::from(seed) + 1));
+        let halves: Vec<f16> = b.iter().map(|&v| f16::from_f32(v)).collect();
+        let bytes: Vec<i8> = b.iter().map(|&v| (v * 127.0) as i8).collect();
+        for isa in Isa::available() {
+            let mut c = vec![f32::NAN; m * n];
+            let left = MatRef::new(&a, m, k);
+            matmul_nt_stored(isa, left, MatRef::new(&halves, n, k), MatMut::new(&mut c, m, n));
+            let widened: Vec<f32> = halves.iter().map(|&v| f32::from(v)).collect();
+            let expected = reference::matmul_nt(m, n, k, &a, &widened);
+            prop_assert!(expected.error(&c) < 2e-6, "{isa} f16: {:e}", expected.error(&c));
+            c.fill(f32::NAN);
+            matmul_nt_stored(isa, left, MatRef::new(&bytes, n, k), MatMut::new(&mut c, m, n));
+            let widened: Vec<f32> = bytes.iter().map(|&v| f32::from(v)).collect();
+            let expected = reference::matmul_nt(m, n, k, &a, &widened);
+            prop_assert!(expected.error(&c) < 2e-6, "{isa} i8: {:e}", expected.error(&c));
         }
     }
 
@@ -52,6 +76,16 @@ proptest! {
             let mut c = vec![i32::MIN; m * n];
             matmul_nt_i8(isa, MatRef::new(&a, m, k), MatRef::new(&b, n, k), MatMut::new(&mut c, m, n));
             prop_assert_eq!(&c, &want, "{}", isa);
+            c.fill(i32::MIN);
+            let (a, b) = (MatRef::new(&a, m, k), MatRef::new(&b, n, k));
+            let rows = std::sync::Mutex::new(vec![0; m]);
+            matmul_nt_i8_by_rows(isa, a, b, &mut c, |first, sums| {
+                assert_eq!(sums, &want[first * n..][..sums.len()], "{isa}");
+                rows.lock().unwrap()[first..][..sums.len() / n].iter_mut().for_each(|times| *times += 1);
+            });
+            prop_assert_eq!(&c, &want, "{} by rows", isa);
+            let times = usize::from(n > 0);
+            prop_assert_eq!(rows.into_inner().unwrap(), vec![times; m], "each row is finished once");
         }
     }
 }
@@ -102,6 +136,10 @@ fn matmul_of_many_bytes_is_exact() {
             MatMut::new(&mut c, m, n),
         );
         assert!(c == want, "{isa}");
+        c.fill(0);
+        let (a, b) = (MatRef::new(&a, m, k), MatRef::new(&b, n, k));
+        matmul_nt_i8_by_rows(isa, a, b, &mut c, |_, _| {});
+        assert!(c == want, "{isa} by rows");
     }
 }
 

@@ -4,5 +4,6 @@ pub mod candidates;
 pub mod cascade;
 pub mod hypotheses;
 pub mod matching;
+mod nearest;
 pub mod scratch;
 pub mod vote;

@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         threads
     };
-    let model = Model::random(&spec, 0)?;
+    let model = Model::random(&spec, 0)?.with_whitening_precision(grimnet_net::Precision::I8)?;
     let extractor = Extractor::new(&model, Domain::Uav)?;
     let picture = RgbImage::from_fn(side, side, |x, y| {
         let noise = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b))

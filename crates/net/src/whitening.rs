@@ -1,14 +1,9 @@
 //! PCA whitening of VLAD vectors (paper, eq. 8).
 
-use grimnet_kernels::{Isa, PlainKernel};
-use half::slice::HalfFloatSliceExt;
-use rayon::prelude::*;
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt_stored};
 
-use crate::describe::{dot, normalise};
+use crate::describe::normalise;
 use crate::parameter::{Parameter, Values};
-
-/// Values of the projection that are converted to single precision at a time: 4 kB, well inside the L1 cache.
-const BLOCK: usize = 1024;
 
 /// `P (v - mean)` scaled to unit length, for each of the VLAD vectors `rows` (n x K*D). A row of zeros (no position of the
 /// image is visible) stays zeros.
@@ -17,99 +12,44 @@ const BLOCK: usize = 1024;
 /// work.
 pub(crate) fn whiten(isa: Isa, rows: &[f32], mean: &[f32], projection: &Parameter) -> Vec<f32> {
     let len = mean.len();
-    let centred: Vec<Option<Vec<f32>>> = rows
-        .chunks_exact(len)
+    let count = rows.len() / len;
+    let mut centred = rows.to_vec();
+    let is_seen: Vec<bool> = centred
+        .chunks_exact_mut(len)
         .map(|row| {
-            row.iter()
-                .any(|&v| v != 0.0)
-                .then(|| row.iter().zip(mean).map(|(v, m)| v - m).collect())
+            let seen = row.iter().any(|&v| v != 0.0);
+            row.iter_mut().zip(mean).for_each(|(v, m)| *v -= m);
+            seen
         })
         .collect();
-    // One pass over the projection, which is far larger than the vectors.
-    let columns: Vec<Vec<f32>> = match &projection.values {
-        Values::F32(axes) => axes
-            .par_chunks_exact(len)
-            .map(|axis| products(&centred, |row| isa.vectorise(Dot(axis, row))))
-            .collect(),
-        Values::F16(axes) => axes
-            .par_chunks_exact(len)
-            .map(|axis| {
-                widened_products(isa, &centred, axis, |from, to| {
-                    from.convert_to_f32_slice(to);
-                })
-            })
-            .collect(),
-        Values::I8 { values, scales } => values
-            .par_chunks_exact(len)
-            .zip(scales)
-            .map(|(axis, &scale)| {
-                let mut sums = widened_products(isa, &centred, axis, |from, to| {
-                    isa.vectorise(Widen(from, to));
-                });
-                sums.iter_mut().for_each(|sum| *sum *= scale);
-                sums
-            })
-            .collect(),
-    };
-    let mut out = Vec::with_capacity(centred.len() * columns.len());
-    for row in 0..centred.len() {
-        let start = out.len();
-        out.extend(columns.iter().map(|column| column[row]));
-        normalise(&mut out[start..]);
-    }
-    out
-}
-
-fn products(rows: &[Option<Vec<f32>>], product: impl Fn(&[f32]) -> f32) -> Vec<f32> {
-    rows.iter()
-        .map(|row| row.as_deref().map_or(0.0, &product))
-        .collect()
-}
-
-/// Scalar products of one axis of the projection with each row; `widen` converts a block of it to single precision.
-fn widened_products<T>(
-    isa: Isa,
-    rows: &[Option<Vec<f32>>],
-    axis: &[T],
-    widen: impl Fn(&[T], &mut [f32]),
-) -> Vec<f32> {
-    let mut sums = vec![0.0; rows.len()];
-    let mut wide = [0.0; BLOCK];
-    for (i, block) in axis.chunks(BLOCK).enumerate() {
-        let wide = &mut wide[..block.len()];
-        widen(block, wide);
-        for (sum, row) in sums.iter_mut().zip(rows) {
-            if let Some(row) = row {
-                *sum += isa.vectorise(Dot(wide, &row[i * BLOCK..][..wide.len()]));
-            }
+    let axes = projection.values.len() / len;
+    let mut out = vec![0.0; count * axes];
+    let (left, product) = (
+        MatRef::new(&centred, count, len),
+        MatMut::new(&mut out, count, axes),
+    );
+    match &projection.values {
+        Values::F32(values) => {
+            matmul_nt_stored(isa, left, MatRef::new(values, axes, len), product);
+        }
+        Values::F16(values) => {
+            matmul_nt_stored(isa, left, MatRef::new(values, axes, len), product);
+        }
+        Values::I8 { values, .. } => {
+            matmul_nt_stored(isa, left, MatRef::new(values, axes, len), product);
         }
     }
-    sums
-}
-
-struct Dot<'a>(&'a [f32], &'a [f32]);
-
-impl PlainKernel for Dot<'_> {
-    type Output = f32;
-
-    #[inline(always)]
-    fn run(self) -> f32 {
-        dot(self.0, self.1)
+    for (row, seen) in out.chunks_exact_mut(axes).zip(is_seen) {
+        if !seen {
+            row.fill(0.0);
+        } else if let Values::I8 { scales, .. } = &projection.values {
+            row.iter_mut()
+                .zip(scales)
+                .for_each(|(v, scale)| *v *= scale);
+        }
+        normalise(row);
     }
-}
-
-struct Widen<'a>(&'a [i8], &'a mut [f32]);
-
-impl PlainKernel for Widen<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Self(from, to) = self;
-        to.iter_mut()
-            .zip(from)
-            .for_each(|(to, &from)| *to = f32::from(from));
-    }
+    out
 }
 
 #[cfg(test)]
@@ -126,8 +66,8 @@ mod tests {
         }
     }
 
-    /// Longer than a block, and no multiple of it.
-    const LEN: usize = BLOCK + 100;
+    /// No multiple of a vector.
+    const LEN: usize = 1125;
 
     #[test]
     fn every_precision_and_instruction_set_gives_the_same_descriptor() {

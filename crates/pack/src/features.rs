@@ -104,27 +104,47 @@ impl TileFeatures {
         (kind, scale): (DescriptorType, f32),
         most: usize,
     ) -> Self {
-        let mut order: Vec<(f32, u32, u32)> = Vec::new();
+        let mut places: Vec<(u32, u32)> = Vec::new();
+        let mut order: Vec<u64> = Vec::new();
         for (b, block) in blocks.iter().enumerate() {
             // Blocks are sorted, so no more than `most` of each can be among the strongest.
-            order.extend((0..block.len().min(most)).map(|i| (block.score(i), b as u32, i as u32)));
+            for i in 0..block.len().min(most) {
+                order.push(weakness(block.score(i), places.len() as u32));
+                places.push((b as u32, i as u32));
+            }
         }
-        order.sort_by(|x, y| y.0.total_cmp(&x.0).then((x.1, x.2).cmp(&(y.1, y.2))));
+        if most > 0 && most < order.len() {
+            order.select_nth_unstable(most - 1);
+        }
         order.truncate(most);
+        order.sort_unstable();
         let mut all = Self {
             xy_px: Vec::with_capacity(order.len()),
             scores: Vec::with_capacity(order.len()),
             descriptors: LocalDescriptors::with_capacity(kind, scale, order.len() * dim),
             descriptor_dim: dim,
         };
-        for (score, b, i) in order {
+        for key in order {
+            let (b, i) = places[key as u32 as usize];
             let (block, i) = (&blocks[b as usize], i as usize);
             all.xy_px.push(block.xy_px(i));
-            all.scores.push(score);
+            all.scores.push(block.score(i));
             all.descriptors.extend_from_bytes(block.descriptor(i));
         }
         all
     }
+}
+
+/// A key that rises as the score falls, and then with the place.
+fn weakness(score: f32, place: u32) -> u64 {
+    let bits = score.to_bits();
+    // The order of `f32::total_cmp` as an unsigned number.
+    let rising = if bits >> 31 == 0 {
+        bits | 1 << 31
+    } else {
+        !bits
+    };
+    u64::from(!rising) << 32 | u64::from(place)
 }
 
 /// Writes keypoints (strongest first) as a blob.

@@ -26,6 +26,8 @@ simd_backend! {
     max: |a, b| vmaxq_f32(a, b),
     sum: |a| vaddvq_f32(a),
     load: |from| vld1q_f32(from),
+    load_f16: |from| vld1q_f32(from.cast::<[half::f16; 4]>().read().map(f32::from).as_ptr()),
+    load_i8: |from| vld1q_f32(from.cast::<[i8; 4]>().read().map(f32::from).as_ptr()),
     store: |to, value| vst1q_f32(to, value),
     transpose: transpose_4x4,
 }

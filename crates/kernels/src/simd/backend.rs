@@ -17,6 +17,8 @@ macro_rules! simd_backend {
         max: |$max_a:ident, $max_b:ident| $max:expr,
         sum: |$sum_a:ident| $sum:expr,
         load: |$from:ident| $load:expr,
+        load_f16: |$from_f16:ident| $load_f16:expr,
+        load_i8: |$from_i8:ident| $load_i8:expr,
         store: |$to:ident, $stored:ident| $store:expr,
         transpose: $transpose:path,
     ) => {
@@ -81,6 +83,16 @@ macro_rules! simd_backend {
             unsafe fn load(self, $from: *const f32) -> Self::V {
                 // SAFETY: see above.
                 unsafe { $load }
+            }
+            #[inline(always)]
+            unsafe fn load_f16(self, $from_f16: *const half::f16) -> Self::V {
+                // SAFETY: see above.
+                unsafe { $load_f16 }
+            }
+            #[inline(always)]
+            unsafe fn load_i8(self, $from_i8: *const i8) -> Self::V {
+                // SAFETY: see above.
+                unsafe { $load_i8 }
             }
             #[inline(always)]
             unsafe fn store(self, $to: *mut f32, $stored: Self::V) {

@@ -61,6 +61,16 @@ pub(crate) trait Simd: Copy + Send + Sync {
     /// # Safety
     /// `LANES` floats must be readable at `from`.
     unsafe fn load(self, from: *const f32) -> Self::V;
+    /// Half-precision numbers, widened.
+    ///
+    /// # Safety
+    /// `LANES` numbers must be readable at `from`.
+    unsafe fn load_f16(self, from: *const half::f16) -> Self::V;
+    /// Signed bytes, widened.
+    ///
+    /// # Safety
+    /// `LANES` bytes must be readable at `from`.
+    unsafe fn load_i8(self, from: *const i8) -> Self::V;
     /// # Safety
     /// `LANES` floats must be writable at `to`.
     unsafe fn store(self, to: *mut f32, value: Self::V);
@@ -178,6 +188,12 @@ mod tests {
                     }
                 }
                 assert_eq!(simd.sum(va), a[..n].iter().sum());
+                let bytes: Vec<i8> = (0..n).map(|i| (17 * i as i32 - 128) as i8).collect();
+                simd.store(out.as_mut_ptr(), simd.load_i8(bytes.as_ptr()));
+                assert!(out.iter().zip(&bytes).all(|(&v, &b)| v == f32::from(b)));
+                let halves: Vec<half::f16> = b.iter().map(|&v| half::f16::from_f32(v)).collect();
+                simd.store(out.as_mut_ptr(), simd.load_f16(halves.as_ptr()));
+                assert_eq!(out[..n], b);
                 simd.transpose(a.as_ptr(), n, out.as_mut_ptr(), n);
             }
             for i in 0..n * n {

@@ -26,6 +26,8 @@ simd_backend! {
     sum: |a| (a[0] + a[2]) + (a[1] + a[3]),
     // An array of floats has the alignment of a float.
     load: |from| from.cast::<[f32; LANES]>().read(),
+    load_f16: |from| from.cast::<[half::f16; LANES]>().read().map(f32::from),
+    load_i8: |from| from.cast::<[i8; LANES]>().read().map(f32::from),
     store: |to, value| to.cast::<[f32; LANES]>().write(value),
     transpose: transpose_4x4,
 }

@@ -1,4 +1,4 @@
-//! AVX-512, and AVX2 with FMA.
+//! AVX-512, and AVX2 with FMA and F16C.
 
 use std::arch::x86_64::*;
 
@@ -17,7 +17,7 @@ impl Avx512 {
 
 simd_backend! {
     Avx512, vector: __m512, lanes: 16, mr: 12,
-    features: "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma",
+    features: "avx512f,avx512bw,avx512dq,avx512vl,avx2,fma,f16c",
     splat: |value| _mm512_set1_ps(value),
     add: |a, b| _mm512_add_ps(a, b),
     sub: |a, b| _mm512_sub_ps(a, b),
@@ -27,6 +27,8 @@ simd_backend! {
     max: |a, b| _mm512_max_ps(a, b),
     sum: |a| _mm512_reduce_add_ps(a),
     load: |from| _mm512_loadu_ps(from),
+    load_f16: |from| _mm512_cvtph_ps(_mm256_loadu_si256(from.cast())),
+    load_i8: |from| _mm512_cvtepi32_ps(_mm512_cvtepi8_epi32(_mm_loadu_si128(from.cast()))),
     store: |to, value| _mm512_storeu_ps(to, value),
     transpose: transpose_16x16,
 }
@@ -81,7 +83,7 @@ unsafe fn transpose_16x16(from: *const f32, from_stride: usize, to: *mut f32, to
     }
 }
 
-/// 8 floats per vector. Exists only if the processor has AVX2 and FMA.
+/// 8 floats per vector. Exists only if the processor has AVX2, FMA and F16C.
 #[derive(Clone, Copy)]
 pub(crate) struct Avx2(());
 
@@ -93,7 +95,7 @@ impl Avx2 {
 
 simd_backend! {
     Avx2, vector: __m256, lanes: 8, mr: 6,
-    features: "avx2,fma",
+    features: "avx2,fma,f16c",
     splat: |value| _mm256_set1_ps(value),
     add: |a, b| _mm256_add_ps(a, b),
     sub: |a, b| _mm256_sub_ps(a, b),
@@ -107,6 +109,8 @@ simd_backend! {
         _mm_cvtss_f32(_mm_add_ss(two, _mm_movehdup_ps(two)))
     },
     load: |from| _mm256_loadu_ps(from),
+    load_f16: |from| _mm256_cvtph_ps(_mm_loadu_si128(from.cast())),
+    load_i8: |from| _mm256_cvtepi32_ps(_mm256_cvtepi8_epi32(_mm_loadl_epi64(from.cast()))),
     store: |to, value| _mm256_storeu_ps(to, value),
     transpose: transpose_8x8,
 }

@@ -76,7 +76,8 @@ fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
         .collect()
 }
 
-/// Lets the matches of the strongest `keypoints` of each candidate vote for a translation.
+/// Lets the matches of the strongest `keypoints` of each candidate vote for a translation. The candidates are left in the order of
+/// their tiles, each of which is read once for all of its queries.
 pub(crate) fn vote(
     level: &Level,
     queries: &[QueryFeatures],
@@ -85,25 +86,31 @@ pub(crate) fn vote(
     scratch: &ScratchPool,
     options: &VoteOptions,
 ) -> Result<()> {
-    candidates.par_iter_mut().try_for_each(|candidate| {
-        let query = &queries[candidate.query];
-        let tile = level.strongest_features(candidate.tile, keypoints)?;
+    candidates.sort_unstable_by_key(|candidate| (candidate.tile, candidate.query));
+    let by_tile = candidates.par_chunk_by_mut(|a, b| a.tile == b.tile);
+    by_tile.try_for_each(|candidates| {
+        let tile = level.strongest_features(candidates[0].tile, keypoints)?;
         scratch.with(|scratch| -> Result<()> {
-            scratch.matcher.mutual(
-                query.strongest(keypoints),
-                Descriptors::from(&tile.descriptors),
-                query.dim,
-                None,
-                &mut scratch.matches,
-            )?;
             scratch.points.clear();
             scratch
                 .points
                 .extend(tile.xy_px.iter().map(|&[x, y]| Point2::new(x, y)));
-            candidate.peak =
-                scratch
-                    .histogram
-                    .vote(options, &scratch.matches, &query.points, &scratch.points);
+            for candidate in candidates {
+                let query = &queries[candidate.query];
+                scratch.matcher.mutual(
+                    query.strongest(keypoints),
+                    Descriptors::from(&tile.descriptors),
+                    query.dim,
+                    None,
+                    &mut scratch.matches,
+                )?;
+                candidate.peak = scratch.histogram.vote(
+                    options,
+                    &scratch.matches,
+                    &query.points,
+                    &scratch.points,
+                );
+            }
             Ok(())
         })
     })

@@ -1,7 +1,11 @@
 //! Mutual nearest neighbours with Lowe's ratio test (Lowe 2004; the paper's section 3.5.2) through one matrix product.
 
-use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt, matmul_nt_i8};
+use std::sync::{Mutex, PoisonError};
+
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt, matmul_nt_i8_by_rows};
 use grimnet_pack::LocalDescriptors;
+
+use crate::search::nearest::{Best, CountGreater, Merge, Nearest, Similarity};
 
 /// A keypoint of the query and the keypoint of the tile that it was matched with.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -78,8 +82,10 @@ pub struct Matcher {
 #[derive(Debug, Default)]
 struct Buffers<S> {
     scores: Vec<S>,
-    row_best: Vec<Option<(usize, S)>>,
-    column_best: Vec<S>,
+    /// Among all pairs.
+    nearest: Best<S>,
+    /// Among the pairs that guided matching allows.
+    allowed: Best<S>,
     taken: Vec<bool>,
 }
 
@@ -136,21 +142,19 @@ impl Matcher {
         match (query, tile) {
             (Descriptors::F32(query), Descriptors::F32(tile)) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
-                self.f32.scores.resize(m * n, 0.0);
-                if m > 0 && n > 0 {
-                    matmul_nt(
-                        self.isa,
-                        MatRef::new(query, m, dim),
-                        MatRef::new(tile, n, dim),
-                        MatMut::new(&mut self.f32.scores, m, n),
-                    );
-                }
-                Ok(Similarities(Tables::F32(Table {
+                let mut table = Table {
+                    isa: self.isa,
                     buffers: &mut self.f32,
                     columns: n,
                     to_cosine: 1.0,
                     least: f32::NEG_INFINITY,
-                })))
+                };
+                table.multiply(m, |isa, scores, finished| {
+                    let (query, tile) = (MatRef::new(query, m, dim), MatRef::new(tile, n, dim));
+                    matmul_nt(isa, query, tile, MatMut::new(&mut *scores, m, n));
+                    finished(0, scores);
+                });
+                Ok(Similarities(Tables::F32(table)))
             }
             (
                 Descriptors::I8 {
@@ -163,21 +167,18 @@ impl Matcher {
                 },
             ) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
-                self.i32.scores.resize(m * n, 0);
-                if m > 0 && n > 0 {
-                    matmul_nt_i8(
-                        self.isa,
-                        MatRef::new(query, m, dim),
-                        MatRef::new(tile, n, dim),
-                        MatMut::new(&mut self.i32.scores, m, n),
-                    );
-                }
-                Ok(Similarities(Tables::I32(Table {
+                let mut table = Table {
+                    isa: self.isa,
                     buffers: &mut self.i32,
                     columns: n,
                     to_cosine: from * to,
                     least: i32::MIN,
-                })))
+                };
+                table.multiply(m, |isa, scores, finished| {
+                    let (query, tile) = (MatRef::new(query, m, dim), MatRef::new(tile, n, dim));
+                    matmul_nt_i8_by_rows(isa, query, tile, scores, finished);
+                });
+                Ok(Similarities(Tables::I32(table)))
             }
             _ => Err(MatchingError::Kinds),
         }
@@ -215,51 +216,61 @@ impl Similarities<'_> {
 /// Similarities of all pairs: one row per keypoint of the query.
 #[derive(Debug)]
 struct Table<'a, S> {
+    isa: Isa,
     buffers: &'a mut Buffers<S>,
     columns: usize,
     to_cosine: f32,
     least: S,
 }
 
-/// A similarity before scaling.
-trait Similarity: Copy + PartialOrd {
-    fn as_f32(self) -> f32;
-}
-
-impl Similarity for f32 {
-    fn as_f32(self) -> f32 {
-        self
+impl<S: Similarity + Default + Send + Sync> Table<'_, S> {
+    /// Computes the similarities of `rows` rows with `product`, which is given memory for them and a function that it calls with
+    /// the first row and the similarities of each block of rows. The nearest neighbours are found block by block, while it is in
+    /// the cache.
+    fn multiply(
+        &mut self,
+        rows: usize,
+        product: impl FnOnce(Isa, &mut [S], &(dyn Fn(usize, &[S]) + Sync)),
+    ) {
+        let (isa, columns, least) = (self.isa, self.columns, self.least);
+        let Buffers {
+            scores, nearest, ..
+        } = &mut *self.buffers;
+        scores.resize(rows * columns, S::default());
+        nearest.reset(rows, columns, least);
+        if scores.is_empty() {
+            return;
+        }
+        let nearest = Mutex::new(nearest);
+        product(isa, scores, &|first, block| {
+            let mut best = Best::default();
+            best.reset(block.len() / columns, columns, least);
+            isa.vectorise(Nearest {
+                scores: block,
+                least,
+                best: &mut best,
+            });
+            let mut all = nearest.lock().unwrap_or_else(PoisonError::into_inner);
+            isa.vectorise(Merge {
+                all: &mut all,
+                first,
+                block: &best,
+            });
+        });
     }
-}
 
-impl Similarity for i32 {
-    fn as_f32(self) -> f32 {
-        self as f32
-    }
-}
-
-impl<S: Similarity> Table<'_, S> {
-    /// The inner loops have no branches so that the compiler vectorises them.
     fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {
-        self.reset();
         let (least, to_cosine) = (self.least, self.to_cosine);
         let Buffers {
             scores,
-            row_best,
-            column_best,
+            nearest,
+            taken,
             ..
         } = &mut *self.buffers;
-        for row in scores.chunks_exact(self.columns.max(1)) {
-            for (best, &score) in column_best.iter_mut().zip(row) {
-                *best = if score > *best { score } else { *best };
-            }
-            let best = greatest(row, least);
-            let column = row.iter().position(|&score| score == best);
-            row_best.push(column.map(|column| (column, best)));
-        }
-        self.keep_mutual(matches, |row, column, _| {
+        let keep = |row: &[S], column, _| {
             max_ratio.is_none_or(|most| passes_ratio(row, column, least, to_cosine, most))
-        });
+        };
+        keep_mutual(scores, nearest, taken, to_cosine, keep, matches);
     }
 
     fn guided(
@@ -268,72 +279,62 @@ impl<S: Similarity> Table<'_, S> {
         max_closer: usize,
         matches: &mut Vec<Match>,
     ) {
-        self.reset();
+        let (isa, columns) = (self.isa, self.columns);
         let Buffers {
             scores,
-            row_best,
-            column_best,
+            allowed: best,
+            taken,
             ..
         } = &mut *self.buffers;
+        let rows = scores.chunks_exact(columns.max(1));
+        best.reset(rows.len(), columns, self.least);
         let mut allowed = Vec::new();
-        for (index, row) in scores.chunks_exact(self.columns.max(1)).enumerate() {
+        for (index, row) in rows.enumerate() {
             allowed.clear();
             near(index, &mut allowed);
-            let mut best: Option<(usize, S)> = None;
+            let best_of_row = &mut best.of_row[index];
             for &column in &allowed {
                 let score = row[column];
-                if best.is_none_or(|(_, best)| score > best) {
-                    best = Some((column, score));
+                if best_of_row.is_none_or(|(_, best)| score > best) {
+                    *best_of_row = Some((column, score));
                 }
-                if score > column_best[column] {
-                    column_best[column] = score;
+                if score > best.of_column[column] {
+                    best.of_column[column] = score;
                 }
             }
-            row_best.push(best);
         }
-        self.keep_mutual(matches, |row, _, best| {
-            row.iter().filter(|&&score| score > best).count() <= max_closer
+        let keep =
+            |row: &[S], _, best| isa.vectorise(CountGreater(row, best)) as usize <= max_closer;
+        keep_mutual(scores, best, taken, self.to_cosine, keep, matches);
+    }
+}
+
+/// Keeps the best of each row if it is also the best of its column and `keep`, called with row, column and similarity, is true.
+fn keep_mutual<S: Similarity>(
+    scores: &[S],
+    best: &Best<S>,
+    taken: &mut Vec<bool>,
+    to_cosine: f32,
+    mut keep: impl FnMut(&[S], usize, S) -> bool,
+    matches: &mut Vec<Match>,
+) {
+    matches.clear();
+    taken.clear();
+    taken.resize(best.of_column.len(), false);
+    let rows = scores.chunks_exact(best.of_column.len().max(1));
+    for (index, (row, of_row)) in rows.zip(&best.of_row).enumerate() {
+        let Some((column, score)) = *of_row else {
+            continue;
+        };
+        if best.of_column[column] != score || taken[column] || !keep(row, column, score) {
+            continue;
+        }
+        taken[column] = true;
+        matches.push(Match {
+            query: index as u32,
+            tile: column as u32,
+            similarity: score.as_f32() * to_cosine,
         });
-    }
-
-    /// Clears the intermediate results.
-    fn reset(&mut self) {
-        let buffers = &mut *self.buffers;
-        buffers.row_best.clear();
-        buffers.column_best.clear();
-        buffers.column_best.resize(self.columns, self.least);
-        buffers.taken.clear();
-        buffers.taken.resize(self.columns, false);
-    }
-
-    /// Keeps the best of each row if it is also the best of its column and `keep`, called with row, column and similarity, is true.
-    fn keep_mutual(
-        &mut self,
-        matches: &mut Vec<Match>,
-        mut keep: impl FnMut(&[S], usize, S) -> bool,
-    ) {
-        matches.clear();
-        let Buffers {
-            scores,
-            row_best,
-            column_best,
-            taken,
-        } = &mut *self.buffers;
-        let rows = scores.chunks_exact(self.columns.max(1));
-        for (index, (row, best)) in rows.zip(row_best).enumerate() {
-            let Some((column, best)) = *best else {
-                continue;
-            };
-            if column_best[column] != best || taken[column] || !keep(row, column, best) {
-                continue;
-            }
-            taken[column] = true;
-            matches.push(Match {
-                query: index as u32,
-                tile: column as u32,
-                similarity: best.as_f32() * self.to_cosine,
-            });
-        }
     }
 }
 
@@ -348,27 +349,11 @@ fn passes_ratio<S: Similarity>(
         return true;
     }
     let (before, after) = (
-        greatest(&row[..column], least),
-        greatest(&row[column + 1..], least),
+        S::greatest(&row[..column], least),
+        S::greatest(&row[column + 1..], least),
     );
     let second = if before > after { before } else { after };
     // Unit vectors: the squared distance is 2 - 2 cos. Rounding may take cos a little above one.
     let squared = |score: S| (2.0 - 2.0 * score.as_f32() * to_cosine).max(0.0);
     squared(row[column]) < max_ratio * max_ratio * squared(second)
-}
-
-fn greatest<S: Similarity>(row: &[S], least: S) -> S {
-    const LANES: usize = 16;
-    let mut lanes = [least; LANES];
-    let chunks = row.chunks_exact(LANES);
-    let rest = chunks.remainder();
-    for chunk in chunks {
-        for (lane, &score) in lanes.iter_mut().zip(chunk) {
-            *lane = if score > *lane { score } else { *lane };
-        }
-    }
-    lanes.iter().chain(rest).fold(
-        least,
-        |best, &score| if score > best { score } else { best },
-    )
 }

@@ -87,34 +87,45 @@ fn convert<W: Words>(a: MatRef<'_, i8>, first: usize, depth: usize, to: &mut [i3
     }
 }
 
-/// Multiplies rows of words with a panel into a matrix `out_stride` wide, of which `columns` belong to the panel. `sums` has room
-/// for the rows of a whole panel.
-///
-/// # Safety
-/// `columns` sums must be writable at `out` and at each further row, and no other thread may use them.
-unsafe fn multiply<W: Words>(
-    words: W,
-    depth: usize,
-    a: &[i32],
-    panel: &[i32],
-    out: *mut i32,
-    out_stride: usize,
+/// Where the sums of a panel go.
+struct Sums {
+    /// Those of the first row.
+    start: *mut i32,
+    /// Sums from the first of one row to that of the next.
+    row_stride: usize,
+    /// Columns of the panel that there are.
     columns: usize,
-    sums: &mut [i32],
-) {
-    let width = 2 * W::LANES;
-    if columns == width {
-        // SAFETY: the caller's contract.
-        words.run(unsafe { Tile::new(depth, a, panel, out, out_stride) });
-        return;
-    }
-    let rows = a.len() / depth;
-    let sums = &mut sums[..rows * width];
-    // SAFETY: `sums` has so many rows.
-    words.run(unsafe { Tile::new(depth, a, panel, sums.as_mut_ptr(), width) });
-    for (r, line) in sums.chunks_exact(width).enumerate() {
-        // SAFETY: the caller's contract.
-        unsafe { std::ptr::copy_nonoverlapping(line.as_ptr(), out.add(r * out_stride), columns) };
+}
+
+impl Sums {
+    /// Fills them with the products of rows of words with a panel. `scratch` has room for so many rows of a whole panel.
+    ///
+    /// # Safety
+    /// `columns` sums must be writable in each row, and no other thread may use them.
+    unsafe fn fill<W: Words>(
+        self,
+        words: W,
+        depth: usize,
+        a: &[i32],
+        panel: &[i32],
+        scratch: &mut [i32],
+    ) {
+        let width = 2 * W::LANES;
+        if self.columns == width {
+            // SAFETY: the caller's contract.
+            words.run(unsafe { Tile::new(depth, a, panel, self.start, self.row_stride) });
+            return;
+        }
+        let scratch = &mut scratch[..a.len() / depth * width];
+        // SAFETY: `scratch` has so many rows.
+        words.run(unsafe { Tile::new(depth, a, panel, scratch.as_mut_ptr(), width) });
+        for (r, line) in scratch.chunks_exact(width).enumerate() {
+            // SAFETY: the caller's contract.
+            unsafe {
+                let to = self.start.add(r * self.row_stride);
+                std::ptr::copy_nonoverlapping(line.as_ptr(), to, self.columns);
+            }
+        }
     }
 }
 
@@ -150,16 +161,19 @@ fn by_columns<W: Words>(words: W, a: MatRef<'_, i8>, b: MatRef<'_, i8>, mut c: M
             panel_words + MC * width,
             n.div_ceil(NC),
             |scratch, block| {
-                let (panel, sums) = bytemuck::cast_slice_mut(scratch).split_at_mut(panel_words);
+                let (panel, scratch) = bytemuck::cast_slice_mut(scratch).split_at_mut(panel_words);
                 let end = n.min((block + 1) * NC);
                 for column in (block * NC..end).step_by(width) {
                     pack::<W>(b, column, panel);
                     for (block, a) in a_words.chunks(MC * depth).enumerate() {
                         // SAFETY: columns of `c` that belong to this task.
                         unsafe {
-                            let out = out.at(block * MC * out_stride + column).cast::<i32>();
-                            let columns = width.min(end - column);
-                            multiply(words, depth, a, panel, out, out_stride, columns, sums);
+                            let to = Sums {
+                                start: out.at(block * MC * out_stride + column).cast(),
+                                row_stride: out_stride,
+                                columns: width.min(end - column),
+                            };
+                            to.fill(words, depth, a, panel, scratch);
                         }
                     }
                 }
@@ -216,7 +230,7 @@ fn by_rows<W: Words>(
             |scratch, block| {
                 let first = block * block_rows;
                 let rows = block_rows.min(m - first);
-                let (a_words, sums) =
+                let (a_words, scratch) =
                     bytemuck::cast_slice_mut(scratch).split_at_mut(block_rows * depth);
                 let a_words = &mut a_words[..rows * depth];
                 convert::<W>(a, first, depth, a_words);
@@ -224,9 +238,12 @@ fn by_rows<W: Words>(
                     let column = i * width;
                     // SAFETY: rows of `c` that belong to this task.
                     unsafe {
-                        let out = out.at(first * n + column).cast::<i32>();
-                        let columns = width.min(n - column);
-                        multiply(words, depth, a_words, panel, out, n, columns, sums);
+                        let to = Sums {
+                            start: out.at(first * n + column).cast(),
+                            row_stride: n,
+                            columns: width.min(n - column),
+                        };
+                        to.fill(words, depth, a_words, panel, scratch);
                     }
                 }
                 // SAFETY: as above; nothing writes to them any more.

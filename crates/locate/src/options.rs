@@ -178,6 +178,9 @@ pub struct Options {
     pub stages: Vec<usize>,
     /// Maximum number of candidates that are matched in full per stage.
     pub max_matched: usize,
+    /// Maximum number of candidates that are matched in full in the first stage if several ground widths are tried, before the
+    /// next is. The others are matched later if no answer is clear.
+    pub first_matched: usize,
     /// Minimum number of candidates that are matched in full before a clear answer ends the search.
     pub min_matched: usize,
     /// An answer with this many inliers, and twice as many as any at another position, ends the search.
@@ -245,6 +248,7 @@ impl Default for Options {
             vote: Some(VoteOptions::default()),
             stages: vec![64, 1000],
             max_matched: 64,
+            first_matched: 16,
             min_matched: 3,
             clear_inliers: 45,
             max_ratio: None,

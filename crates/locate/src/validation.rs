@@ -49,6 +49,12 @@ impl Options {
             self.max_matched >= 1,
             COUNT,
         )?;
+        require(
+            "first_matched",
+            self.first_matched,
+            self.first_matched >= 1,
+            COUNT,
+        )?;
         if let Some(ratio) = self.max_ratio {
             let holds = ratio > 0.0 && ratio <= 1.0;
             require("max_ratio", ratio, holds, "a number above 0, at most 1")?;

@@ -1,4 +1,4 @@
-//! One round of the search: queries under each hypothesis, candidates, full matching stage by stage.
+//! One round of the search: queries under each hypothesis, candidates that enter stage by stage, full matching.
 
 use std::time::Instant;
 
@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::{
     context::{Context, TimeBudget},
     error::Result,
+    options::Options,
     outcome::elapsed_ms,
     pipeline::{
         queries::{Queries, extract_queries, side_px},
@@ -18,7 +19,7 @@ use crate::{
     prior::Prior,
     query_features::{MIN_KEYPOINTS, QueryFeatures},
     search::{
-        candidates::{Candidate, by_descriptor, distinct_tiles},
+        candidates::{Candidate, by_descriptor, distinct_tiles, evidence},
         cascade::{Cascade, Voters},
         hypotheses::Round,
     },
@@ -26,22 +27,21 @@ use crate::{
 };
 
 /// Number of candidates that are matched in parallel. It is a constant so that the answer does not depend on the number of threads.
-const BATCH: usize = 4;
+pub(crate) const BATCH: usize = 4;
 
-/// How far a round is searched.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Depth {
-    /// Through its first stage: the candidates that are most similar by descriptor.
-    FirstStage,
-    /// Through all of its stages.
-    All,
+/// What was matched at a time.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Matched {
+    /// Candidates.
+    pub count: usize,
+    /// Whether the best answer of the round is so clear that no further candidate is needed.
+    pub is_clear: bool,
 }
 
 /// A round in progress.
 pub(crate) struct OpenRound {
     result: RoundResult,
     cascade: Cascade,
-    stages_left: bool,
 }
 
 impl OpenRound {
@@ -90,75 +90,73 @@ impl OpenRound {
                 time_ms,
             },
             cascade: Cascade::new(candidates),
-            stages_left: true,
         })
     }
 
-    /// Matches candidates in the order of the cascade until an answer is clear, the time is used up, or `depth` is reached. Whether the
-    /// answer is clear.
-    pub fn search(
-        &mut self,
-        context: Context<'_>,
-        depth: Depth,
-        budget: TimeBudget,
-    ) -> Result<bool> {
+    /// Lets the candidates of the next stage enter; false after the last stage.
+    pub fn begin_stage(&mut self, context: Context<'_>) -> Result<bool> {
         let since = Instant::now();
-        let mut is_clear = false;
-        while self.stages_left && !is_clear {
-            let voters = Voters {
-                level: context.level(self.result.level),
-                queries: &self.result.queries,
-                scratch: context.scratch,
-                options: context.options,
-            };
-            self.stages_left = self.cascade.begin_stage(voters)?;
-            is_clear = self.match_stage(context, budget)?;
-            if depth == Depth::FirstStage || budget.is_spent() {
-                break;
-            }
-        }
-        self.result.time_ms.matching += elapsed_ms(since);
-        Ok(is_clear)
+        let has_begun = self.cascade.begin_stage(Voters {
+            level: context.level(self.result.level),
+            queries: &self.result.queries,
+            scratch: context.scratch,
+            options: context.options,
+        })?;
+        self.result.time_ms.vote += elapsed_ms(since);
+        Ok(has_begun)
     }
 
-    /// Matches the candidates of the stage that was begun; whether the answer is clear.
-    fn match_stage(&mut self, context: Context<'_>, budget: TimeBudget) -> Result<bool> {
+    /// The evidence for the next candidate to be matched in full, comparable between rounds; `None` if none has entered.
+    pub fn next_evidence(&self, options: &Options) -> Option<f64> {
+        Some(evidence(self.cascade.next()?, options.vote.as_ref()))
+    }
+
+    /// Matches the next candidates in full, at most `most`, in batches until the answer is clear or the time is used up.
+    pub fn match_next(
+        &mut self,
+        context: Context<'_>,
+        most: usize,
+        budget: TimeBudget,
+    ) -> Result<Matched> {
+        let since = Instant::now();
         let options = context.options;
         let RoundResult {
             level,
             hypotheses,
             queries,
             verified,
+            time_ms,
             ..
         } = &mut self.result;
         let level = context.level(*level);
-        loop {
-            let batch = self.cascade.next_batch(BATCH);
+        let mut matched = Matched::default();
+        while matched.count < most && !matched.is_clear {
+            let batch = self.cascade.next_batch(BATCH.min(most - matched.count));
             if batch.is_empty() {
-                return Ok(false);
+                break;
             }
             let more: Vec<VerifiedCandidate> = batch
                 .par_iter()
                 .map(|candidate| verify(context, level, hypotheses, queries, *candidate))
                 .collect::<Result<_>>()?;
             verified.extend(more);
+            matched.count += batch.len();
             if verified.len() < options.min_matched {
                 continue;
             }
-            let is_clear = best_candidate(verified, options)
+            matched.is_clear = best_candidate(verified, options)
                 .is_some_and(|(best, runner_up)| is_clear(best, runner_up, options));
-            if is_clear || budget.is_spent() {
-                return Ok(is_clear);
+            if budget.is_spent() {
+                break;
             }
         }
+        time_ms.matching += elapsed_ms(since);
+        Ok(matched)
     }
 
     /// The result, with what was searched so far.
     pub fn finish(self) -> RoundResult {
         let mut result = self.result;
-        // The clock of the matching ran during the votes, too.
-        result.time_ms.vote = self.cascade.vote_ms;
-        result.time_ms.matching -= self.cascade.vote_ms;
         let rest: Vec<Candidate> = self.cascade.into_rest().collect();
         let matched: Vec<Candidate> = result.verified.iter().map(|v| v.candidate).collect();
         result.trace.matched = distinct_tiles(&matched);

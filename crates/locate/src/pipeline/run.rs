@@ -12,7 +12,7 @@ use crate::{
         answer::{no_fix, outcome},
         finalists::{self, best_finalist, finalists, realign_all},
         round_result::RoundResult,
-        rounds::{Depth, OpenRound},
+        rounds::{BATCH, OpenRound},
         verification::VerifiedCandidate,
     },
     prior::Prior,
@@ -20,6 +20,10 @@ use crate::{
     search::hypotheses::rounds,
     trace::Trace,
 };
+
+/// In a stage, [`Options::max_matched`](crate::Options) candidates are matched for so many rounds, shared by all. Of many rounds, which
+/// differ in ground width, one can be right.
+const ROUNDS_IN_FULL: usize = 3;
 
 /// An outcome with the steps of its search and the wall time of its stages.
 #[derive(Debug)]
@@ -85,8 +89,8 @@ pub(crate) fn locate(
     })
 }
 
-/// Searches the rounds until an answer is clear: first the most similar candidates of each, which cost little and are enough for most
-/// photos under the right hypothesis, then all candidates of each.
+/// Searches the rounds until an answer is clear: first the best of the most similar candidates of each, which cost little and are
+/// enough for most photos under the right hypothesis, then further candidates of all rounds, those with the most evidence first.
 fn search(
     context: Context<'_>,
     photo: &Photo,
@@ -94,24 +98,57 @@ fn search(
     prior: &Prior,
     budget: TimeBudget,
 ) -> Result<Vec<RoundResult>> {
+    let options = context.options;
+    let rounds = rounds(view, context.pack, options);
+    let first_look = if rounds.len() > 1 {
+        options.first_matched.min(options.max_matched)
+    } else {
+        options.max_matched
+    };
     let mut open: Vec<OpenRound> = Vec::new();
     let mut is_over = false;
-    for round in rounds(view, context.pack, context.options) {
+    for round in rounds {
         let mut round = OpenRound::begin(context, photo, view, prior, round)?;
-        is_over = round.search(context, Depth::FirstStage, budget)? || budget.is_spent();
+        round.begin_stage(context)?;
+        let matched = round.match_next(context, first_look, budget)?;
         open.push(round);
+        is_over = matched.is_clear || budget.is_spent();
         if is_over {
             break;
         }
     }
-    if !is_over {
+    while !is_over {
+        let mut has_begun = false;
         for round in &mut open {
-            if round.search(context, Depth::All, budget)? || budget.is_spent() {
-                break;
-            }
+            has_begun |= round.begin_stage(context)?;
         }
+        is_over = !has_begun || budget.is_spent() || match_best(context, &mut open, budget)?;
     }
     Ok(open.into_iter().map(OpenRound::finish).collect())
+}
+
+/// Matches candidates of all rounds, those with the most evidence first, until an answer is clear, the time is used up, or as many
+/// are matched as belong to a stage. Whether the search is over.
+fn match_best(context: Context<'_>, open: &mut [OpenRound], budget: TimeBudget) -> Result<bool> {
+    let options = context.options;
+    let mut left = options
+        .max_matched
+        .saturating_mul(open.len().min(ROUNDS_IN_FULL));
+    while left > 0 {
+        let next = open
+            .iter_mut()
+            .filter_map(|round| Some((round.next_evidence(options)?, round)))
+            .reduce(|a, b| if b.0 > a.0 { b } else { a });
+        let Some((_, round)) = next else {
+            break;
+        };
+        let matched = round.match_next(context, BATCH.min(left), budget)?;
+        if matched.is_clear || budget.is_spent() {
+            return Ok(true);
+        }
+        left -= matched.count;
+    }
+    Ok(false)
 }
 
 /// The features of a query of `photo`, with the fix that they gave.

@@ -116,14 +116,20 @@ pub(crate) fn vote(
     })
 }
 
-/// Sorts candidates by falling evidence: their votes, and the similarity of the global descriptors as so many votes.
+/// The evidence for a candidate: its votes, and the similarity of the global descriptors as so many votes; the similarity alone if
+/// there is no vote.
+pub(crate) fn evidence(candidate: &Candidate, options: Option<&VoteOptions>) -> f64 {
+    let similarity = f64::from(candidate.similarity);
+    options.map_or(similarity, |options| {
+        f64::from(candidate.peak.votes) + options.similarity_votes * similarity
+    })
+}
+
+/// Sorts candidates by falling evidence.
 pub(crate) fn rank_by_votes(candidates: &mut [Candidate], options: &VoteOptions) {
-    let evidence = |candidate: &Candidate| {
-        f64::from(candidate.peak.votes) + options.similarity_votes * f64::from(candidate.similarity)
-    };
     candidates.sort_by(|a, b| {
-        let by_evidence = evidence(b).total_cmp(&evidence(a));
-        by_evidence
+        let [by_a, by_b] = [a, b].map(|candidate| evidence(candidate, Some(options)));
+        by_b.total_cmp(&by_a)
             .then(b.similarity.total_cmp(&a.similarity))
             .then((a.query, a.tile).cmp(&(b.query, b.tile)))
     });

@@ -1,14 +1,11 @@
 //! The cascade of one round. Candidates enter in stages, best by descriptor first; those that have entered are ranked by the
 //! translation vote and are matched in full in that order. A clear answer in an early stage makes the later stages unnecessary.
 
-use std::time::Instant;
-
 use grimnet_pack::Level;
 
 use crate::{
     error::Result,
     options::{Options, VoteOptions},
-    outcome::elapsed_ms,
     query_features::QueryFeatures,
     search::{
         candidates::{Candidate, rank_by_votes, vote},
@@ -39,9 +36,6 @@ pub(crate) struct Cascade {
     /// Candidates that have entered and did not take part in the second vote, best of each stage first.
     passed_over: Vec<Candidate>,
     stages_begun: usize,
-    left_in_stage: usize,
-    /// Time spent on the vote, milliseconds.
-    pub vote_ms: f64,
 }
 
 impl Cascade {
@@ -58,7 +52,6 @@ impl Cascade {
     /// # Errors
     /// Returns an error if the descriptors of query and pack do not have the same length.
     pub fn begin_stage(&mut self, voters: Voters<'_>) -> Result<bool> {
-        let since = Instant::now();
         let Some(size) = self.stage_size(voters.options) else {
             return Ok(false);
         };
@@ -71,15 +64,17 @@ impl Cascade {
             self.entered.extend(entering);
         }
         self.stages_begun += 1;
-        self.left_in_stage = voters.options.max_matched;
-        self.vote_ms += elapsed_ms(since);
         Ok(true)
     }
 
-    /// The next candidates of this stage to match in full, at most `most`; empty at its end.
+    /// The next candidate to match in full; `None` if all that have entered were matched.
+    pub fn next(&self) -> Option<&Candidate> {
+        self.entered.first()
+    }
+
+    /// The next candidates to match in full, at most `most`.
     pub fn next_batch(&mut self, most: usize) -> Vec<Candidate> {
-        let count = most.min(self.left_in_stage).min(self.entered.len());
-        self.left_in_stage -= count;
+        let count = most.min(self.entered.len());
         self.entered.drain(..count).collect()
     }
 

@@ -65,6 +65,7 @@ fn every_setting_out_of_range_is_named() {
         ("max_keypoints", changed(|o| o.max_keypoints = 0)),
         ("stages", changed(|o| o.stages = vec![64, 0])),
         ("max_matched", changed(|o| o.max_matched = 0)),
+        ("first_matched", changed(|o| o.first_matched = 0)),
         ("max_ratio", changed(|o| o.max_ratio = Some(f32::NAN))),
         ("max_ratio", changed(|o| o.max_ratio = Some(0.0))),
         ("headings", changed(|o| o.headings = 0)),

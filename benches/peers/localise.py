@@ -1,8 +1,10 @@
 """Localises photos by OpenCV's SIFT or by XFeat, every tile of the map tried, the tile of most inliers taken.
 
-Usage: localise.py sift FOLDER --footprint-width M [--heading known|unknown]
-       localise.py xfeat FOLDER --footprint-width M [--heading known|unknown] --onnx xfeat_640x640.onnx
-FOLDER is laid out as for `grim eval`: map.tif, photos/, truth.csv. Each photo is resampled to the map's working resolution as its
+Usage: localise.py sift FOLDER [--footprint-width M] [--heading known|unknown] [--gsd 0.25]
+       localise.py xfeat FOLDER [--footprint-width M] [--heading known|unknown] [--gsd 0.25] --onnx xfeat_640x640.onnx
+FOLDER is laid out as for `grim eval`: map.tif, photos/, truth.csv. Without --footprint-width each photo's own is taken from the column
+footprint_w_m of truth.csv. Photos that are mostly flat (flat_frac above 0.5) have nothing to find and are left out. Right is an answer within
+5 % of the footprint, wrong one beyond 5 % and three times truth_err_m. Each photo is resampled to the map's working resolution as its
 footprint and heading say (unknown: twelve headings); a similarity is estimated by RANSAC. There is no retrieval and no gate: a photo
 is always answered if any tile has a transform. Prints one line of JSON, the fields as in a claim.json's `peers`.
 """
@@ -156,28 +158,33 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('method', choices=['sift', 'xfeat'])
     parser.add_argument('folder', type=pathlib.Path)
-    parser.add_argument('--footprint-width', type=float, required=True, help='metres of ground that a photo shows across')
+    parser.add_argument('--footprint-width', type=float, help='metres of ground that every photo shows across')
     parser.add_argument('--heading', choices=['known', 'unknown'], default='known')
     parser.add_argument('--gsd', type=float, default=0.25, help='metres a pixel at which both are compared')
     parser.add_argument('--onnx', help='the XFeat network')
     arguments = parser.parse_args()
     method = Sift() if arguments.method == 'sift' else XFeat(arguments.onnx)
     area = Map(arguments.folder / 'map.tif', arguments.gsd, method)
-    errors, times = [], []
+    errors, times, right, wrong = [], [], 0, 0
     with open(arguments.folder / 'truth.csv', newline='') as rows:
         for row in csv.DictReader(rows):
+            if float(row.get('flat_frac') or 0) > 0.5:
+                continue
             photo = cv2.imread(str(arguments.folder / 'photos' / row['photo']), cv2.IMREAD_GRAYSCALE)
             truth = column(row, 'centre_lon', 'lon_deg'), column(row, 'centre_lat', 'lat_deg')
             known = arguments.heading == 'known'
             headings = [column(row, 'flight_yaw_deg', 'heading_deg')] if known else HEADINGS_DEG
             start = time.perf_counter()
-            scale = arguments.footprint_width / arguments.gsd / photo.shape[1]
+            footprint_m = arguments.footprint_width or column(row, 'footprint_w_m')
+            scale = footprint_m / arguments.gsd / photo.shape[1]
             place = locate(method, area, photo, headings, scale)
             times.append(time.perf_counter() - start)
             errors.append(distance_m(place, truth) if place else math.inf)
+            right += errors[-1] <= 0.05 * footprint_m
+            wrong += place is not None and errors[-1] > 0.05 * footprint_m + 3 * float(row.get('truth_err_m') or 0)
     within = {f'within_{m}m': round(sum(e < m for e in errors) / len(errors), 3) for m in (5, 10, 20)}
     print(json.dumps({'name': method.name, 'run': f'heading_{arguments.heading}', 'frames': len(errors), **within,
-                      'median_m': round(statistics.median(errors), 2), 'seconds_a_frame': round(statistics.mean(times), 2)}))
+                      'right': right, 'wrong': wrong, 'median_m': round(statistics.median(errors), 2), 'seconds_a_frame': round(statistics.mean(times), 2)}))
 
 
 main()

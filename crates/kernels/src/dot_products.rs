@@ -5,8 +5,7 @@ use std::ops::Range;
 use half::f16;
 
 use crate::Isa;
-use crate::matmul::check_shapes;
-use crate::matrix::{MatMut, MatRef};
+use crate::matrix::{MatMut, MatRef, check_shapes};
 use crate::parallel::{SharedMut, for_each};
 use crate::simd::{Kernel, Simd};
 use crate::workspace::with_pooled;

@@ -6,7 +6,7 @@
 use crate::Isa;
 use crate::dot_products::matmul_nt_stored;
 use crate::layout::{Interleave, InterleaveShape};
-use crate::matrix::{MatMut, MatRef};
+use crate::matrix::{MatMut, MatRef, check_shapes};
 use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, PanelShape, RightPanel, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::workspace::with_pooled;
@@ -66,24 +66,6 @@ pub fn matmul_nn(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, c: MatMut<'_,
             to[columns..].fill(0.0);
         }
     });
-}
-
-/// Checks that an `m x k` by `k x n` product has `m x n` elements; `b` is given as `[k, n]`.
-///
-/// # Panics
-/// If it has not.
-#[track_caller]
-pub(crate) fn check_shapes(a: [usize; 2], b: [usize; 2], c: [usize; 2]) {
-    assert!(
-        a[1] == b[0] && c == [a[0], b[1]],
-        "shapes of a matrix product: {}x{} by {}x{} into {}x{}",
-        a[0],
-        a[1],
-        b[0],
-        b[1],
-        c[0],
-        c[1]
-    );
 }
 
 /// The product with packed columns. `pack(first column, columns, panel, width)` packs columns of the right matrix as

@@ -6,8 +6,7 @@
 mod words;
 
 use crate::Isa;
-use crate::matmul::check_shapes;
-use crate::matrix::{MatMut, MatRef};
+use crate::matrix::{MatMut, MatRef, check_shapes};
 use crate::parallel::{SharedMut, for_each};
 use crate::workspace::with_pooled;
 use words::{Tile, Words, with_words};

@@ -188,6 +188,24 @@ impl<'a, T> MatMut<'a, T> {
     }
 }
 
+/// Checks that an `m x k` by `k x n` product has `m x n` elements; `b` is given as `[k, n]`.
+///
+/// # Panics
+/// If it has not.
+#[track_caller]
+pub(crate) fn check_shapes(a: [usize; 2], b: [usize; 2], c: [usize; 2]) {
+    assert!(
+        a[1] == b[0] && c == [a[0], b[1]],
+        "shapes of a matrix product: {}x{} by {}x{} into {}x{}",
+        a[0],
+        a[1],
+        b[0],
+        b[1],
+        c[0],
+        c[1]
+    );
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -46,7 +46,8 @@ pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
         .collect();
     out.check([MAP, "truth.csv"])?;
     photos.check(&names)?;
-    let town = draw_town(out, seed)?;
+    let town = make_town(seed)?;
+    draw_map(out, &town)?;
     // The renderer writes to paths.
     let scratch = tempfile::tempdir()?;
     let scratch = scratch.path();
@@ -75,19 +76,28 @@ pub fn make_flight(out: &OutputFolder, seed: u64, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// Makes the town of a seed and renders its map, `map.tif`.
+/// Makes the town of a seed.
 ///
 /// # Errors
-/// As [`make_flight`].
-pub fn draw_town(out: &OutputFolder, seed: u64) -> Result<Town> {
-    out.check([MAP])?;
-    let scratch = tempfile::tempdir()?;
+/// The place is outside of the projection.
+pub fn make_town(seed: u64) -> Result<Town> {
     let world = World::new(WorldConfig {
         seed,
         ..WorldConfig::default()
     });
     let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
     let placement = Placement::at(lon_deg, lat_deg)?;
+    Ok(Town { world, placement })
+}
+
+/// Renders the map of a town, `map.tif`.
+///
+/// # Errors
+/// As [`make_flight`].
+pub fn draw_map(out: &OutputFolder, town: &Town) -> Result<()> {
+    out.check([MAP])?;
+    let scratch = tempfile::tempdir()?;
+    let Town { world, placement } = town;
     let size_m = world.size_m();
     let bar = progress::bar(1, "drawing the town", "maps");
     let whole = RegionM {
@@ -107,7 +117,7 @@ pub fn draw_town(out: &OutputFolder, seed: u64) -> Result<Town> {
     )?;
     move_into(out, MAP, scratch.path())?;
     bar.finish_and_clear();
-    Ok(Town { world, placement })
+    Ok(())
 }
 
 /// Frames of the flight that is followed, and metres between them: half a kilometre.
@@ -135,12 +145,7 @@ pub fn make_crossing(out: &OutputFolder, seed: u64) -> Result<[f64; 3]> {
     photos.check(&names)?;
     let scratch = tempfile::tempdir()?;
     let scratch = scratch.path();
-    let world = World::new(WorldConfig {
-        seed,
-        ..WorldConfig::default()
-    });
-    let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
-    let placement = Placement::at(lon_deg, lat_deg)?;
+    let Town { world, placement } = make_town(seed)?;
     let crossing = Crossing::plan(&world, CROSSING_FRAMES, CROSSING_SPACING_M, seed);
     let look = Look::drone(Season::Autumn);
     let bar = progress::bar(CROSSING_FRAMES as u64, "drawing the flight", "frames");

@@ -19,5 +19,6 @@ pub mod plots;
 pub mod rendered;
 pub mod results;
 pub mod simulated;
+pub mod stored_flight;
 pub mod three_runs;
 pub mod town;

@@ -13,7 +13,7 @@ const PRIOR_HALVED_BY: f64 = 90.0;
 const PRIOR_WRONG: f64 = 4.0;
 
 /// However long runs of wrong fixes were, a new place is believed at last.
-const MOST_CONTINUED: f64 = 0.6;
+const MOST_CONTINUED: f64 = 0.75;
 
 /// A two-state Markov chain of right and wrong fixes, with its transition probabilities counted.
 ///
@@ -66,10 +66,36 @@ impl AliasRate {
             let [least, most] = PRIOR_CONTINUED;
             let early = PRIOR_HALVED_BY / (PRIOR_HALVED_BY + self.after_right);
             let prior = least + (most - least) * early;
-            let counted = (self.continued + prior) / (self.after_wrong + PRIOR_WRONG);
+            // Places that look alike differ in how long they do: the run itself tells that this one lasts, if it is one.
+            let run = f64::from(self.run);
+            let counted = (self.continued + prior + run) / (self.after_wrong + PRIOR_WRONG + run);
             counted.min(MOST_CONTINUED)
         } else {
             (self.started + PRIOR_STARTED) / (self.after_right + PRIOR_RIGHT)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_are_learned_and_a_run_tells_of_itself() {
+        let mut rate = AliasRate::default();
+        assert!((rate.wrong(false) - 0.05).abs() < 1e-12);
+        // Every fifth fix begins a run of two wrong ones.
+        for fix in 0..2000 {
+            rate.count(fix % 5 > 1);
+        }
+        assert!((rate.wrong(false) - 0.25).abs() < 0.02, "{rate:?}");
+        assert!((rate.wrong(true) - 0.5).abs() < 0.02, "{rate:?}");
+        let before = rate.wrong(true);
+        (0..30).for_each(|_| rate.count(false));
+        assert!(rate.wrong(true) > before + 0.05, "{rate:?}");
+        (0..3000).for_each(|_| rate.count(false));
+        assert_eq!(rate.wrong(true), MOST_CONTINUED);
+        rate.forget_run();
+        assert_eq!(rate.wrong(true), before);
     }
 }

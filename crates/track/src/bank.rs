@@ -10,7 +10,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     alias_rate::AliasRate,
-    confidence::UsualConfidence,
+    confidence::ConfidenceOdds,
     hypothesis::Hypothesis,
     input::PositionFix,
     observation::Innovation,
@@ -48,7 +48,7 @@ pub(crate) struct Bank {
 /// What is usual of fixes.
 pub(crate) struct Usual<'a> {
     pub rate: &'a AliasRate,
-    pub confidence: &'a UsualConfidence,
+    pub confidence: &'a ConfidenceOdds,
 }
 
 /// What a fix did to the hypotheses.
@@ -198,7 +198,7 @@ impl Bank {
         let wrong_elsewhere = usual.rate.wrong(true);
         let log_odds = usual
             .confidence
-            .log_odds_of(fix.confidence, options.full_confidence);
+            .log_ratio(fix.confidence, options.full_confidence);
         let elsewhere_before = self.elsewhere;
         let repeats = if judged.is_empty() {
             0.0

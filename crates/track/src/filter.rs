@@ -5,7 +5,7 @@ use grimnet_geo::LonLat;
 use crate::{
     alias_rate::AliasRate,
     bank::{Bank, Place, Usual},
-    confidence::UsualConfidence,
+    confidence::ConfidenceOdds,
     hypothesis::Hypothesis,
     input::{Input, PositionFix},
     options::TrackOptions,
@@ -34,7 +34,7 @@ pub(crate) struct Filter {
     /// Frames without a fix since the last one.
     pub misses: u32,
     rate: AliasRate,
-    confidence: UsualConfidence,
+    confidence: ConfidenceOdds,
 }
 
 impl Filter {
@@ -49,7 +49,7 @@ impl Filter {
             was_believed: false,
             misses: 0,
             rate: AliasRate::default(),
-            confidence: UsualConfidence::default(),
+            confidence: ConfidenceOdds::default(),
         }
     }
 
@@ -126,13 +126,15 @@ impl Filter {
         let effect = self
             .bank
             .fix(fix, measured_m, &usual, &self.sensors, options);
-        self.confidence.count(fix.confidence);
         self.misses = 0;
         if self.believed.is_some() {
             if effect.leader_changed {
                 self.rate.forget_run();
+                self.confidence.forget_run();
             } else if let Some(accepted) = effect.leader_accepted {
                 self.rate.count(accepted);
+                let full = options.full_confidence;
+                self.confidence.count(fix.confidence, full, accepted);
             }
         }
         self.believe(options);

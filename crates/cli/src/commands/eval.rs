@@ -14,6 +14,7 @@ use grimnet_eval::scene::Scene;
 use grimnet_eval::tracks::about::TrackAbout;
 use grimnet_eval::tracks::hidden_results::HIDDEN_FILES;
 use grimnet_eval::tracks::results::TRACK_FILES;
+use grimnet_eval::tracks::town::Town;
 use grimnet_geo::{MapPx, Raster};
 use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_net::Model;
@@ -24,13 +25,14 @@ use super::ModeChoice;
 use super::elsewhere;
 use super::eval_pictures;
 use super::eval_run::evaluate_all;
-use super::eval_track;
+use super::eval_track_flights::{self, TownSearch};
+use super::eval_track_hidden;
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight};
 use super::map::build_with_bar;
 use super::results::{print_retrieval, print_summary};
 use crate::exit::Exit;
 use crate::outputs::OWN_MAGICS;
-use crate::procedural_flight::{MAP, draw_town, make_flight};
+use crate::procedural_flight::{MAP, draw_map, make_flight};
 
 pub use arguments::EvalArgs;
 
@@ -173,11 +175,13 @@ fn run_track(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Re
     if let Some(seed) = arguments.world {
         let folder = OutputFolder::open(&arguments.out, &policy)?;
         folder.check(TRACK_FILES)?;
-        let town = draw_town(&folder, seed)?;
-        let map = grimnet_geo::open_map(&arguments.out.join(MAP), &arguments.place.options())?;
-        let localizer = Arc::new(localizer(arguments, &model, map.as_ref(), pack_path)?);
+        let search = EvalSearch {
+            arguments,
+            model: &model,
+            policy: &policy,
+        };
         let about = about(format!("procedural world {seed}"));
-        return eval_track::fly(&arguments.track, seed, &town, &localizer, &folder, about);
+        return eval_track_flights::fly(&arguments.track, seed, &search, &folder, about);
     }
     let scratch = tempfile::tempdir()?;
     let data = data_set(arguments, &policy, scratch.path())?;
@@ -192,7 +196,44 @@ fn run_track(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Re
         shot.footprint_width_m = arguments.footprint_width.or(shot.footprint_width_m);
     }
     let localizer = localizer(arguments, &model, scene.map.as_ref(), pack_path)?;
-    eval_track::hide(&scene, &localizer, &folder, about(scene.name.clone()))
+    eval_track_hidden::hide(&scene, &localizer, &folder, about(scene.name.clone()))
+}
+
+/// Searches over a town as the arguments say.
+struct EvalSearch<'a> {
+    arguments: &'a EvalArgs,
+    model: &'a Model,
+    policy: &'a OutputPolicy,
+}
+
+impl TownSearch for EvalSearch<'_> {
+    fn conditions(&self) -> String {
+        let EvalArgs {
+            mode,
+            map_error,
+            min_confidence,
+            commit,
+            adapt,
+            retrieval,
+            ..
+        } = self.arguments;
+        format!(
+            "version {}, commit {commit:?}, model {}, {mode:?}, map error {map_error} m, least confidence {min_confidence:?}, \
+             {adapt:?}, {retrieval:?}",
+            env!("CARGO_PKG_VERSION"),
+            self.model.hash()
+        )
+    }
+
+    fn open(&self, town: &Town, folder: &OutputFolder) -> Result<Arc<Localizer>> {
+        draw_map(folder, town)?;
+        let options = self.arguments.place.options();
+        let map = grimnet_geo::open_map(&folder.path().join(MAP), &options)?;
+        let pack_path = folder.path().join(PACK);
+        self.policy.check_file(&pack_path, OWN_MAGICS)?;
+        let localizer = localizer(self.arguments, self.model, map.as_ref(), &pack_path)?;
+        Ok(Arc::new(localizer))
+    }
 }
 
 /// The data set that was asked for: a folder, or a procedural flight.

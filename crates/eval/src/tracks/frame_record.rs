@@ -1,12 +1,12 @@
 //! What one rendered frame gave, compared with the truth.
 
 use grimnet_track::simulation::FixSample;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::ground_cover::Cover;
 
 /// A frame of a rendered flight.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameRecord {
     /// Exposure time, seconds.
     pub time_s: f64,
@@ -15,17 +15,15 @@ pub struct FrameRecord {
     /// Whether the search was by windows of the filter alone.
     pub tracked: bool,
     /// The fix; `None` without one.
-    #[serde(skip)]
     pub fix: Option<MeasuredFix>,
     /// The motion from the frame before; `None` without one.
-    #[serde(skip)]
     pub motion: Option<MeasuredMotion>,
     /// Wall time of search and motion, without rendering, milliseconds.
     pub time_ms: f64,
 }
 
 /// A fix compared with the truth.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredFix {
     /// As simulated flights draw it again.
     pub sample: FixSample,
@@ -54,7 +52,7 @@ impl MeasuredFix {
 }
 
 /// A motion between frames compared with the truth.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredMotion {
     /// Distance flown between the frames, metres.
     pub distance_m: f64,

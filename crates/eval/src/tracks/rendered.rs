@@ -14,6 +14,7 @@ use image::RgbImage;
 use nalgebra::{Rotation3, Vector2};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
 
 use super::camera_tilt::GimbalAngles;
 use super::frame_record::{FrameRecord, MeasuredFix, MeasuredMotion};
@@ -64,7 +65,16 @@ pub struct RenderedFlight {
     pub flight: Flight,
     /// Legs over water and snow.
     pub legs: Vec<CoveredLeg>,
-    /// What each frame gave.
+    /// What its frames gave.
+    pub flown: FlownFrames,
+}
+
+/// What the frames of a flight gave. The rest follows from the plan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FlownFrames {
+    /// Fixes, misses and motions as the filter was told them, in order of the frames.
+    pub told: Vec<Delivered>,
+    /// Each frame compared with the truth.
     pub frames: Vec<FrameRecord>,
     /// The filter's options as they were used, with the map's area.
     pub options: TrackOptions,
@@ -92,13 +102,13 @@ impl RenderedPlan {
     /// # Errors
     /// [`RenderedError`].
     pub fn fly(
-        self,
+        &self,
         town: &Town,
         localizer: &Arc<Localizer>,
         options: &TrackOptions,
         done: &mut dyn FnMut(),
-    ) -> Result<RenderedFlight, RenderedError> {
-        let mut flight = Flight::without_frames(self.flight.clone());
+    ) -> Result<FlownFrames, RenderedError> {
+        let flight = Flight::without_frames(self.flight.clone());
         let mut rng = ChaCha8Rng::seed_from_u64(self.flight.seed ^ 0x5eed);
         let constants = Constants::draw(&self.flight, &mut rng);
         let follow_options = grimnet_flight::FlightOptions {
@@ -152,14 +162,24 @@ impl RenderedPlan {
             before = Some(frame.pose);
             done();
         }
-        flight.deliver(told);
-        Ok(RenderedFlight {
-            name: self.name,
-            flight,
-            legs: self.legs,
+        Ok(FlownFrames {
+            told,
             frames,
             options: follow.tracker().options().clone(),
         })
+    }
+
+    /// The flight with what its frames gave.
+    #[must_use]
+    pub fn flown(self, flown: FlownFrames) -> RenderedFlight {
+        let mut flight = Flight::without_frames(self.flight);
+        flight.deliver(flown.told.iter().copied());
+        RenderedFlight {
+            name: self.name,
+            flight,
+            legs: self.legs,
+            flown,
+        }
     }
 
     /// Number of frames.

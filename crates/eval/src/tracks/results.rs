@@ -55,7 +55,10 @@ impl TrackResults {
     /// # Errors
     /// A curve cannot be drawn, or a figure not be written.
     pub fn files(&self) -> Result<[ResultFile; 4], ResultsError> {
-        let all = self.rendered.iter().flat_map(|(flight, _)| &flight.frames);
+        let all = self
+            .rendered
+            .iter()
+            .flat_map(|(flight, _)| &flight.flown.frames);
         let frames = FrameFigures::of(all);
         let summary = Summary {
             about: &self.about,
@@ -147,7 +150,7 @@ impl TrackResults {
         ])?;
         let number = |value: Option<f64>| value.map(|v| format!("{v:.3}")).unwrap_or_default();
         for (flight, _) in &self.rendered {
-            for frame in &flight.frames {
+            for frame in &flight.flown.frames {
                 let motion = |value: fn(&super::frame_record::MeasuredMotion) -> f64| {
                     number(frame.motion.as_ref().map(value))
                 };

@@ -1,9 +1,11 @@
 //! An input on its way.
 
+use serde::{Deserialize, Serialize};
+
 use crate::input::Input;
 
 /// An input and when it arrives.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Delivered {
     /// Seconds.
     pub arrival_s: f64,

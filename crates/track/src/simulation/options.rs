@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use grimnet_geo::LonLat;
+use serde::{Deserialize, Serialize};
 
 use super::{camera::Camera, errors::Confidence};
 use crate::options::Vehicle;
@@ -17,7 +18,7 @@ pub struct FlightArea {
 }
 
 /// A right fix: what is drawn again for other frames.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FixSample {
     /// Error of the image centre without the map's own, metres east and north.
     pub error_en_m: [f64; 2],

@@ -8,7 +8,7 @@ use grimnet_locate::DEFAULT_MAP_ERROR_M;
 use grimnet_program::heading_modes::{BOTH, heading_modes};
 
 use crate::commands::elsewhere::ElsewhereOptions;
-use crate::commands::eval_track::TrackEvalOptions;
+use crate::commands::eval_track_options::TrackEvalOptions;
 use crate::commands::locate::AdaptChoice;
 use crate::commands::map_place::MapPlace;
 use crate::commands::retrieval_options::RetrievalOptions;

@@ -1,0 +1,97 @@
+//! `grim eval --track FOLDER`: hidden fixes of a real flight.
+
+use std::io::Write;
+
+use anyhow::{Result, bail};
+use grimnet_eval::metrics::statistics::percentile;
+use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_eval::tracks::about::TrackAbout;
+use grimnet_eval::tracks::exif_time::seconds_of_exif_time;
+use grimnet_eval::tracks::hidden::{HiddenError, TimedShot, predict_hidden};
+use grimnet_eval::tracks::hidden_figures::figures;
+use grimnet_eval::tracks::hidden_results::hidden_files;
+use grimnet_locate::Localizer;
+use grimnet_output::OutputFolder;
+use grimnet_photo::Photo;
+use grimnet_track::TrackOptions;
+
+use crate::exit::Exit;
+use crate::progress;
+
+/// Hides fixes of a real flight and predicts them.
+///
+/// # Errors
+/// A photo cannot be read or has no time, or results cannot be written.
+pub fn hide(
+    scene: &Scene,
+    localizer: &Localizer,
+    folder: &OutputFolder,
+    about: TrackAbout,
+) -> Result<Exit> {
+    let mut shots = Vec::new();
+    for (index, shot) in scene.shots.iter().enumerate() {
+        let photo = shot.photo.open()?;
+        let Some(time_s) = photo
+            .metadata
+            .captured_at
+            .as_deref()
+            .and_then(seconds_of_exif_time)
+        else {
+            let photo = shot.name.clone();
+            bail!(HiddenError::NoTime { photo });
+        };
+        let timed = TimedShot {
+            name: shot.name.clone(),
+            time_s,
+            truth: shot.truth.position,
+            known: shot.prior(HeadingMode::Known, photo.full_size_px),
+        };
+        shots.push((index, timed));
+    }
+    shots.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
+    let (order, shots): (Vec<usize>, Vec<TimedShot>) = shots.into_iter().unzip();
+    let gaps_s: Vec<f64> = shots
+        .windows(2)
+        .map(|pair| pair[1].time_s - pair[0].time_s)
+        .collect();
+    let bar = progress::bar(shots.len() as u64, "searching", "photos");
+    let mut open = |at: usize| -> Result<Photo> {
+        bar.inc(1);
+        let photo = scene.shots[order[at]].photo.open()?;
+        Ok(photo.as_ref().clone())
+    };
+    let predictions = predict_hidden(localizer, &shots, &TrackOptions::default(), &mut open)?;
+    bar.finish_and_clear();
+    let figures = figures(&predictions);
+    for (name, content) in hidden_files(&about, &figures, &predictions)? {
+        folder.write_bytes(name, &content)?;
+    }
+    let mut out = std::io::stdout().lock();
+    let metres = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} m"));
+    writeln!(
+        out,
+        "{} photos, {:.0} s apart (median)",
+        shots.len(),
+        percentile(&gaps_s, 0.5).unwrap_or(0.0)
+    )?;
+    writeln!(
+        out,
+        "hidden  predictions  joined  distance  fixes only  motion only    filter  joined  stated radius"
+    )?;
+    for f in &figures {
+        writeln!(
+            out,
+            "{:>6}{:>13}{:>8}{:>10}{:>12}{:>13}{:>10}{:>8}{:>15}",
+            f.hidden,
+            f.predictions,
+            f.joined,
+            metres(f.distance_median_m),
+            metres(f.fixes_only_median_m),
+            metres(f.motion_only_median_m),
+            metres(f.filter_median_m),
+            metres(f.filter_joined_median_m),
+            metres(f.radius95_median_m),
+        )?;
+    }
+    Ok(Exit::Done)
+}

@@ -338,13 +338,13 @@ proptest! {
     }
 }
 
-/// A third of this packet took 111 s, for each namespace was looked up among all the others.
+/// Half of this packet took 111 s, for each namespace was looked up among all the others.
 #[test]
 fn a_packet_of_many_namespaces_is_read_in_time() {
     use std::fmt::Write as _;
     let mut packet = String::from("<rdf:Description");
-    for i in 0..600_000 {
-        let _ = write!(packet, " xmlns:a{i}=\"http://pix4d.com/camera/1.0\"");
+    for i in 0..450_000 {
+        let _ = write!(packet, " xmlns:a{i}=\"pix4d.com/camera\"");
     }
     packet += " drone-dji:RelativeAltitude=\"50\"/>";
     let text = [b"XML:com.adobe.xmp\0\0\0\0\0", packet.as_bytes()].concat();

@@ -15,6 +15,7 @@ use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 use crate::position_fix::position_fix;
 use crate::recent::Recent;
 use crate::search_plan::{PlannedSearch, Steering, plan};
+use crate::told_velocity::{ToldVelocity, VelocityDoubt};
 use crate::whole_map::WholeMap;
 
 /// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
@@ -47,6 +48,7 @@ pub struct Flight {
     tracker: Tracker,
     whole_map_after_misses: u32,
     recent: Recent,
+    told_velocity: ToldVelocity,
     whole_map: WholeMap,
     /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
     last_gsd_m: Option<f64>,
@@ -73,6 +75,7 @@ impl Flight {
             localizer,
             whole_map_after_misses: options.whole_map_after_misses,
             recent: Recent::default(),
+            told_velocity: ToldVelocity::default(),
             whole_map: WholeMap::default(),
             last_gsd_m: None,
             last_frame: None,
@@ -96,7 +99,16 @@ impl Flight {
     pub fn push(&mut self, input: Input) -> Result<Taken, InputError> {
         let taken = self.tracker.push(input)?;
         self.recent.take(&input);
+        if let Input::Velocity(velocity) = &input {
+            self.told_velocity.velocity(velocity);
+        }
         Ok(taken)
+    }
+
+    /// What is wrong with the velocities of the telemetry, where enough fixes agree on it. The filter goes on to use them: leave them
+    /// out, or put them right.
+    pub fn velocity_doubt(&self) -> Option<VelocityDoubt> {
+        self.told_velocity.doubt()
     }
 
     /// The track at a time; see [`Tracker::point_at`].
@@ -246,6 +258,7 @@ impl Flight {
             Ok(Outcome::Fix(fix)) => {
                 let mut measured = position_fix(fix, time_s, self.localizer.options().map_error_m);
                 measured.gsd_m *= px_per_reference_px;
+                self.told_velocity.fix(time_s, measured.lonlat);
                 given.push(&mut self.tracker, Input::Fix(measured));
                 self.last_gsd_m = Some(measured.gsd_m);
             }

@@ -37,8 +37,10 @@ mod frame;
 mod position_fix;
 mod recent;
 mod search_plan;
+mod told_velocity;
 mod whole_map;
 
 pub use flight::{Flight, FlightOptions};
 pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 pub use position_fix::position_fix;
+pub use told_velocity::VelocityDoubt;

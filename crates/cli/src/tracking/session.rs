@@ -136,6 +136,11 @@ impl Session {
                 if let Err(error) = &answer.outcome {
                     tracing::warn!("{}: {error}", printable(&frame.name));
                 }
+                if let Some(doubt) = self.flight.velocity_doubt()
+                    && self.told.insert("velocity doubt")
+                {
+                    tracing::warn!("{doubt}; without velocities the track may be better");
+                }
                 let note = FrameNote::of(&frame.name, &answer);
                 let alone = match &answer.outcome {
                     Ok(outcome) => Answer::of(&frame.name, outcome),

@@ -1,0 +1,226 @@
+//! Whether the velocities of the telemetry are those of the flight that its fixes show.
+//!
+//! Velocities in another unit, or along other axes, make every fix look wrong, so that a filter that trusts them believes none. The
+//! distance from fix to fix over what the velocities add up to is then a factor and a turn that are the same all along.
+
+use std::collections::VecDeque;
+
+use grimnet_geo::{LonLat, offset_en_m};
+use grimnet_track::Velocity;
+
+/// Fixes closer to each other than this say little, metres: tilt alone moves the image centre by tens of metres.
+const LEAST_DISTANCE_M: f64 = 40.0;
+/// Fixes further apart in time than this are not compared, seconds.
+const LONGEST_S: f64 = 20.0;
+/// No small drone is faster, metres per second: of two fixes further apart one is of another place.
+const MOST_SPEED_M_S: f64 = 60.0;
+/// Velocities further apart than this are not added up, seconds.
+const LONGEST_GAP_S: f64 = 1.5;
+/// So many of the latest comparisons are kept.
+const COMPARISONS: usize = 12;
+/// So many of them must agree on a factor: fixes of wrong places agree on none.
+const NEEDED: usize = 8;
+/// Comparisons agree if they are this close, relative to their factor.
+const AGREEMENT: f64 = 0.2;
+/// A factor and turn this far from none is doubted, relative.
+const LEAST_DOUBT: f64 = 0.35;
+
+/// By how much told velocities differ from those that fixes show.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VelocityDoubt {
+    /// Told over true speed.
+    pub factor: f64,
+    /// From the true to the told direction, degrees clockwise, -180 to 180.
+    pub turn_deg: f64,
+}
+
+impl std::fmt::Display for VelocityDoubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "the velocities of the telemetry are {:.1} times as fast as the fixes show and {:.0} degrees off their direction: \
+             metres per second to the east and north were expected",
+            self.factor, self.turn_deg
+        )
+    }
+}
+
+/// Compares velocities with fixes.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ToldVelocity {
+    /// The fix that distances are taken from, and its time in seconds.
+    from: Option<(f64, LonLat)>,
+    /// The latest velocity.
+    latest: Option<Velocity>,
+    /// What the velocities add up to since that fix, metres east and north. `None` if there was a gap.
+    moved_en_m: Option<[f64; 2]>,
+    /// Told over seen displacements.
+    ratios: VecDeque<Ratio>,
+}
+
+impl ToldVelocity {
+    /// Takes in a velocity. One that is not newer than the last changes nothing.
+    pub fn velocity(&mut self, told: &Velocity) {
+        let Some(before) = self.latest else {
+            self.latest = Some(*told);
+            return;
+        };
+        let interval_s = told.time_s - before.time_s;
+        if interval_s <= 0.0 {
+            return;
+        }
+        self.moved_en_m =
+            self.moved_en_m
+                .filter(|_| interval_s <= LONGEST_GAP_S)
+                .map(|[east_m, north_m]| {
+                    [
+                        east_m + 0.5 * (before.east_m_s + told.east_m_s) * interval_s,
+                        north_m + 0.5 * (before.north_m_s + told.north_m_s) * interval_s,
+                    ]
+                });
+        self.latest = Some(*told);
+    }
+
+    /// Takes in a fix. Velocities that are told after it count for the next one.
+    pub fn fix(&mut self, time_s: f64, place: LonLat) {
+        let recent = |latest: &Velocity| (latest.time_s - time_s).abs() <= LONGEST_GAP_S;
+        let is_told = self.latest.as_ref().is_some_and(recent);
+        if let (Some((from_s, from)), Some(told_en_m)) = (self.from, self.moved_en_m) {
+            let (east_m, north_m) = offset_en_m(from, place);
+            let (apart_m, apart_s) = (east_m.hypot(north_m), time_s - from_s);
+            let fits = (0.0..=LONGEST_S).contains(&apart_s) && is_told;
+            if fits && apart_m < LEAST_DISTANCE_M {
+                return;
+            }
+            if fits && apart_m < MOST_SPEED_M_S * apart_s {
+                self.ratios
+                    .push_back(Ratio::of(told_en_m, [east_m, north_m]));
+                if self.ratios.len() > COMPARISONS {
+                    self.ratios.pop_front();
+                }
+            }
+        }
+        self.from = Some((time_s, place));
+        self.moved_en_m = is_told.then_some([0.0; 2]);
+    }
+
+    /// What is doubted, if enough comparisons agree on it.
+    pub fn doubt(&self) -> Option<VelocityDoubt> {
+        // The comparison that most others agree with.
+        let agreeing = |with: &Ratio| {
+            let near = AGREEMENT * with.size().max(1.0);
+            self.ratios
+                .iter()
+                .filter(|ratio| ratio.away_from(with) <= near)
+                .copied()
+                .collect::<Vec<_>>()
+        };
+        let agreed = self.ratios.iter().map(agreeing).max_by_key(Vec::len)?;
+        if agreed.len() < NEEDED {
+            return None;
+        }
+        let mean = Ratio::mean(&agreed);
+        let doubted = mean.away_from(&Ratio::SAME) > LEAST_DOUBT;
+        doubted.then(|| VelocityDoubt {
+            factor: mean.size(),
+            turn_deg: mean.right.atan2(mean.ahead).to_degrees(),
+        })
+    }
+}
+
+/// One displacement over another: the part along it and the part to its right.
+#[derive(Debug, Clone, Copy)]
+struct Ratio {
+    ahead: f64,
+    right: f64,
+}
+
+impl Ratio {
+    const SAME: Self = Self {
+        ahead: 1.0,
+        right: 0.0,
+    };
+
+    fn of([told_east, told_north]: [f64; 2], [east, north]: [f64; 2]) -> Self {
+        let square = east * east + north * north;
+        Self {
+            ahead: (told_east * east + told_north * north) / square,
+            right: (told_east * north - told_north * east) / square,
+        }
+    }
+
+    fn mean(ratios: &[Self]) -> Self {
+        let mean = |of: fn(&Self) -> f64| ratios.iter().map(of).sum::<f64>() / ratios.len() as f64;
+        Self {
+            ahead: mean(|ratio| ratio.ahead),
+            right: mean(|ratio| ratio.right),
+        }
+    }
+
+    fn size(&self) -> f64 {
+        self.ahead.hypot(self.right)
+    }
+
+    fn away_from(&self, other: &Self) -> f64 {
+        (self.ahead - other.ahead).hypot(self.right - other.right)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_geo::destination_en_m;
+
+    use super::*;
+
+    const HERE: LonLat = LonLat::new(1.5, 1.0);
+
+    /// A flight at 10 m/s on a wide circle with a fix every second, of which every `alias_every`th is of another place.
+    fn flown(told: impl Fn([f64; 2]) -> [f64; 2], alias_every: usize) -> Option<VelocityDoubt> {
+        let mut check = ToldVelocity::default();
+        for tick in 0..1200usize {
+            let time_s = tick as f64 * 0.1;
+            let angle_rad = time_s / 30.0;
+            let [east_m_s, north_m_s] = told([10.0 * angle_rad.cos(), 10.0 * angle_rad.sin()]);
+            check.velocity(&Velocity {
+                time_s,
+                east_m_s,
+                north_m_s,
+                sigma_m_s: 0.3,
+            });
+            if tick % 10 == 0 {
+                let wrong_m = if (tick / 10) % alias_every == alias_every - 1 {
+                    300.0
+                } else {
+                    0.0
+                };
+                let east_m = 300.0 * angle_rad.sin() + wrong_m;
+                let north_m = 300.0 * (1.0 - angle_rad.cos());
+                check.fix(time_s, destination_en_m(HERE, east_m, north_m));
+            }
+        }
+        check.doubt()
+    }
+
+    #[test]
+    fn another_unit_and_other_axes_are_told_and_right_velocities_are_not() {
+        assert_eq!(flown(|v| v, usize::MAX), None);
+        assert_eq!(flown(|v| v, 7), None);
+        let twice = flown(|[e, n]| [2.0 * e, 2.0 * n], usize::MAX).unwrap();
+        assert!(
+            (twice.factor - 2.0).abs() < 0.05 && twice.turn_deg.abs() < 2.0,
+            "{twice:?}"
+        );
+        let knots = flown(|[e, n]| [1.944 * e, 1.944 * n], 20).unwrap();
+        assert!((knots.factor - 1.944).abs() < 0.05, "{knots:?}");
+        let turned = flown(|[e, n]| [n, -e], usize::MAX).unwrap();
+        assert!((turned.factor - 1.0).abs() < 0.05, "{turned:?}");
+        assert!((turned.turn_deg - 90.0).abs() < 2.0, "{turned:?}");
+        let opposite = flown(|[e, n]| [-e, -n], usize::MAX).unwrap();
+        assert!(
+            (opposite.turn_deg.abs() - 180.0).abs() < 2.0,
+            "{opposite:?}"
+        );
+        let still = flown(|_| [0.0; 2], usize::MAX).unwrap();
+        assert!(still.factor < 0.05, "{still:?}");
+    }
+}

@@ -93,7 +93,16 @@ fn is_peak(
     y: usize,
     radius: usize,
 ) -> bool {
-    let value = heatmap[y * width + x];
+    let at = y * width + x;
+    let value = heatmap[at];
+    // Most pixels beside a peak fail already against their four neighbours.
+    let is_beside_a_peak = (x > 0 && heatmap[at - 1] >= value)
+        || (x + 1 < width && heatmap[at + 1] > value)
+        || (y > 0 && heatmap[at - width] >= value)
+        || (y + 1 < height && heatmap[at + width] > value);
+    if radius > 0 && is_beside_a_peak {
+        return false;
+    }
     let (left, right) = (x.saturating_sub(radius), (x + radius).min(width - 1));
     (y.saturating_sub(radius)..=(y + radius).min(height - 1)).all(|ny| {
         let row = &heatmap[ny * width..][..width];

@@ -5,7 +5,6 @@ use std::sync::Arc;
 
 use grimnet_locate::{Gates, Options};
 use grimnet_pack::Pack;
-use grimnet_photo::QUERY_LONG_SIDE_PX;
 use pyo3::prelude::*;
 
 use crate::answers::answer_object;
@@ -85,7 +84,7 @@ impl Localizer {
         let input = PhotoInput::of(photo)?;
         let name = input.name();
         let outcome = py.detach(|| {
-            let photo = input.decode(Some(QUERY_LONG_SIDE_PX))?;
+            let photo = input.decode_as_needed(&self.inner.needed_pixels(&prior))?;
             self.inner
                 .locate(&photo, &prior)
                 .map_err(|error| locate_error(&error))

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo};
+use grimnet_locate::NeededPixels;
+use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo, PhotoLimits};
 use image::RgbImage;
 use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{
@@ -15,6 +16,9 @@ use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
 
 use crate::errors::{invalid_value, photo_error};
 use crate::rgb_copy::rgb_bytes;
+
+/// How bytes are named in errors.
+const OF_BYTES: &str = "the photo";
 
 /// What a photo is given as. Pixels are copied, bytes are not.
 pub enum PhotoInput {
@@ -69,10 +73,22 @@ impl PhotoInput {
     /// `PhotoError`.
     pub fn decode(self, max_side_px: Option<u32>) -> PyResult<Photo> {
         let photo = match self {
-            Self::Path(path) => {
-                Photo::open_with(path, max_side_px, &grimnet_photo::PhotoLimits::DEFAULT)
-            }
-            Self::Bytes(bytes) => Photo::from_bytes("the photo", &bytes, max_side_px),
+            Self::Path(path) => Photo::open_with(path, max_side_px, &PhotoLimits::DEFAULT),
+            Self::Bytes(bytes) => Photo::from_bytes(OF_BYTES, &bytes, max_side_px),
+            Self::Pixels(image) => Ok(Photo::from_image(image, Metadata::default())),
+        };
+        photo.map_err(|error| photo_error(&error))
+    }
+
+    /// Decodes the photo with as many pixels as the search over a map can use; pixels stay as they are. This takes long.
+    ///
+    /// # Errors
+    /// `PhotoError`.
+    pub fn decode_as_needed(self, needed: &NeededPixels) -> PyResult<Photo> {
+        let limits = &PhotoLimits::DEFAULT;
+        let photo = match self {
+            Self::Path(path) => needed.open(path, limits),
+            Self::Bytes(bytes) => needed.decode(OF_BYTES, &bytes, limits),
             Self::Pixels(image) => Ok(Photo::from_image(image, Metadata::default())),
         };
         photo.map_err(|error| photo_error(&error))

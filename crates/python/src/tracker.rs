@@ -4,7 +4,6 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_geo::LonLat;
-use grimnet_photo::QUERY_LONG_SIDE_PX;
 use grimnet_track::{Attitude, Height, Input, Start, TrackOptions, Vehicle, Velocity};
 use pyo3::prelude::*;
 
@@ -113,7 +112,8 @@ impl Tracker {
             attitude: None,
         };
         let found = py.detach(|| -> PyResult<_> {
-            let photo = input.decode(Some(QUERY_LONG_SIDE_PX))?;
+            let needed = self.flight().localizer().needed_pixels(&known.prior);
+            let photo = input.decode_as_needed(&needed)?;
             Ok(self.flight().frame(&photo, time_s, &known))
         });
         // Ctrl-C during the search.

@@ -40,7 +40,9 @@ impl std::fmt::Display for VelocityDoubt {
             f,
             "the velocities of the telemetry are {:.1} times as fast as the fixes show and {:.0} degrees off their direction: \
              metres per second to the east and north were expected",
-            self.factor, self.turn_deg
+            self.factor,
+            // Without the sign of a zero.
+            self.turn_deg.round() + 0.0
         )
     }
 }

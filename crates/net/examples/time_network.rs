@@ -6,13 +6,13 @@
 //!
 //! `network` is everything up to the heatmap, the descriptor field and the global descriptor, from an image of bytes;
 //! `features` also selects and describes 1024 keypoints; `own statistics` is `network` normalised with the image's own
-//! statistics. The weights are random, which does not change the time.
+//! statistics. The weights are random, which does not change the time; the whitening projection is int8, as in the bundled model.
 
 use std::error::Error;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-use grimnet_net::{Domain, ExtractOptions, Extractor, Model, NetSpec};
+use grimnet_net::{Domain, ExtractOptions, Extractor, Model, NetSpec, Precision};
 use image::{Rgb, RgbImage};
 
 /// How long each figure is measured.
@@ -35,7 +35,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         threads
     };
-    let model = Model::random(&spec, 0)?.with_whitening_precision(grimnet_net::Precision::I8)?;
+    let model = Model::random(&spec, 0)?.with_whitening_precision(Precision::I8)?;
     let extractor = Extractor::new(&model, Domain::Uav)?;
     let picture = RgbImage::from_fn(side, side, |x, y| {
         let noise = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b))

@@ -2,13 +2,14 @@
 //! neighbouring pixels.
 
 use crate::buffer::AlignedBuffer;
+use crate::cache::l2_bytes;
 use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, Panels, RightPanel, Taps};
 use crate::parallel::{SharedMut, for_each};
 use crate::tensor::channel_stride;
 use crate::{Activation, ConvSpec, Isa, Tensor};
 
-/// Size of the input rows of a task, which are read again for each panel: they should stay in the L2 cache.
-const BAND_BYTES: usize = 256 << 10;
+/// The input rows of a task, which are read again for each panel, take this part of the L2 cache.
+const BANDS_IN_L2: usize = 4;
 
 /// Kernels packed in panels of output channels, depth `[kernel row][kernel column][in]`.
 pub(crate) struct DirectWeights {
@@ -60,7 +61,8 @@ impl DirectWeights {
         };
         let halo = 1 - spec.kernel / 2;
         let workers = rayon::current_num_threads();
-        let cached = BAND_BYTES / (input.row_stride() * spec.stride * size_of::<f32>()).max(1);
+        let cached =
+            l2_bytes() / BANDS_IN_L2 / (input.row_stride() * spec.stride * size_of::<f32>()).max(1);
         let band =
             (height * shape.count() / (8 * workers)).clamp(1, cached.clamp(1, height.max(1)));
         for_each(

@@ -9,6 +9,7 @@
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod buffer;
+mod cache;
 mod conv;
 mod direct;
 mod dot_products;

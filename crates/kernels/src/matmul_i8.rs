@@ -6,6 +6,7 @@
 mod words;
 
 use crate::Isa;
+use crate::cache::l2_bytes;
 use crate::matrix::{MatMut, MatRef, check_shapes};
 use crate::parallel::{SharedMut, for_each};
 use crate::workspace::with_pooled;
@@ -17,8 +18,8 @@ const MC: usize = 96;
 const NC: usize = 128;
 /// Rows of the largest micro-tile of any instruction set.
 const ROWS: usize = 12;
-/// Sums of a block of rows that stay in the L2 cache: 384 kB.
-const CACHED_SUMS: usize = 96 << 10;
+/// Eighths of the L2 cache that the sums of a block of rows take.
+const CACHED_EIGHTHS: usize = 3;
 /// Panels that one task packs.
 const PANELS: usize = 8;
 
@@ -201,7 +202,8 @@ fn by_rows<W: Words>(
     let width = 2 * W::LANES;
     let (panels, panel_words) = (n.div_ceil(width), (depth + 1) * width);
     // As many rows as stay in the cache until `finished` reads them.
-    let block_rows = (CACHED_SUMS / n / ROWS * ROWS).clamp(ROWS, MC);
+    let cached_sums = l2_bytes() / 8 * CACHED_EIGHTHS / size_of::<i32>();
+    let block_rows = (cached_sums / n / ROWS * ROWS).clamp(ROWS, MC);
     let out = SharedMut::new(bytemuck::cast_slice_mut(c));
     with_pooled(|workspace| {
         let packed = workspace.shared.floats(panels * panel_words);

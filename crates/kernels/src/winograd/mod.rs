@@ -23,14 +23,15 @@ pub(crate) use tiles::{TileSink, TileSource};
 pub(crate) use weights::{Direction, WinogradWeights};
 
 use crate::Workspace;
+use crate::cache::l2_bytes;
 use crate::panel::{Finish, LeftRows, OutputRows, PanelProduct, RightPanel, Taps};
 use crate::parallel::for_each;
 use crate::simd::{Kernel, Simd};
 use crate::tensor::CHANNEL_BLOCK;
 use transform::POINTS;
 
-/// Size of a worker's scratch memory, which should stay in its L2 cache.
-const CACHED_BYTES: usize = 768 << 10;
+/// Quarters of the L2 cache that a worker's scratch memory takes.
+const CACHED_QUARTERS: usize = 3;
 /// If the transformed kernels are larger than this, all workers share one chunk.
 const LARGE_WEIGHTS_BYTES: usize = 4 << 20;
 /// Size of the scratch memory of a shared chunk, which should stay in the last-level cache.
@@ -51,7 +52,7 @@ pub(crate) fn convolve(
     }
     let bytes_of_tile = POINTS * (weights.depth() + weights.shape().columns()) * size_of::<f32>();
     let rows_in = |bytes: usize| (bytes / bytes_of_tile / TILE_ROWS).max(1) * TILE_ROWS;
-    let small = rows_in(CACHED_BYTES).max(2 * TILE_ROWS);
+    let small = rows_in(l2_bytes() / 4 * CACHED_QUARTERS).max(2 * TILE_ROWS);
     if weights.bytes() <= LARGE_WEIGHTS_BYTES
         && tiles.div_ceil(small) >= 2 * rayon::current_num_threads()
     {

@@ -21,14 +21,15 @@ pub(crate) struct SearchedFrame {
     pub px_per_reference_px: f64,
 }
 
-/// The motion from `first` to `second`; `None` if too few keypoints agree on one, or the frames are not in order of time.
+/// The motion from `first` to `second`; `None` if too few keypoints agree on one, or the frames are not in order of time. Keypoints
+/// of `second` that moved with the ground of `first` are marked.
 ///
 /// # Errors
 /// The keypoints cannot be compared.
 pub(crate) fn motion_between(
     localizer: &Localizer,
     first: &SearchedFrame,
-    second: &SearchedFrame,
+    second: &mut SearchedFrame,
     options: &TrackOptions,
 ) -> Result<Option<RelativeMotion>, LocateError> {
     let interval_s = second.time_s - first.time_s;
@@ -57,7 +58,7 @@ pub(crate) fn motion_between(
         tilts,
         tilt_change_sigma_deg: sigma_deg,
     };
-    let found = localizer.motion_between(&first.features, &second.features, &pair)?;
+    let found = localizer.motion_between(&first.features, &mut second.features, &pair)?;
     let to_reference = 1.0 / first.px_per_reference_px;
     Ok(found.map(|motion| RelativeMotion {
         from_time_s: first.time_s,
@@ -66,6 +67,9 @@ pub(crate) fn motion_between(
         right_px: motion.right_px * to_reference,
         turn_deg: motion.turn_deg,
         sigma_px: motion.sigma_px() * to_reference,
+        surface_sigma_px: motion
+            .surface_sigma_px
+            .map(|sigma_px| sigma_px * to_reference),
     }))
 }
 

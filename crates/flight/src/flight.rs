@@ -233,11 +233,11 @@ impl Flight {
     }
 
     /// Gives the filter the motion from the frame before, and keeps this one.
-    fn give_motion(&mut self, frame: SearchedFrame, given: &mut Given) {
+    fn give_motion(&mut self, mut frame: SearchedFrame, given: &mut Given) {
         let options = self.tracker.options();
         let motion = self.last_frame.as_ref().and_then(|last| {
             // Keypoints of one localiser are always comparable.
-            motion_between(&self.localizer, last, &frame, options)
+            motion_between(&self.localizer, last, &mut frame, options)
                 .ok()
                 .flatten()
         });
@@ -278,20 +278,28 @@ impl Flight {
     ) {
         match outcome {
             Ok(Outcome::Fix(_)) => {
-                let estimate = self
-                    .tracker
-                    .point_at(time_s)
-                    .and_then(|point| point.estimate);
+                let point = self.tracker.point_at(time_s);
+                let estimate = point.as_ref().and_then(|point| point.estimate);
                 if estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0)) {
                     self.whole_map.accepted();
                 } else {
                     self.whole_map.missed(whole_map_was_searched, true);
+                    if point.is_some_and(|point| point.state.is_usable()) {
+                        self.distrust_last_fix();
+                    }
                 }
             }
             Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
                 self.whole_map.missed(whole_map_was_searched, false);
             }
             Ok(Outcome::NoFix(_)) | Err(_) => {}
+        }
+    }
+
+    /// The fix of the last frame contradicts a track that is believed: it does not tell which of its keypoints lie on the ground.
+    fn distrust_last_fix(&mut self) {
+        if let Some(last) = &mut self.last_frame {
+            last.features.distrust_fix();
         }
     }
 

@@ -21,7 +21,7 @@
 //! give its attitude where none is told.
 //!
 //! The motion between frames is measured from the keypoints of the searches, and bridges frames without a fix where no velocity is
-//! told.
+//! told. It counts over ground that the map shows or that was followed from there on; over water the filter coasts.
 //!
 //! # What is searched
 //! A tracked frame is searched in one small window, with heading and ground resolution from the track, so that it costs one

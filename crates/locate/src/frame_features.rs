@@ -16,6 +16,10 @@ pub struct FrameFeatures {
     pub(crate) scores: Vec<f32>,
     /// Whether the keypoint agreed with the fix on the map: it then lies on the ground, or near it.
     pub(crate) on_map: Vec<bool>,
+    /// Whether the fix is believed.
+    fix_is_trusted: bool,
+    /// Whether the keypoint moved with the ground of the photo before.
+    pub(crate) followed: Vec<bool>,
     query: QueryFeatures,
     /// Pixels of the full-size photo per pixel of the query, at the photo's centre.
     pub(crate) photo_px_per_query_px: f64,
@@ -51,7 +55,9 @@ impl FrameFeatures {
         Self {
             points_px: query.points.iter().map(centred).collect(),
             scores: query.scores.clone(),
+            followed: vec![false; on_map.len()],
             on_map,
+            fix_is_trusted: true,
             photo_px_per_query_px: scale_at(to_photo, query) * full_px_per_image_px,
             query: query.clone(),
         }
@@ -65,6 +71,21 @@ impl FrameFeatures {
     /// Whether there is no keypoint.
     pub fn is_empty(&self) -> bool {
         self.points_px.is_empty()
+    }
+
+    /// The fix turned out to be of another place: that keypoints agreed with the map there does not make them ground.
+    pub fn distrust_fix(&mut self) {
+        self.fix_is_trusted = false;
+    }
+
+    /// Whether a keypoint lies on ground that the map shows.
+    pub(crate) fn is_on_map(&self, keypoint: usize) -> bool {
+        self.fix_is_trusted && self.on_map[keypoint]
+    }
+
+    /// Whether a keypoint lies on ground that the map shows, or moved with such ground.
+    pub(crate) fn is_ground(&self, keypoint: usize) -> bool {
+        self.is_on_map(keypoint) || self.followed[keypoint]
     }
 
     /// Dimension of a descriptor.

@@ -7,6 +7,7 @@
 
 mod evidence;
 mod levelling;
+mod surface;
 
 use nalgebra::Point2;
 
@@ -15,6 +16,7 @@ pub use levelling::FrameTilt;
 use self::{
     evidence::{LEAST_INLIERS, is_motion},
     levelling::levelled_points,
+    surface::Surface,
 };
 use crate::{
     error::Result,
@@ -64,6 +66,10 @@ pub struct FrameMotion {
     pub height_ratio: f64,
     /// Matches that agree.
     pub inliers: usize,
+    /// By how much the surface that is seen may have moved itself, pixels per axis, 1 sigma: 0 over ground that the map shows,
+    /// what the matches cannot tell apart from standing still where it moved with such ground. `None`: nothing tells that it is
+    /// ground. Waves move by metres a second, and where they repeat the motion may be off by any number of wavelengths.
+    pub surface_sigma_px: Option<f64>,
 }
 
 impl FrameMotion {
@@ -90,10 +96,11 @@ const RANSAC: Ransac = Ransac {
     needs_support: true,
 };
 
-/// The motion of the camera from `first` to `second`; `None` if too few keypoints agree on one.
+/// The motion of the camera from `first` to `second`; `None` if too few keypoints agree on one. Keypoints of `second` that moved
+/// with the ground of `first` are marked.
 pub(crate) fn motion_between(
     first: &FrameFeatures,
-    second: &FrameFeatures,
+    second: &mut FrameFeatures,
     pair: &FramePair,
     seed: u64,
     scratch: &mut Scratch,
@@ -137,7 +144,27 @@ pub(crate) fn motion_between(
     {
         return Ok(None);
     }
-    Ok(motion_of(&agreeing, pair, unit_px))
+    let surface = Surface::of(
+        &estimated.homography,
+        first,
+        &keypoints,
+        RANSAC.threshold_px,
+        scratch,
+    );
+    let motion = motion_of(&agreeing, pair, unit_px).map(|motion| FrameMotion {
+        surface_sigma_px: surface.sigma(RANSAC.threshold_px * unit_px),
+        ..motion
+    });
+    if motion.is_some() && surface != Surface::Unknown {
+        let guided = estimated
+            .inliers
+            .iter()
+            .filter_map(|&index| scratch.guided.get(index));
+        for found in guided {
+            second.followed[found.query as usize] = true;
+        }
+    }
+    Ok(motion)
 }
 
 /// The similarity that levelled points of the second photo have to those of the first, with the pairs that it was fitted to;
@@ -199,6 +226,7 @@ fn motion_of(agreeing: &[Correspondence], pair: &FramePair, unit_px: f64) -> Opt
         ],
         height_ratio: first_from_second.scale(),
         inliers: agreeing.len(),
+        surface_sigma_px: None,
     })
 }
 

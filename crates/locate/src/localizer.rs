@@ -183,12 +183,15 @@ impl Localizer {
     /// as over water or where the photos do not overlap. Both photos must have been searched under about the true heading, or
     /// under the same one with little turn between them: descriptors tolerate a turn of about 15 degrees.
     ///
+    /// The keypoints of `second` that moved with the ground of `first` are marked in it: the ground is followed from photo to photo
+    /// where the map does not show it.
+    ///
     /// # Errors
     /// The descriptors cannot be compared.
     pub fn motion_between(
         &self,
         first: &FrameFeatures,
-        second: &FrameFeatures,
+        second: &mut FrameFeatures,
         pair: &FramePair,
     ) -> Result<Option<FrameMotion>> {
         self.scratch

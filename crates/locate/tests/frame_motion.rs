@@ -120,8 +120,8 @@ fn between(first: &Pose, second: &Pose, tilts: [FrameTilt; 2], sigma_deg: f64) -
         tilts: Some(tilts),
         tilt_change_sigma_deg: sigma_deg,
     };
-    let (first, second) = (frame(first).0, frame(second).0);
-    let found = town().localizer.motion_between(&first, &second, &pair);
+    let (first, mut second) = (frame(first).0, frame(second).0);
+    let found = town().localizer.motion_between(&first, &mut second, &pair);
     found.unwrap().unwrap()
 }
 
@@ -235,42 +235,82 @@ fn water_and_photos_that_do_not_overlap_have_no_motion() {
     };
     let localizer = &town().localizer;
     let here = frame(&pose(150.0, 150.0, 0.0)).0;
-    let far = frame(&pose(360.0, 350.0, 0.0)).0;
-    assert_eq!(localizer.motion_between(&here, &far, &pair).unwrap(), None);
+    let mut far = frame(&pose(360.0, 350.0, 0.0)).0;
+    let found = localizer.motion_between(&here, &mut far, &pair).unwrap();
+    assert_eq!(found, None);
     // Waves: each photo has its own.
-    let waves = |seed: u64| {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let glint: Vec<(f64, f64)> = (0..400)
-            .map(|_| (rng.random_range(0.0..640.0), rng.random_range(0.0..480.0)))
-            .collect();
-        let mut image = RgbImage::from_pixel(640, 480, Rgb([38, 66, 84]));
-        for (x, y) in glint {
-            for along in 0..rng.random_range(2..9) {
-                let at = (
-                    (x + f64::from(along)) as u32,
-                    (y + f64::from(along) * 0.4) as u32,
-                );
-                if at.0 < 640 && at.1 < 480 {
-                    image.put_pixel(at.0, at.1, Rgb([120, 140, 150]));
-                }
+    let found = localizer.motion_between(&waves(1, 0.0), &mut waves(2, 0.0), &pair);
+    assert_eq!(found.unwrap(), None);
+    let found = localizer.motion_between(&here, &mut waves(1, 0.0), &pair);
+    assert_eq!(found.unwrap(), None);
+}
+
+/// Features of a photo of water: glitter that moved to the right by `moved_px`.
+fn waves(seed: u64, moved_px: f64) -> FrameFeatures {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let glint: Vec<(f64, f64)> = (0..400)
+        .map(|_| (rng.random_range(0.0..640.0), rng.random_range(0.0..480.0)))
+        .collect();
+    let mut image = RgbImage::from_pixel(640, 480, Rgb([38, 66, 84]));
+    for (x, y) in glint {
+        for along in 0..rng.random_range(2..9) {
+            let at = (
+                (x + moved_px + f64::from(along)) as u32,
+                (y + f64::from(along) * 0.4) as u32,
+            );
+            if at.0 < 640 && at.1 < 480 {
+                image.put_pixel(at.0, at.1, Rgb([120, 140, 150]));
             }
         }
-        let photo = Photo::from_image(image, Metadata::default());
-        let prior = Prior::none().with_heading(0.0, 3.0).with_gsd_m(0.24);
-        let (outcome, features) = localizer.locate_with_features(&photo, &prior).unwrap();
-        assert!(outcome.fix().is_none());
-        features.unwrap()
+    }
+    let photo = Photo::from_image(image, Metadata::default());
+    let prior = Prior::none().with_heading(0.0, 3.0).with_gsd_m(0.24);
+    let localizer = &town().localizer;
+    let (outcome, features) = localizer.locate_with_features(&photo, &prior).unwrap();
+    assert!(outcome.fix().is_none());
+    features.unwrap()
+}
+
+#[test]
+fn water_that_moves_as_a_whole_is_not_taken_for_ground() {
+    let pair = FramePair {
+        focal_length_px: CAMERA.focal_px(),
+        tilts: None,
+        tilt_change_sigma_deg: 0.0,
     };
-    assert_eq!(
-        localizer
-            .motion_between(&waves(1), &waves(2), &pair)
-            .unwrap(),
-        None
-    );
-    assert_eq!(
-        localizer.motion_between(&here, &waves(1), &pair).unwrap(),
-        None
-    );
+    // A drone that stands still sees the waves move: two photos cannot tell that from motion of the drone.
+    let localizer = &town().localizer;
+    let found = localizer.motion_between(&waves(1, 0.0), &mut waves(1, 24.0), &pair);
+    let motion = found.unwrap().unwrap();
+    assert!((motion.right_px + 24.0).abs() < 2.0, "{motion:?}");
+    assert_eq!(motion.surface_sigma_px, None, "{motion:?}");
+}
+
+#[test]
+fn ground_is_followed_from_a_fix_on() {
+    let pair = FramePair {
+        focal_length_px: CAMERA.focal_px(),
+        tilts: None,
+        tilt_change_sigma_deg: 0.0,
+    };
+    let localizer = &town().localizer;
+    let [a, mut b, mut c, mut d] =
+        [230.0, 240.0, 250.0, 260.0].map(|x_m| frame(&pose(x_m, 240.0, 20.0)).0);
+    // Only the first fix counts.
+    for features in [&mut b, &mut c, &mut d] {
+        features.distrust_fix();
+    }
+    let untold = localizer.motion_between(&b, &mut c.clone(), &pair);
+    assert_eq!(untold.unwrap().unwrap().surface_sigma_px, None);
+    let surface_px = |first: &FrameFeatures, second: &mut FrameFeatures| {
+        let motion = localizer.motion_between(first, second, &pair).unwrap();
+        motion.unwrap().surface_sigma_px
+    };
+    assert_eq!(surface_px(&a, &mut b), Some(0.0));
+    let followed_px = surface_px(&b, &mut c).unwrap();
+    // Half of 2.5 pixels of the query, of which one is more than a pixel of the photo and less than four.
+    assert!((1.25..5.0).contains(&followed_px), "{followed_px}");
+    assert_eq!(surface_px(&c, &mut d), Some(followed_px));
 }
 
 #[test]

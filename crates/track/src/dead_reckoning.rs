@@ -20,6 +20,15 @@ const TURN_SIGMA_DEG: f64 = 0.2;
 const FRAME_TURN_SIGMA_DEG: f64 = 1.0;
 /// Motion between frames is never better than this, metres per second.
 const LEAST_MOTION_SIGMA_M_S: f64 = 0.1;
+/// What can still be matched after this time is solid, seconds: waves that a drone's photo resolves (1-15 m long, so periods of
+/// 0.8-3.1 s in deep water) run apart within two periods, because each length has its own speed.
+const WAVES_KEEP_SHAPE_S: f64 = 6.0;
+
+/// How much the surface may have moved; see [`RelativeMotion::surface_sigma_px`].
+fn surface_sigma_px(motion: &RelativeMotion) -> Option<f64> {
+    let keeps_its_shape = motion.time_s - motion.from_time_s >= WAVES_KEEP_SHAPE_S;
+    motion.surface_sigma_px.or(keeps_its_shape.then_some(0.0))
+}
 
 impl Hypothesis {
     /// Takes in the autopilot's velocity.
@@ -59,8 +68,12 @@ impl Hypothesis {
         let heading_before = self.turn_between_frames(motion);
         let velocity_is_known = self.reference.kind == ReferenceKind::Velocity
             && motion.time_s <= self.reference.time_s + options.hold_s;
-        let (Some(heading), Some(gsd), false) = (heading_before, self.gsd, velocity_is_known)
-        else {
+        let (Some(heading), Some(gsd), Some(surface_px), false) = (
+            heading_before,
+            self.gsd,
+            surface_sigma_px(motion),
+            velocity_is_known,
+        ) else {
             return;
         };
         self.propagate(motion.from_time_s, options);
@@ -77,11 +90,20 @@ impl Hypothesis {
             + heading.variance_deg2.to_radians() * 1f64.to_radians()
             + gsd.variance)
             .sqrt();
-        let sigma_m_s = (relative * mean_m_s.norm()).max(LEAST_MOTION_SIGMA_M_S);
+        let surface_m_s = surface_px * gsd.gsd_m() / interval_s;
+        let sigma_m_s = (relative * mean_m_s.norm())
+            .hypot(surface_m_s)
+            .max(LEAST_MOTION_SIGMA_M_S);
         let white_m2 = (motion.sigma_px * gsd.gsd_m()).powi(2);
         let (velocity_m_s, variance_m2_s2) = self.velocity_before(motion, mean_m_s, options);
         if self.reference.kind != ReferenceKind::Motion {
             self.forget_velocity(sigma_m_s);
+        } else if surface_m_s > self.reference.surface_m_s {
+            // Another error, which begins as large as it is.
+            let added = surface_m_s.powi(2) - self.reference.surface_m_s.powi(2);
+            for axis in VELOCITY..VELOCITY + 2 {
+                self.covariance[(axis, axis)] += added;
+            }
         }
         self.reference.kind = ReferenceKind::Motion;
         self.reference.sigma_m_s = sigma_m_s;
@@ -102,6 +124,7 @@ impl Hypothesis {
             velocity_m_s: velocity_m_s + (mean_m_s - velocity_m_s) * gain,
             time_s: motion.time_s,
             sigma_m_s,
+            surface_m_s,
             variance_m2_s2: variance_m2_s2 * (1.0 - gain),
         };
     }

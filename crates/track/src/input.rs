@@ -46,6 +46,16 @@ pub struct RelativeMotion {
     pub turn_deg: f64,
     /// Random error of the displacement, pixels, 1 sigma per axis. That of the attitude is not in it: the filter knows how it changes.
     pub sigma_px: f64,
+    /// By how much the surface that is seen may itself have moved between the frames, pixels per axis, 1 sigma, alike for
+    /// neighbouring frames: 0 over ground that the map shows. `None`: nothing tells that it is ground and not water, whose waves
+    /// move by metres a second and repeat; the turn alone is then used.
+    #[serde(default = "ground")]
+    pub surface_sigma_px: Option<f64>,
+}
+
+/// The surface of motions that were recorded without one.
+fn ground() -> Option<f64> {
+    Some(0.0)
 }
 
 /// Height of the aircraft.
@@ -140,6 +150,7 @@ impl Input {
                 m.right_px,
                 m.turn_deg,
                 m.sigma_px,
+                m.surface_sigma_px.unwrap_or(f64::NAN),
             ]),
             Self::Fix(f) => put(&[
                 f.lonlat.lon_deg,

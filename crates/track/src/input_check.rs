@@ -34,6 +34,11 @@ impl Input {
                 finite("right_px", m.right_px)?;
                 finite("turn_deg", m.turn_deg)?;
                 positive("sigma_px", m.sigma_px)?;
+                if let Some(sigma_px) = m.surface_sigma_px {
+                    let possible = sigma_px.is_finite() && sigma_px >= 0.0;
+                    let expected = "finite and not negative";
+                    require("surface_sigma_px", sigma_px, possible, expected)?;
+                }
                 let before = m.from_time_s < m.time_s;
                 require("from_time_s", m.from_time_s, before, "before time_s")
             }

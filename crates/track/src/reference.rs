@@ -23,6 +23,8 @@ pub(crate) struct Reference {
     pub time_s: f64,
     /// Size of its slowly changing error, metres per second.
     pub sigma_m_s: f64,
+    /// What of it comes from the surface that is seen, which may move itself, metres per second.
+    pub surface_m_s: f64,
     /// Variance per axis of the rest of its error, square metres per square second: a displacement over a short time tells the
     /// velocity poorly.
     pub variance_m2_s2: f64,
@@ -34,6 +36,7 @@ impl Reference {
         velocity_m_s: Vector2::new(0.0, 0.0),
         time_s: f64::NEG_INFINITY,
         sigma_m_s: 0.0,
+        surface_m_s: 0.0,
         variance_m2_s2: 0.0,
     };
 }

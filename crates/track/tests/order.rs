@@ -60,6 +60,7 @@ fn flight(elsewhere: &[bool], times_s: &[f64]) -> Vec<Input> {
             right_px: 40.0,
             turn_deg: 1.0,
             sigma_px: 1.0,
+            surface_sigma_px: [Some(0.0), Some(4.0), None][index % 3],
         }));
         if index % 7 == 0 {
             inputs.push(Input::Miss(Miss { time_s }));
@@ -157,6 +158,7 @@ proptest! {
                     right_px: n[8],
                     turn_deg: n[9],
                     sigma_px: n[10],
+                    surface_sigma_px: Some(n[11]),
                 }),
                 Input::Fix(PositionFix {
                     time_s,

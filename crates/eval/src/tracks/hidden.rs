@@ -141,7 +141,7 @@ fn search(
     photo: &Photo,
     before: Option<(&FrameFeatures, f64)>,
 ) -> Result<(Searched, Option<FrameFeatures>), LocateError> {
-    let (outcome, features) = localizer.locate_with_features(photo, &shot.known)?;
+    let (outcome, mut features) = localizer.locate_with_features(photo, &shot.known)?;
     // Neither attitude nor height is told, so places are those of image centres, and the motion is that of the centres: it needs
     // no focal length.
     let pair = FramePair {
@@ -149,7 +149,7 @@ fn search(
         tilts: None,
         tilt_change_sigma_deg: 0.0,
     };
-    let motion = match (before, &features) {
+    let motion = match (before, &mut features) {
         (Some((before, from_time_s)), Some(features)) => localizer
             .motion_between(before, features, &pair)?
             .filter(|_| from_time_s < shot.time_s)
@@ -160,6 +160,7 @@ fn search(
                 right_px: motion.right_px,
                 turn_deg: motion.turn_deg,
                 sigma_px: motion.sigma_px(),
+                surface_sigma_px: motion.surface_sigma_px,
             }),
         _ => None,
     };
@@ -271,6 +272,7 @@ mod tests {
                         right_px: -1200.0,
                         turn_deg: 0.0,
                         sigma_px: 2.0,
+                        surface_sigma_px: Some(0.0),
                     }),
                 }
             })

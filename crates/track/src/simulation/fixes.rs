@@ -20,6 +20,14 @@ use crate::{
 /// Confidences are drawn as if at least this share of fixes were wrong.
 const LEAST_ALIAS_SHARE: f64 = 0.01;
 
+/// What ground that is followed from frame to frame may move without being noticed, metres per axis, 1 sigma: half of a threshold
+/// of 2.5 px at 0.3 m.
+const FOLLOWED_SIGMA_M: f64 = 0.4;
+/// Speed of waves of 10 m in deep water, metres per second.
+const WAVES_M_S: f64 = 4.0;
+/// Directions by this angle are never alike.
+const GOLDEN_ANGLE_RAD: f64 = 2.399_963;
+
 /// Wrong places: which offset, for how many frames, how confident.
 struct Alias {
     usual_offset_m: Vector2<f64>,
@@ -80,30 +88,40 @@ pub(super) fn frames(
     let interval_s = 1.0 / options.frame_rate_hz;
     let mut told = Vec::new();
     let mut before: Option<Seen<'_>> = None;
+    let mut ground = Surface::Unknown;
     for frame in 0..(options.duration_s * options.frame_rate_hz) as u32 {
         let truth = truth_at(path, f64::from(frame) * interval_s);
         let time_s = truth.time_s;
         let arrival_s = time_s + rng.random::<f64>() * options.latest_s;
         let mut tell = |input| told.push(Delivered { arrival_s, input });
         let seen = Seen::new(truth, attitude_at(&attitudes, time_s), boresight_rad);
-        if let Some(before) = before.filter(|_| options.motion) {
-            tell(Input::Motion(motion(
-                options,
-                &before,
-                &seen,
-                motion_bias,
-                rng,
-            )));
-        }
-        before = Some(seen);
         let in_gap = gaps
             .iter()
-            .any(|(from_s, to_s)| (*from_s..*to_s).contains(&time_s));
-        if in_gap || rng.random::<f64>() >= options.fix_rate {
+            .position(|(from_s, to_s)| (*from_s..*to_s).contains(&time_s));
+        let water = in_gap.filter(|gap| gap.is_multiple_of(2));
+        if water.is_some() {
+            ground = Surface::Unknown;
+        }
+        if let Some(before) = before.filter(|_| options.motion) {
+            let mut motion = motion(options, &before, &seen, motion_bias, rng);
+            motion.surface_sigma_px = ground.sigma_px(truth.height_agl_m / options.focal_length_px);
+            if let Some(gap) = water {
+                drag(&mut motion, options, truth, gap);
+            }
+            tell(Input::Motion(motion));
+            if ground == Surface::Mapped {
+                ground = Surface::Followed;
+            }
+        }
+        before = Some(seen);
+        if in_gap.is_some() || rng.random::<f64>() >= options.fix_rate {
             tell(Input::Miss(Miss { time_s }));
             continue;
         }
         let is_alias = options.alias_share > 0.0 && alias.next(options, rng);
+        if !is_alias {
+            ground = Surface::Mapped;
+        }
         tell(Input::Fix(fix(
             options,
             truth,
@@ -249,7 +267,38 @@ fn motion(
         right_px: right_px * (1.0 + bias[0]) + forward_px * bias[1] + white_px.y,
         turn_deg: now.yaw_deg - before.yaw_deg + 0.5 * normal(rng),
         sigma_px: 1.0,
+        surface_sigma_px: None,
     }
+}
+
+/// What is known of the surface that a motion is measured over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Surface {
+    /// The first frame had a right fix.
+    Mapped,
+    /// It moved with ground of a frame before.
+    Followed,
+    /// Water, or nothing tells.
+    Unknown,
+}
+
+impl Surface {
+    fn sigma_px(self, gsd_m: f64) -> Option<f64> {
+        match self {
+            Self::Mapped => Some(0.0),
+            Self::Followed => Some(FOLLOWED_SIGMA_M / gsd_m),
+            Self::Unknown => None,
+        }
+    }
+}
+
+/// Over water the waves are seen to move: adds what they moved to a motion. Each gap has a wind of its own.
+fn drag(motion: &mut RelativeMotion, options: &FlightOptions, now: &Truth, gap: usize) {
+    let wind_rad = (options.seed as f64 + gap as f64) * GOLDEN_ANGLE_RAD;
+    let gsd_m = now.height_agl_m / options.focal_length_px;
+    let moved_px = WAVES_M_S * (motion.time_s - motion.from_time_s) / gsd_m;
+    motion.forward_px -= moved_px * wind_rad.cos();
+    motion.right_px -= moved_px * wind_rad.sin();
 }
 
 fn draw_gaps(options: &FlightOptions, rng: &mut ChaCha8Rng) -> Vec<(f64, f64)> {

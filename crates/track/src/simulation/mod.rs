@@ -120,6 +120,44 @@ mod tests {
     }
 
     #[test]
+    fn waves_that_seem_to_be_motion_are_not_believed() {
+        let (mut measure, mut believing) = (Measure::default(), Measure::default());
+        for seed in 1..=20 {
+            let options = FlightOptions {
+                seed,
+                velocity: false,
+                motion: true,
+                frame_rate_hz: 1.0,
+                gaps: Some(Gaps {
+                    shortest_s: 10.0,
+                    longest_s: 120.0,
+                    apart_s: 120.0,
+                }),
+                ..FlightOptions::default()
+            };
+            let mut flight = Flight::new(options);
+            let track = TrackOptions::default();
+            measure.add_flight(&run_filter(&flight, &track).unwrap());
+            // The control: all that moves is taken for ground.
+            for delivered in &mut flight.deliveries {
+                if let crate::Input::Motion(motion) = &mut delivered.input {
+                    motion.surface_sigma_px = Some(0.0);
+                }
+            }
+            believing.add_flight(&run_filter(&flight, &track).unwrap());
+        }
+        let (measured, believing) = (measure.summary(), believing.summary());
+        assert_eq!(measured.confidently_wrong, 0, "{measured:?}");
+        let held = measured.ellipse95_holds.unwrap();
+        assert!((0.93..=0.99).contains(&held), "{measured:?}");
+        assert!(measured.p99_m.unwrap() < 200.0, "{measured:?}");
+        assert!(
+            believing.confidently_wrong > 100 && believing.ellipse95_holds.unwrap() < 0.9,
+            "{believing:?}"
+        );
+    }
+
+    #[test]
     fn without_attitude_the_covariance_has_the_tilt_in_it() {
         let [_, _, filter] = measured(
             20,

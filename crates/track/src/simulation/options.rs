@@ -32,7 +32,7 @@ pub struct FixSample {
     pub gsd_ratio: f64,
 }
 
-/// Legs over water, snow or fields, where no frame gives a fix.
+/// Legs where no frame gives a fix: over water, whose waves move, and over ground that the map shows otherwise, in turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gaps {
     /// Shortest leg, seconds.

@@ -181,6 +181,11 @@ pub struct Options {
     /// Maximum number of candidates that are matched in full in the first stage if several ground widths are tried, before the
     /// next is. The others are matched later if no answer is clear.
     pub first_matched: usize,
+    /// Number of candidates that enter after the first stage if many ground widths are tried, the most similar of all widths. There is
+    /// no later stage then.
+    pub joint_candidates: usize,
+    /// Maximum number of these that are matched in full.
+    pub joint_matched: usize,
     /// Minimum number of candidates that are matched in full before a clear answer ends the search.
     pub min_matched: usize,
     /// An answer with this many inliers, and twice as many as any at another position, ends the search.
@@ -249,6 +254,8 @@ impl Default for Options {
             stages: vec![64, 1000],
             max_matched: 64,
             first_matched: 16,
+            joint_candidates: 6000,
+            joint_matched: 128,
             min_matched: 3,
             clear_inliers: 45,
             max_ratio: None,

@@ -43,18 +43,14 @@ impl Options {
         for &stage in &self.stages {
             require("stages", stage, stage >= 1, "every stage at least 1")?;
         }
-        require(
-            "max_matched",
-            self.max_matched,
-            self.max_matched >= 1,
-            COUNT,
-        )?;
-        require(
-            "first_matched",
-            self.first_matched,
-            self.first_matched >= 1,
-            COUNT,
-        )?;
+        for (name, count) in [
+            ("max_matched", self.max_matched),
+            ("first_matched", self.first_matched),
+            ("joint_candidates", self.joint_candidates),
+            ("joint_matched", self.joint_matched),
+        ] {
+            require(name, count, count >= 1, COUNT)?;
+        }
         if let Some(ratio) = self.max_ratio {
             let holds = ratio > 0.0 && ratio <= 1.0;
             require("max_ratio", ratio, holds, "a number above 0, at most 1")?;

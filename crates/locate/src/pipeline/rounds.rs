@@ -95,15 +95,37 @@ impl OpenRound {
 
     /// Lets the candidates of the next stage enter; false after the last stage.
     pub fn begin_stage(&mut self, context: Context<'_>) -> Result<bool> {
+        self.let_enter(context, Cascade::begin_stage)
+    }
+
+    /// Lets the candidates of at least this similarity enter.
+    pub fn enter_similar(&mut self, context: Context<'_>, least_similarity: f32) -> Result<()> {
+        self.let_enter(context, |cascade, voters| {
+            cascade.enter_similar(least_similarity, voters)
+        })
+    }
+
+    /// The similarities of the candidates that have not entered.
+    pub fn waiting_similarities(&self) -> impl Iterator<Item = f32> {
+        let waiting = self.cascade.waiting().iter();
+        waiting.map(|candidate| candidate.similarity)
+    }
+
+    fn let_enter<T>(
+        &mut self,
+        context: Context<'_>,
+        enter: impl FnOnce(&mut Cascade, Voters<'_>) -> Result<T>,
+    ) -> Result<T> {
         let since = Instant::now();
-        let has_begun = self.cascade.begin_stage(Voters {
+        let voters = Voters {
             level: context.level(self.result.level),
             queries: &self.result.queries,
             scratch: context.scratch,
             options: context.options,
-        })?;
+        };
+        let entered = enter(&mut self.cascade, voters)?;
         self.result.time_ms.vote += elapsed_ms(since);
-        Ok(has_begun)
+        Ok(entered)
     }
 
     /// The evidence for the next candidate to be matched in full, comparable between rounds; `None` if none has entered.

@@ -21,8 +21,8 @@ use crate::{
     trace::Trace,
 };
 
-/// In a stage, [`Options::max_matched`](crate::Options) candidates are matched for so many rounds, shared by all. Of many rounds, which
-/// differ in ground width, one can be right.
+/// With more rounds than these, which differ in ground width and of which one can be right, the rounds are searched together after the
+/// first look.
 const ROUNDS_IN_FULL: usize = 3;
 
 /// An outcome with the steps of its search and the wall time of its stages.
@@ -90,7 +90,8 @@ pub(crate) fn locate(
 }
 
 /// Searches the rounds until an answer is clear: first the best of the most similar candidates of each, which cost little and are
-/// enough for most photos under the right hypothesis, then further candidates of all rounds, those with the most evidence first.
+/// enough for most photos under the right hypothesis, then further candidates of all rounds, those with the most evidence first: of
+/// few rounds stage by stage, of many those that are the most similar of all.
 fn search(
     context: Context<'_>,
     photo: &Photo,
@@ -117,23 +118,53 @@ fn search(
             break;
         }
     }
-    while !is_over {
-        let mut has_begun = false;
-        for round in &mut open {
-            has_begun |= round.begin_stage(context)?;
+    if open.len() > ROUNDS_IN_FULL {
+        if !is_over {
+            enter_most_similar(context, &mut open)?;
+            match_best(context, &mut open, options.joint_matched, budget)?;
         }
-        is_over = !has_begun || budget.is_spent() || match_best(context, &mut open, budget)?;
+    } else {
+        let most = options.max_matched.saturating_mul(open.len());
+        while !is_over {
+            let mut has_begun = false;
+            for round in &mut open {
+                has_begun |= round.begin_stage(context)?;
+            }
+            is_over =
+                !has_begun || budget.is_spent() || match_best(context, &mut open, most, budget)?;
+        }
     }
     Ok(open.into_iter().map(OpenRound::finish).collect())
 }
 
-/// Matches candidates of all rounds, those with the most evidence first, until an answer is clear, the time is used up, or as many
-/// are matched as belong to a stage. Whether the search is over.
-fn match_best(context: Context<'_>, open: &mut [OpenRound], budget: TimeBudget) -> Result<bool> {
+/// Lets the [`Options::joint_candidates`](crate::Options) that are the most similar of all rounds enter, each in its round.
+fn enter_most_similar(context: Context<'_>, open: &mut [OpenRound]) -> Result<()> {
+    let similarities = open.iter().flat_map(OpenRound::waiting_similarities);
+    let least = least_of_largest(similarities.collect(), context.options.joint_candidates);
+    open.iter_mut()
+        .try_for_each(|round| round.enter_similar(context, least))
+}
+
+/// The least of the `count` largest values; minus infinity if there are no more.
+fn least_of_largest(mut values: Vec<f32>, count: usize) -> f32 {
+    if count >= values.len() {
+        return f32::NEG_INFINITY;
+    }
+    let (_, least, _) =
+        values.select_nth_unstable_by(count.saturating_sub(1), |a, b| b.total_cmp(a));
+    *least
+}
+
+/// Matches candidates of all rounds, those with the most evidence first, until an answer is clear, the time is used up, or `most` are
+/// matched. Whether the search is over.
+fn match_best(
+    context: Context<'_>,
+    open: &mut [OpenRound],
+    most: usize,
+    budget: TimeBudget,
+) -> Result<bool> {
     let options = context.options;
-    let mut left = options
-        .max_matched
-        .saturating_mul(open.len().min(ROUNDS_IN_FULL));
+    let mut left = most;
     while left > 0 {
         let next = open
             .iter_mut()
@@ -171,5 +202,22 @@ fn reason_without_candidates(results: &[RoundResult]) -> Reason {
         Reason::TooFewKeypoints { found }
     } else {
         Reason::NoTiles
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::least_of_largest;
+
+    #[test]
+    fn the_least_of_the_largest_leaves_so_many() {
+        let values = vec![0.2, 0.9, -0.3, 0.5, 0.7];
+        for count in 1..values.len() {
+            let least = least_of_largest(values.clone(), count);
+            assert_eq!(values.iter().filter(|&&v| v >= least).count(), count);
+        }
+        for count in [5, 6] {
+            assert_eq!(least_of_largest(values.clone(), count), f32::NEG_INFINITY);
+        }
     }
 }

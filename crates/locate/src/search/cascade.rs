@@ -55,16 +55,24 @@ impl Cascade {
         let Some(size) = self.stage_size(voters.options) else {
             return Ok(false);
         };
-        let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
-        if let Some(options) = &voters.options.vote {
-            self.count_votes(&mut entering, voters, options)?;
-            self.entered.extend(entering);
-            rank_by_votes(&mut self.entered, options);
-        } else {
-            self.entered.extend(entering);
-        }
+        self.enter(size, voters)?;
         self.stages_begun += 1;
         Ok(true)
+    }
+
+    /// Lets the candidates of at least this similarity enter and vote.
+    ///
+    /// # Errors
+    /// As [`Self::begin_stage`].
+    pub fn enter_similar(&mut self, least_similarity: f32, voters: Voters<'_>) -> Result<()> {
+        let waiting = self.waiting.as_slice();
+        let size = waiting.partition_point(|candidate| candidate.similarity >= least_similarity);
+        self.enter(size, voters)
+    }
+
+    /// The candidates that have not entered, best by descriptor first.
+    pub fn waiting(&self) -> &[Candidate] {
+        self.waiting.as_slice()
     }
 
     /// The next candidate to match in full; `None` if all that have entered were matched.
@@ -84,6 +92,19 @@ impl Cascade {
             .into_iter()
             .chain(self.passed_over)
             .chain(self.waiting)
+    }
+
+    /// Lets the next `size` candidates enter and vote.
+    fn enter(&mut self, size: usize, voters: Voters<'_>) -> Result<()> {
+        let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
+        if let Some(options) = &voters.options.vote {
+            self.count_votes(&mut entering, voters, options)?;
+            self.entered.extend(entering);
+            rank_by_votes(&mut self.entered, options);
+        } else {
+            self.entered.extend(entering);
+        }
+        Ok(())
     }
 
     /// Lets the candidates vote, and the best of them again with more keypoints. The others are passed over.

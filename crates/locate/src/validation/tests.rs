@@ -66,6 +66,8 @@ fn every_setting_out_of_range_is_named() {
         ("stages", changed(|o| o.stages = vec![64, 0])),
         ("max_matched", changed(|o| o.max_matched = 0)),
         ("first_matched", changed(|o| o.first_matched = 0)),
+        ("joint_candidates", changed(|o| o.joint_candidates = 0)),
+        ("joint_matched", changed(|o| o.joint_matched = 0)),
         ("max_ratio", changed(|o| o.max_ratio = Some(f32::NAN))),
         ("max_ratio", changed(|o| o.max_ratio = Some(0.0))),
         ("headings", changed(|o| o.headings = 0)),

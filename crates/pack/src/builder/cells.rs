@@ -40,7 +40,7 @@ fn block_cells(spec: &NetSpec) -> u32 {
     if spec.widest_per_pixel() <= WIDE {
         4
     } else {
-        2
+        3
     }
 }
 

@@ -33,4 +33,24 @@ pub enum KernelError {
         /// Elements of the slice.
         found: usize,
     },
+    /// There is not one scale for each input channel.
+    #[error(
+        "there are scales of {found} channels, expected one for each of {expected} input channels"
+    )]
+    ScaleLength {
+        /// Input channels.
+        expected: usize,
+        /// Channels that have a scale.
+        found: usize,
+    },
+    /// A sum of so many products of bytes may not fit into 32 bits.
+    #[error(
+        "each output of the convolution is a sum of {products} products of bytes; at most {most} are supported"
+    )]
+    LongSum {
+        /// Products in a sum.
+        products: usize,
+        /// Most that are supported.
+        most: usize,
+    },
 }

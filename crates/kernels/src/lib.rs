@@ -23,6 +23,7 @@ mod norm;
 mod panel;
 mod parallel;
 mod pool;
+mod quantised;
 mod resize;
 mod simd;
 #[cfg(feature = "training")]
@@ -42,6 +43,9 @@ pub use matmul_i8::{matmul_nt_i8, matmul_nt_i8_by_rows};
 pub use matrix::{MatMut, MatRef};
 pub use norm::{channel_moments, scale_shift};
 pub use pool::max_pool_2x2;
+pub use quantised::{
+    ByteScale, ByteTensor, QuantisedConv2d, QuantisedWeights, UpsampledSum, upsample_add_exact,
+};
 pub use resize::upsample_bilinear_add;
 pub use simd::PlainKernel;
 pub use tensor::Tensor;

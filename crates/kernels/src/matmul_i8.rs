@@ -141,7 +141,7 @@ fn by_columns<W: Words>(words: W, a: MatRef<'_, i8>, b: MatRef<'_, i8>, mut c: M
     let depth = k.div_ceil(W::DEPTH);
     let width = 2 * W::LANES;
     let out_stride = c.row_stride();
-    let out = SharedMut::new(bytemuck::cast_slice_mut(c.data_mut()));
+    let out: SharedMut = SharedMut::new(bytemuck::cast_slice_mut(c.data_mut()));
     with_pooled(|workspace| {
         let a_words = workspace.shared.floats(m * depth);
         let shared = SharedMut::new(a_words);
@@ -204,7 +204,7 @@ fn by_rows<W: Words>(
     // As many rows as stay in the cache until `finished` reads them.
     let cached_sums = l2_bytes() / 8 * CACHED_EIGHTHS / size_of::<i32>();
     let block_rows = (cached_sums / n / ROWS * ROWS).clamp(ROWS, MC);
-    let out = SharedMut::new(bytemuck::cast_slice_mut(c));
+    let out: SharedMut = SharedMut::new(bytemuck::cast_slice_mut(c));
     with_pooled(|workspace| {
         let packed = workspace.shared.floats(panels * panel_words);
         let shared = SharedMut::new(packed);

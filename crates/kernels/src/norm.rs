@@ -40,7 +40,7 @@ pub fn channel_moments(isa: Isa, tensor: &Tensor, mask: Option<&[u8]>) -> (Vec<f
         let bands = height.div_ceil(BAND);
         // An `f64` takes the memory of two floats.
         let mut sums = vec![0.0f64; bands * pixel];
-        let out = SharedMut::new(bytemuck::cast_slice_mut(&mut sums));
+        let out: SharedMut = SharedMut::new(bytemuck::cast_slice_mut(&mut sums));
         for_each(&mut AlignedBuffer::default(), 0, bands, |_, band| {
             // SAFETY: the sums of a band, which belong to this task; the memory is that of `f64`s.
             let sums = unsafe {

@@ -47,16 +47,16 @@ pub(crate) fn for_each(
 
 /// A pointer to memory of which several workers write different parts.
 #[derive(Clone, Copy)]
-pub(crate) struct SharedMut(*mut f32);
+pub(crate) struct SharedMut<T = f32>(*mut T);
 
 // SAFETY: it only passes the address on; every access is `unsafe` and must prove that no two workers access the same
-// float.
-unsafe impl Send for SharedMut {}
+// element.
+unsafe impl<T> Send for SharedMut<T> {}
 // SAFETY: as above.
-unsafe impl Sync for SharedMut {}
+unsafe impl<T> Sync for SharedMut<T> {}
 
-impl SharedMut {
-    pub(crate) fn new(memory: &mut [f32]) -> Self {
+impl<T> SharedMut<T> {
+    pub(crate) fn new(memory: &mut [T]) -> Self {
         Self(memory.as_mut_ptr())
     }
 
@@ -69,12 +69,12 @@ impl SharedMut {
         Self(unsafe { self.0.add(offset) })
     }
 
-    /// The address of the float at `offset`.
+    /// The address of the element at `offset`.
     ///
     /// # Safety
     /// `offset` must lie within the memory from which `self` was made.
     #[inline(always)]
-    pub(crate) unsafe fn at(self, offset: usize) -> *mut f32 {
+    pub(crate) unsafe fn at(self, offset: usize) -> *mut T {
         // SAFETY: the caller's contract.
         unsafe { self.0.add(offset) }
     }

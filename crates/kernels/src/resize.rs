@@ -7,7 +7,8 @@ use crate::{Isa, Tensor};
 
 /// The two input coordinates of an output coordinate, and the weight of the second (pixel centres at half-integers,
 /// PyTorch's `align_corners=False`).
-fn source(out: usize, out_size: usize, in_size: usize) -> (usize, usize, f32) {
+#[inline(always)]
+pub(crate) fn source(out: usize, out_size: usize, in_size: usize) -> (usize, usize, f32) {
     let at = ((out as f32 + 0.5) * (in_size as f32 / out_size as f32) - 0.5).max(0.0);
     let first = (at as usize).min(in_size - 1);
     (first, (first + 1).min(in_size - 1), at - first as f32)

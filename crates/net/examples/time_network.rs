@@ -1,7 +1,7 @@
 //! Times the network on this machine, for comparison with `benches/peers/network.py`.
 //!
 //! ```text
-//! cargo run --release -p grimnet-net --example time_network -- compact 320 [THREADS...]
+//! cargo run --release -p grimnet-net --example time_network -- compact 320 [f32|int8] [THREADS...]
 //! ```
 //!
 //! `network` is everything up to the heatmap, the descriptor field and the global descriptor, from an image of bytes;
@@ -12,7 +12,7 @@ use std::error::Error;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-use grimnet_net::{Domain, ExtractOptions, Extractor, Model, NetSpec, Precision};
+use grimnet_net::{Arithmetic, Domain, ExtractOptions, Extractor, Model, NetSpec, Precision};
 use image::{Rgb, RgbImage};
 
 /// How long each figure is measured.
@@ -22,7 +22,11 @@ const WARM_UP_RUNS: usize = 3;
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let [preset, side, threads @ ..] = &arguments[..] else {
-        return Err("usage: time_network compact|vgg16 SIDE_PX [THREADS...]".into());
+        return Err("usage: time_network compact|vgg16 SIDE_PX [f32|int8] [THREADS...]".into());
+    };
+    let (arithmetic, threads) = match threads {
+        [name, rest @ ..] if name.parse::<usize>().is_err() => (name.parse()?, rest),
+        _ => (Arithmetic::F32, threads),
     };
     let spec = NetSpec::preset(preset).ok_or("the presets are compact and vgg16")?;
     let side: u32 = side.parse()?;
@@ -35,7 +39,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         threads
     };
-    let model = Model::random(&spec, 0)?.with_whitening_precision(Precision::I8)?;
+    let model = Model::random(&spec, 0)?
+        .with_whitening_precision(Precision::I8)?
+        .with_arithmetic(arithmetic)?;
     let extractor = Extractor::new(&model, Domain::Uav)?;
     let picture = RgbImage::from_fn(side, side, |x, y| {
         let noise = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b))
@@ -71,7 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (network, features, own) = (network?, features?, own?);
         writeln!(
             std::io::stdout(),
-            "grimnet {preset} {side} px threads {threads}: network {network}; features ({found} keypoints) {features}; own statistics {own}",
+            "grimnet {preset} {arithmetic} {side} px threads {threads}: network {network}; features ({found} keypoints) {features}; own statistics {own}",
         )?;
     }
     Ok(())

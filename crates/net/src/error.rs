@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use grimnet_kernels::KernelError;
 
+use crate::Arithmetic;
+
 /// An error of the network crate.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -66,6 +68,16 @@ pub enum NetError {
     /// A tensor's values were asked for in a precision in which it cannot be stored.
     #[error("the model has no whitening projection whose precision could be changed")]
     NoWhitening,
+    /// The network cannot be computed in this arithmetic.
+    #[error(
+        "network `{preset}` cannot be computed in {arithmetic}: that is made for networks of the form of `compact`; use f32"
+    )]
+    Arithmetic {
+        /// The network.
+        preset: String,
+        /// The arithmetic asked for.
+        arithmetic: Arithmetic,
+    },
     /// A convolution kernel does not support a layer's shape.
     #[error(transparent)]
     Kernel(#[from] KernelError),

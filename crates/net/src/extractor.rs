@@ -5,23 +5,41 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use grimnet_kernels::Isa;
 use image::{GrayImage, RgbImage};
 
+use crate::byte_network::{ByteNetwork, ByteScratch};
 use crate::error::StatisticsError;
 use crate::forward::{Network, Output, Scratch};
 use crate::layer::{Gathering, LayerSource};
 use crate::seen::{Seen, check_mask};
 use crate::spec::SIZE_MULTIPLE_PX;
 use crate::vlad::{VladLayer, VladScratch};
-use crate::{Dense, Domain, ExtractOptions, Features, Model, NetError, Statistics, VladInput};
+use crate::{
+    Arithmetic, Dense, Domain, ExtractOptions, Features, Model, NetError, Statistics, VladInput,
+};
 
-/// The network for one domain, with the normalisation folded into the weights. It may be used by several threads at once.
+/// The network for one domain, with the normalisation folded into the weights, in the model's [`Arithmetic`]. It may be used by several threads at once.
 /// Memory is pooled: it does not grow once every thread has processed an image of the largest size.
 pub struct Extractor {
     model: Model,
     domain: Domain,
     statistics: Statistics,
-    folded: Network,
+    folded: Folded,
     instance: OnceLock<Network>,
     shared: Arc<Shared>,
+}
+
+/// The network with stored or adapted statistics, in the model's arithmetic.
+enum Folded {
+    Floats(Box<Network>),
+    Bytes(Box<ByteNetwork>),
+}
+
+impl Folded {
+    fn new(source: &LayerSource) -> Result<Self, NetError> {
+        Ok(match source.model.arithmetic() {
+            Arithmetic::F32 => Self::Floats(Box::new(Network::new(source)?)),
+            Arithmetic::Int8 => Self::Bytes(Box::new(ByteNetwork::new(source)?)),
+        })
+    }
 }
 
 /// What an extractor shares with its results.
@@ -30,6 +48,7 @@ pub(crate) struct Shared {
     pub vlad: VladLayer,
     pub vlad_input: VladInput,
     scratches: Pool<Scratch>,
+    byte_scratches: Pool<ByteScratch>,
     outputs: Pool<Output>,
     vlad_scratches: Pool<VladScratch>,
 }
@@ -82,7 +101,7 @@ impl Extractor {
         if !statistics.same_layers(&Statistics::of_model(model, domain)?) {
             return Err(NetError::Statistics(StatisticsError::OtherModel));
         }
-        let folded = Network::new(&LayerSource {
+        let folded = Folded::new(&LayerSource {
             isa,
             model,
             domain,
@@ -94,6 +113,7 @@ impl Extractor {
             vlad: VladLayer::new(model)?,
             vlad_input: model.spec().vlad.input,
             scratches: Pool::default(),
+            byte_scratches: Pool::default(),
             outputs: Pool::default(),
             vlad_scratches: Pool::default(),
         };
@@ -130,11 +150,16 @@ impl Extractor {
     /// [`NetError::ImageSize`], [`NetError::MaskSize`].
     pub fn dense(&self, image: &RgbImage, mask: Option<&GrayImage>) -> Result<Dense, NetError> {
         check_size(image, mask)?;
-        Ok(self.run(&self.folded, image, mask, &mut Gathering::default()))
+        match &self.folded {
+            Folded::Floats(network) => {
+                Ok(self.run(network, image, mask, &mut Gathering::default()))
+            }
+            Folded::Bytes(network) => Ok(self.run_bytes(network, image, mask)),
+        }
     }
 
-    /// Runs the network normalised with the image's own statistics, over the visible positions, and returns these statistics:
-    /// adaptation to one photo and, with [`Statistics::mean_of`], to a map or a flight. A layer without a visible position
+    /// Runs the network normalised with the image's own statistics, over the visible positions, and returns these statistics, always in
+    /// [`Arithmetic::F32`]: adaptation to one photo and, with [`Statistics::mean_of`], to a map or a flight. A layer without a visible position
     /// keeps this extractor's statistics.
     ///
     /// # Errors
@@ -238,6 +263,19 @@ impl Extractor {
             gathering,
         );
         shared.scratches.put(scratch);
+        Dense::new(output, Arc::clone(shared))
+    }
+
+    fn run_bytes(
+        &self,
+        network: &ByteNetwork,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+    ) -> Dense {
+        let shared = &self.shared;
+        let (mut scratch, mut output) = (shared.byte_scratches.take(), shared.outputs.take());
+        network.run(image, mask, &shared.vlad, &mut scratch, &mut output);
+        shared.byte_scratches.put(scratch);
         Dense::new(output, Arc::clone(shared))
     }
 }

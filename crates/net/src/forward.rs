@@ -2,13 +2,14 @@
 
 use grimnet_kernels::{Isa, Tensor, Workspace, max_pool_2x2, upsample_bilinear_add};
 use image::{GrayImage, RgbImage};
-use rayon::prelude::*;
 
 use crate::heatmap::heatmap_from_logits;
+use crate::input::{InputNorm, grey_cells};
+use crate::keypoint_layers::{KeypointLayers, KeypointScratch};
 use crate::layer::{Gathering, Kind, Layer, LayerSource};
-use crate::spec::{KEYPOINT_CELL_PX, STAGES};
+use crate::spec::STAGES;
 use crate::vlad::{VladField, VladLayer};
-use crate::{Decoder, Downsample, KeypointHead, NetError, NetSpec, VladInput};
+use crate::{Decoder, Downsample, NetError, VladInput};
 
 /// The layers of a network, prepared to run.
 pub(crate) struct Network {
@@ -28,11 +29,6 @@ enum DecoderLayers {
     Transposed(Box<[Layer; 2]>),
 }
 
-enum KeypointLayers {
-    FromGrey { hidden: Vec<Layer>, out: Layer },
-    FromDecoder(Layer),
-}
-
 /// Intermediate activations of a pass.
 #[derive(Default)]
 pub(crate) struct Scratch {
@@ -41,7 +37,7 @@ pub(crate) struct Scratch {
     ping: Tensor,
     pong: Tensor,
     stages: [Tensor; STAGES],
-    logits: Tensor,
+    keypoints: KeypointScratch,
     products: Tensor,
 }
 
@@ -93,17 +89,6 @@ impl Network {
                 Layer::plain(source, "upsample.1", Kind::Transposed)?,
             ])),
         };
-        let keypoints = match spec.keypoints {
-            KeypointHead::FromGrey { layers, .. } => KeypointLayers::FromGrey {
-                hidden: (0..layers)
-                    .map(|i| Layer::normalised(source, &format!("keypoint.{i}"), conv(1)))
-                    .collect::<Result<_, NetError>>()?,
-                out: Layer::plain(source, "keypoint.out", conv(1))?,
-            },
-            KeypointHead::FromDecoder => {
-                KeypointLayers::FromDecoder(Layer::plain(source, "keypoint", conv(3))?)
-            }
-        };
         Ok(Self {
             isa: source.isa,
             input: InputNorm::new(spec),
@@ -115,7 +100,7 @@ impl Network {
                 .collect::<Result<_, NetError>>()?,
             decoder,
             descriptor: Layer::plain(source, "descriptor", conv(spec.descriptor_kernel()))?,
-            keypoints,
+            keypoints: KeypointLayers::new(source)?,
             assign: Layer::product(source, "netvlad.assign")?,
             vlad_input: spec.vlad.input,
         })
@@ -138,7 +123,7 @@ impl Network {
             ping,
             pong,
             stages,
-            logits,
+            keypoints,
             products,
         } = scratch;
         self.input.fill(image, mask, input);
@@ -166,19 +151,14 @@ impl Network {
         self.descriptor
             .forward(isa, ping, &mut output.descriptors, workspace, gathering);
 
-        match &self.keypoints {
-            KeypointLayers::FromGrey { hidden, out } => {
-                grey_cells(input, ping);
-                for layer in hidden {
-                    layer.forward(isa, ping, pong, workspace, gathering);
-                    std::mem::swap(ping, pong);
-                }
-                out.forward(isa, ping, logits, workspace, gathering);
-            }
-            KeypointLayers::FromDecoder(out) => {
-                out.forward(isa, ping, logits, workspace, gathering)
-            }
-        }
+        let logits = self.keypoints.logits(
+            isa,
+            |cells| grey_cells(input, cells),
+            ping,
+            keypoints,
+            workspace,
+            gathering,
+        );
         heatmap_from_logits(isa, logits, &mut output.heatmap);
 
         if self.vlad_input.is_deepest() {
@@ -237,73 +217,4 @@ impl Output {
             &self.descriptors
         }
     }
-}
-
-/// Converts bytes to the network's input: (v / 255 - mean) / std.
-struct InputNorm {
-    /// For each channel and byte.
-    values: [[f32; 256]; 3],
-}
-
-impl InputNorm {
-    fn new(spec: &NetSpec) -> Self {
-        let value =
-            |c: usize, v: usize| (v as f32 / 255.0 - spec.input_mean[c]) / spec.input_std[c];
-        Self {
-            values: std::array::from_fn(|c| std::array::from_fn(|v| value(c, v))),
-        }
-    }
-
-    /// Fills `input`. Masked pixels are 0, the mean colour.
-    fn fill(&self, image: &RgbImage, mask: Option<&GrayImage>, input: &mut Tensor) {
-        let (width, height) = (image.width() as usize, image.height() as usize);
-        input.reshape(height, width, 3);
-        let pitch = input.pixel_pitch();
-        let [red, green, blue] = &self.values;
-        let (pixels, _) = image.as_raw().as_chunks::<3>();
-        input
-            .par_rows_mut()
-            .zip(pixels.par_chunks_exact(width))
-            .enumerate()
-            .for_each(|(y, (row, pixels))| {
-                for (out, &[r, g, b]) in row.chunks_exact_mut(pitch).zip(pixels) {
-                    out[..3].copy_from_slice(&[
-                        red[r as usize],
-                        green[g as usize],
-                        blue[b as usize],
-                    ]);
-                }
-                if let Some(mask) = mask {
-                    let seen = &mask.as_raw()[y * width..][..width];
-                    let unseen = row
-                        .chunks_exact_mut(pitch)
-                        .zip(seen)
-                        .filter(|&(_, &seen)| seen == 0);
-                    unseen.for_each(|(out, _)| out[..3].fill(0.0));
-                }
-            });
-    }
-}
-
-/// The mean of the input's channels, each 8 x 8 cell as 64 channels in raster order (PyTorch's `pixel_unshuffle`).
-fn grey_cells(input: &Tensor, grey: &mut Tensor) {
-    const CELL: usize = KEYPOINT_CELL_PX as usize;
-    grey.reshape(input.height() / CELL, input.width() / CELL, CELL * CELL);
-    let (from, to) = (input.pixel_pitch(), grey.pixel_pitch());
-    grey.par_rows_mut().enumerate().for_each(|(cell_y, cells)| {
-        for dy in 0..CELL {
-            let row = input.row(cell_y * CELL + dy);
-            for (cell, pixels) in cells
-                .chunks_exact_mut(to)
-                .zip(row.chunks_exact(CELL * from))
-            {
-                for (out, pixel) in cell[dy * CELL..][..CELL]
-                    .iter_mut()
-                    .zip(pixels.chunks_exact(from))
-                {
-                    *out = (pixel[0] + pixel[1] + pixel[2]) / 3.0;
-                }
-            }
-        }
-    });
 }

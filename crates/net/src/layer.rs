@@ -22,6 +22,50 @@ pub(crate) struct LayerSource<'a> {
     pub instance: bool,
 }
 
+impl<'a> LayerSource<'a> {
+    /// The affine parameters and the statistics of a layer's normalisation.
+    pub(crate) fn norm(
+        &self,
+        name: &str,
+    ) -> Result<(Vec<f32>, Vec<f32>, &'a LayerStatistics), NetError> {
+        let part = |part: &str| self.model.values(&self.domain.norm_name(name, part));
+        let missing = || NetError::Statistics(StatisticsError::OtherModel);
+        let moments = self
+            .statistics
+            .layers()
+            .iter()
+            .find(|layer| layer.name == name)
+            .ok_or_else(missing)?;
+        Ok((part("weight")?, part("bias")?, moments))
+    }
+
+    /// The weights and the bias of a convolution with its normalisation folded in.
+    pub(crate) fn folded(&self, name: &str, kind: Kind) -> Result<(Vec<f32>, Vec<f32>), NetError> {
+        let (weight, bias, moments) = self.norm(name)?;
+        let (scale, shift) = affine(&weight, &bias, &moments.mean, &moments.var);
+        let mut kernel = self.model.values(&format!("{name}.weight"))?;
+        let shape = shape(self.model, name)?;
+        match kind {
+            Kind::Conv { .. } => {
+                let per_output: usize = shape[1..].iter().product();
+                kernel
+                    .chunks_exact_mut(per_output)
+                    .zip(&scale)
+                    .for_each(|(row, s)| row.iter_mut().for_each(|w| *w *= s));
+            }
+            Kind::Transposed => {
+                let taps: usize = shape[2..].iter().product();
+                let outputs = scale.iter().cycle();
+                kernel
+                    .chunks_exact_mut(taps)
+                    .zip(outputs)
+                    .for_each(|(row, s)| row.iter_mut().for_each(|w| *w *= s));
+            }
+        }
+        Ok((kernel, shift))
+    }
+}
+
 /// The kind of a layer's convolution.
 #[derive(Clone, Copy)]
 pub(crate) enum Kind {
@@ -67,20 +111,12 @@ impl Layer {
         let &LayerSource {
             isa,
             model,
-            domain,
-            statistics,
             instance,
+            ..
         } = source;
-        let part = |part: &str| model.values(&domain.norm_name(name, part));
-        let (weight, bias) = (part("weight")?, part("bias")?);
-        let missing = || NetError::Statistics(StatisticsError::OtherModel);
-        let moments = statistics
-            .layers()
-            .iter()
-            .find(|layer| layer.name == name)
-            .ok_or_else(missing)?;
-        let mut kernel = model.values(&format!("{name}.weight"))?;
+        let (weight, bias, moments) = source.norm(name)?;
         if instance {
+            let kernel = model.values(&format!("{name}.weight"))?;
             let convolution = Convolution::new(
                 isa,
                 model,
@@ -99,25 +135,7 @@ impl Layer {
                 }),
             });
         }
-        let (scale, shift) = affine(&weight, &bias, &moments.mean, &moments.var);
-        let shape = shape(model, name)?;
-        match kind {
-            Kind::Conv { .. } => {
-                let per_output: usize = shape[1..].iter().product();
-                kernel
-                    .chunks_exact_mut(per_output)
-                    .zip(&scale)
-                    .for_each(|(row, s)| row.iter_mut().for_each(|w| *w *= s));
-            }
-            Kind::Transposed => {
-                let taps: usize = shape[2..].iter().product();
-                let outputs = scale.iter().cycle();
-                kernel
-                    .chunks_exact_mut(taps)
-                    .zip(outputs)
-                    .for_each(|(row, s)| row.iter_mut().for_each(|w| *w *= s));
-            }
-        }
+        let (kernel, shift) = source.folded(name, kind)?;
         let convolution =
             Convolution::new(isa, model, name, kind, &kernel, &shift, Activation::Relu)?;
         Ok(Self {
@@ -233,7 +251,7 @@ impl Convolution {
 }
 
 /// Shape of a layer's weight: four sizes, or K x D for NetVLAD's assignment, which is a 1 x 1 convolution.
-fn shape(model: &Model, name: &str) -> Result<[usize; 4], NetError> {
+pub(crate) fn shape(model: &Model, name: &str) -> Result<[usize; 4], NetError> {
     let shape = model
         .parameter(&format!("{name}.weight"))
         .map(|parameter| parameter.shape());

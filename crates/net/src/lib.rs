@@ -21,7 +21,10 @@
 //! ```
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
+mod activation_range;
+mod arithmetic;
 mod bundled;
+mod byte_network;
 mod calibration;
 mod card;
 mod dense;
@@ -32,7 +35,9 @@ mod features;
 mod file;
 mod forward;
 mod heatmap;
+mod input;
 mod k_means;
+mod keypoint_layers;
 mod keypoints;
 mod layer;
 mod model;
@@ -49,6 +54,7 @@ mod statistics;
 mod vlad;
 mod whitening;
 
+pub use arithmetic::{Arithmetic, UnknownArithmetic};
 pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
 pub use card::Card;
 pub use dense::Dense;

@@ -11,7 +11,7 @@ use crate::error::ParameterError;
 use crate::model_hash::{ModelHash, hash};
 use crate::parameter::{Parameter, Precision, Values, WHITENING_MEAN, WHITENING_PROJECTION};
 use crate::whitening::whiten;
-use crate::{Calibration, Domain, NetError, NetSpec, VladSum};
+use crate::{Arithmetic, Calibration, Domain, NetError, NetSpec, VladSum};
 
 /// A network description with its weights, model card and calibration. Cheap to clone; immutable.
 #[derive(Clone)]
@@ -27,6 +27,7 @@ struct Inner {
     parameters: BTreeMap<String, Parameter>,
     hash: ModelHash,
     isa: Isa,
+    arithmetic: Arithmetic,
 }
 
 impl Model {
@@ -75,6 +76,7 @@ impl Model {
                 parameters,
                 hash,
                 isa: Isa::detect(),
+                arithmetic: Arithmetic::default(),
             }),
         })
     }
@@ -137,7 +139,35 @@ impl Model {
         *projection = projection.converted(precision);
         let model =
             Self::from_parameters(self.inner.spec.clone(), self.inner.card.clone(), parameters)?;
-        model.with_calibration(self.inner.calibration.clone())
+        model
+            .with_calibration(self.inner.calibration.clone())?
+            .with_arithmetic(self.inner.arithmetic)
+    }
+
+    /// The arithmetic in which its network is computed.
+    pub fn arithmetic(&self) -> Arithmetic {
+        self.inner.arithmetic
+    }
+
+    /// The same model computed in another arithmetic. The identity stays the same: features of both arithmetics can be compared with
+    /// each other.
+    ///
+    /// # Errors
+    /// [`NetError::Arithmetic`] if the network cannot be computed in it.
+    pub fn with_arithmetic(&self, arithmetic: Arithmetic) -> Result<Self, NetError> {
+        if !arithmetic.supports(self.spec()) {
+            return Err(NetError::Arithmetic {
+                preset: self.spec().preset.clone(),
+                arithmetic,
+            });
+        }
+        let inner = Inner {
+            arithmetic,
+            ..(*self.inner).clone()
+        };
+        Ok(Self {
+            inner: Arc::new(inner),
+        })
     }
 
     /// The identity of the model. Packs record it, so that features of different models are never compared.

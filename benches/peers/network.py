@@ -1,6 +1,6 @@
 """Times the whole network in OpenVINO, ONNX Runtime and PyTorch, f32, on the CPU.
 
-Usage: network.py MODEL.onnx [--threads 2 1] [--seconds 3]     (a file that export_onnx.py wrote)
+Usage: network.py MODEL.onnx|MODEL.xml [--threads 2 1] [--seconds 3]     (a file that export_onnx.py or quantise.py wrote)
 Prints the median and the best of single runs after a warm-up, in milliseconds. Run it beside
 `cargo run --release -p grimnet-net --example time_network`, with nothing else on the machine, and compare ratios only.
 """
@@ -45,11 +45,12 @@ def main():
     parser.add_argument('--seconds', type=float, default=3.0)
     arguments = parser.parse_args()
     for threads in arguments.threads:
-        for engine in (openvino, onnx_runtime):
+        # Only OpenVINO reads its own files.
+        for engine in (openvino,) if arguments.model.endswith('.xml') else (openvino, onnx_runtime):
             shape, run = engine(arguments.model, threads)
             x = np.random.default_rng(0).normal(size=shape).astype(np.float32)
             median, best = measure(run, x, arguments.seconds)
-            print(f'{engine.__name__} {arguments.model} threads {threads}: median {median:.1f} ms, best {best:.1f} ms')
+            print(f'{engine.__name__} {arguments.model} threads {threads}: median {median:.2f} ms, best {best:.2f} ms')
 
 
 if __name__ == '__main__':

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use grimnet_net::{Domain, Extractor, Model, Statistics};
+use grimnet_net::{Arithmetic, Domain, Extractor, Model, Statistics};
 use grimnet_pack::{Mode, Pack};
 use grimnet_photo::Photo;
 
@@ -45,6 +45,7 @@ pub struct Localizer {
 #[must_use]
 pub struct LocalizerBuilder {
     model: Option<Model>,
+    arithmetic: Option<Arithmetic>,
     options: Options,
 }
 
@@ -53,6 +54,14 @@ impl LocalizerBuilder {
     pub fn model(self, model: Model) -> Self {
         Self {
             model: Some(model),
+            ..self
+        }
+    }
+
+    /// The arithmetic of the network; that of the model if this is not called. Packs that were built in either can be used.
+    pub fn arithmetic(self, arithmetic: Arithmetic) -> Self {
+        Self {
+            arithmetic: Some(arithmetic),
             ..self
         }
     }
@@ -80,6 +89,10 @@ impl LocalizerBuilder {
         let model = match self.model {
             Some(model) => model,
             None => Model::bundled()?,
+        };
+        let model = match self.arithmetic {
+            Some(arithmetic) => model.with_arithmetic(arithmetic)?,
+            None => model,
         };
         Ok(Localizer::new(model, pack)?.with_options(self.options))
     }

@@ -97,7 +97,7 @@ fn measure<E>(run: impl Fn() -> Result<usize, E>) -> Result<String, E> {
     times.sort_unstable();
     let ms = |time: Duration| time.as_secs_f64() * 1e3;
     Ok(format!(
-        "median {:.1} ms, best {:.1} ms",
+        "median {:.2} ms, best {:.2} ms",
         ms(times[times.len() / 2]),
         ms(times[0])
     ))

@@ -14,8 +14,8 @@ pub enum Arithmetic {
     /// Single precision.
     #[default]
     F32,
-    /// Activations and weights of encoder, decoder and descriptors are rounded to bytes; keypoints, NetVLAD and whitening are computed
-    /// as with [`Arithmetic::F32`]. For networks of the form of [`NetSpec::compact`].
+    /// Activations and weights of encoder, decoder and the layers on top are rounded to bytes; keypoints are those of
+    /// [`Arithmetic::F32`]. For networks of the form of [`NetSpec::compact`].
     Int8,
 }
 
@@ -47,6 +47,7 @@ impl Arithmetic {
                 .all(|stage| stage.downsample == Downsample::StrideFirst)
                 && matches!(spec.decoder, Decoder::Lateral { width } if width >= FEWEST)
                 && spec.descriptor_dim >= FEWEST
+                && spec.vlad.clusters >= FEWEST
                 && matches!(spec.keypoints, KeypointHead::FromGrey { .. })
                 && spec.vlad.input == VladInput::Descriptors)
     }

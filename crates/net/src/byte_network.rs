@@ -1,11 +1,11 @@
 //! The forward pass with activations and weights of bytes ([`crate::Arithmetic::Int8`]).
 //!
-//! Keypoints come from the picture in single precision, and are those of the ordinary network. So do NetVLAD's assignment and what
-//! follows it; the descriptors that they read are floats.
+//! Keypoints come from the picture in single precision, and are those of the ordinary network. Descriptors and the products of NetVLAD's
+//! assignment are floats again.
 
 use grimnet_kernels::{
-    ByteScale, ByteTensor, ConvSpec, Isa, QuantisedConv2d, QuantisedWeights, Tensor, UpsampledSum,
-    Workspace, upsample_add_exact,
+    ByteScale, ByteTensor, ConvSpec, Isa, MatMut, MatRef, QuantisedConv2d, QuantisedWeights,
+    Tensor, UpsampledSum, Workspace, matmul_nn, upsample_add_exact,
 };
 use image::{GrayImage, RgbImage};
 
@@ -15,7 +15,7 @@ use crate::forward::Output;
 use crate::heatmap::heatmap_from_logits;
 use crate::input::{InputNorm, fill_bytes, picture_scale};
 use crate::keypoint_layers::{KeypointLayers, KeypointScratch};
-use crate::layer::{Gathering, Kind, Layer, LayerSource, shape};
+use crate::layer::{Gathering, Kind, LayerSource, shape};
 use crate::spec::STAGES;
 use crate::vlad::VladLayer;
 
@@ -34,8 +34,9 @@ pub(crate) struct ByteNetwork {
     sum: UpsampledSum,
     fuse: QuantisedConv2d,
     descriptor: QuantisedConv2d,
+    /// The products of NetVLAD's assignment with the descriptors.
+    assign: QuantisedConv2d,
     keypoints: KeypointLayers,
-    assign: Layer,
 }
 
 /// Intermediate activations of a pass.
@@ -103,8 +104,8 @@ impl ByteNetwork {
             sum: UpsampledSum::new(h8_scale, &sum_scale),
             fuse: normalised(source, "fuse", conv, &sum_scale, &fused, false)?,
             descriptor: plain(source, "descriptor", &fused)?,
+            assign: assignment(source, &fused)?,
             keypoints: KeypointLayers::new(source)?,
-            assign: Layer::product(source, "netvlad.assign")?,
         })
     }
 
@@ -154,6 +155,7 @@ impl ByteNetwork {
         self.sum.run(isa, &stages[DECODED[0]], h16, ping);
         self.fuse.forward_relu(ping, pong);
         self.descriptor.forward(pong, &mut output.descriptors);
+        self.assign.forward(pong, products);
 
         let logits = self.keypoints.logits(
             isa,
@@ -164,10 +166,7 @@ impl ByteNetwork {
             gathering,
         );
         heatmap_from_logits(isa, logits, &mut output.heatmap);
-        let vectors = &output.descriptors;
-        self.assign
-            .forward(isa, vectors, products, workspace, gathering);
-        vlad.assign(isa, vectors, products, &mut output.vlad);
+        vlad.assign(isa, &output.descriptors, products, &mut output.vlad);
     }
 }
 
@@ -206,6 +205,39 @@ fn plain(source: &LayerSource, name: &str, input: &ByteScale) -> Result<Quantise
     let part = |part: &str| source.model.values(&format!("{name}.{part}"));
     let spec = conv_spec(source, name, kind)?;
     let weights = QuantisedWeights::new(spec, &part("weight")?, &part("bias")?, input)?;
+    Ok(QuantisedConv2d::new(
+        source.isa,
+        spec,
+        &weights,
+        &weights.unit,
+    )?)
+}
+
+/// The products of NetVLAD's assignment with the descriptors, straight from what these are computed from: a product of two matrices is
+/// one.
+fn assignment(source: &LayerSource, input: &ByteScale) -> Result<QuantisedConv2d, NetError> {
+    let values = |name: &str| source.model.values(name);
+    let (descriptor, bias) = (values("descriptor.weight")?, values("descriptor.bias")?);
+    let assign = values("netvlad.assign.weight")?;
+    let (clusters, dim) = (source.model.spec().vlad.clusters, bias.len());
+    let in_channels = input.scale.len();
+    let mut weights = vec![0.0f32; clusters * in_channels];
+    matmul_nn(
+        // The same weights whatever the instruction set.
+        Isa::Portable,
+        MatRef::new(&assign, clusters, dim),
+        MatRef::new(&descriptor, dim, in_channels),
+        MatMut::new(&mut weights, clusters, in_channels),
+    );
+    let dot = |row: &[f32]| row.iter().zip(&bias).map(|(w, b)| w * b).sum::<f32>();
+    let biases: Vec<f32> = assign.chunks_exact(dim).map(dot).collect();
+    let spec = ConvSpec {
+        in_channels,
+        out_channels: clusters,
+        kernel: 1,
+        stride: 1,
+    };
+    let weights = QuantisedWeights::new(spec, &weights, &biases, input)?;
     Ok(QuantisedConv2d::new(
         source.isa,
         spec,

@@ -64,6 +64,12 @@ pub(crate) struct VladLayer {
     centres: Vec<f32>,
 }
 
+/// Clusters whose assignments are transposed together: a cache line of floats.
+const CLUSTER_BLOCK: usize = 16;
+
+/// Fewest positions whose vectors one task gathers.
+const POSITIONS: usize = 64;
+
 /// What the layer computes for an image: enough for the sum over any window.
 #[derive(Default)]
 pub(crate) struct VladField {
@@ -158,22 +164,30 @@ impl VladLayer {
                 y as usize * vectors.width() + x as usize,
             )
         };
-        for (row, position) in gathered.chunks_exact_mut(dim).zip(&*positions) {
-            let (y, x, at) = index(position);
-            let norm = field.inverse_norms[at];
-            row.iter_mut()
-                .zip(vectors.pixel(y, x))
-                .for_each(|(out, v)| *out = v * norm);
-        }
+        gathered
+            .par_chunks_exact_mut(dim)
+            .zip(&*positions)
+            .with_min_len(POSITIONS)
+            .for_each(|(row, position)| {
+                let (y, x, at) = index(position);
+                let norm = field.inverse_norms[at];
+                row.iter_mut()
+                    .zip(vectors.pixel(y, x))
+                    .for_each(|(out, v)| *out = v * norm);
+            });
         let mut sum = vec![0.0; clusters * dim];
         if count > 0 {
             assignments_by_cluster
-                .par_chunks_exact_mut(count)
+                .par_chunks_mut(CLUSTER_BLOCK * count)
                 .enumerate()
-                .for_each(|(k, line)| {
-                    for (out, position) in line.iter_mut().zip(&*positions) {
+                .for_each(|(block, lines)| {
+                    let (first, block) = (block * CLUSTER_BLOCK, lines.len() / count);
+                    for (i, position) in positions.iter().enumerate() {
                         let (_, _, at) = index(position);
-                        *out = field.assignments[at * clusters + k];
+                        let row = &field.assignments[at * clusters + first..][..block];
+                        for (out, a) in lines.iter_mut().skip(i).step_by(count).zip(row) {
+                            *out = *a;
+                        }
                     }
                 });
             matmul_nn(
@@ -182,17 +196,28 @@ impl VladLayer {
                 MatRef::new(gathered, count, dim),
                 MatMut::new(&mut sum, clusters, dim),
             );
-            for ((row, line), centre) in sum
-                .chunks_exact_mut(dim)
-                .zip(assignments_by_cluster.chunks_exact(count))
-                .zip(self.centres.chunks_exact(dim))
-            {
-                let mass = line.iter().map(|&a| f64::from(a)).sum::<f64>() as f32;
-                row.iter_mut().zip(centre).for_each(|(v, c)| *v -= mass * c);
-            }
+            sum.par_chunks_exact_mut(dim)
+                .zip(assignments_by_cluster.par_chunks_exact(count))
+                .zip(self.centres.par_chunks_exact(dim))
+                .for_each(|((row, line), centre)| {
+                    let mass = sum_f64(line) as f32;
+                    row.iter_mut().zip(centre).for_each(|(v, c)| *v -= mass * c);
+                });
         }
         VladSum(sum)
     }
+}
+
+/// The sum in double precision, in partial sums that do not wait for each other.
+fn sum_f64(values: &[f32]) -> f64 {
+    let (chunks, rest) = values.as_chunks::<8>();
+    let mut sums = [0.0f64; 8];
+    for chunk in chunks {
+        for (sum, &v) in sums.iter_mut().zip(chunk) {
+            *sum += f64::from(v);
+        }
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|&v| f64::from(v)).sum::<f64>()
 }
 
 /// A row of positions to be assigned.

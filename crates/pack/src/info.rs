@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use grimnet_net::Arithmetic;
 use serde::Serialize;
 
 use crate::index::Index;
@@ -31,6 +32,9 @@ pub struct PackInfo {
     pub descriptor_dim: usize,
     /// Numbers in a tile descriptor.
     pub global_dim: usize,
+    /// The arithmetic in which features were computed.
+    #[serde(skip_serializing_if = "Arithmetic::is_f32")]
+    pub arithmetic: Arithmetic,
     /// Whether the weights of the model are random, so that the pack cannot be used to localise.
     pub model_is_random: bool,
     /// Hash of the map, hex.
@@ -107,6 +111,7 @@ impl Pack {
                 .to_owned(),
             descriptor_dim: manifest.model.descriptor_dim,
             global_dim: manifest.model.global_dim,
+            arithmetic: manifest.model.arithmetic,
             model_is_random: card("random").and_then(|v| v.as_bool()).unwrap_or(false),
             map_hash: map.hash.clone(),
             map: map.description.clone(),
@@ -210,9 +215,13 @@ impl fmt::Display for PackInfo {
         } else {
             ""
         };
+        let arithmetic = match self.arithmetic {
+            Arithmetic::F32 => String::new(),
+            other => format!(", computed in {other}"),
+        };
         writeln!(
             f,
-            "model    {} ({}){random}",
+            "model    {} ({}){arithmetic}{random}",
             Printable(&self.model),
             Printable(&short(&self.model_hash))
         )?;

@@ -1,5 +1,6 @@
 //! The manifest: the JSON at the end of a pack.
 
+use grimnet_net::Arithmetic;
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
@@ -43,6 +44,9 @@ pub struct ModelSummary {
     pub descriptor_dim: usize,
     /// Numbers in a tile descriptor.
     pub global_dim: usize,
+    /// The arithmetic in which they were computed. Features of all arithmetics can be compared with each other.
+    #[serde(default, skip_serializing_if = "Arithmetic::is_f32")]
+    pub arithmetic: Arithmetic,
 }
 
 /// The map of a pack.

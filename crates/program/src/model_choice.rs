@@ -1,9 +1,9 @@
-//! The option `--model`.
+//! The options `--model` and `--precision`.
 
 use std::path::PathBuf;
 
 use anyhow::Result;
-use grimnet_net::Model;
+use grimnet_net::{Arithmetic, Model};
 
 use crate::inputs;
 
@@ -13,20 +13,25 @@ pub struct ModelChoice {
     /// Model file [default: the bundled one]
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
+    /// Arithmetic of the network: f32, or int8, which takes about half the time and changes descriptors by 2 to 4 %. Both work with
+    /// packs of either
+    #[arg(long, value_name = "f32|int8", default_value_t)]
+    pub precision: Arithmetic,
 }
 
 impl ModelChoice {
     /// Opens the chosen model.
     ///
     /// # Errors
-    /// The file is no model of this program.
+    /// The file is no model of this program, or its network cannot be computed in the chosen arithmetic.
     pub fn open(&self) -> Result<Model> {
-        Ok(match &self.model {
+        let model = match &self.model {
             Some(path) => {
                 inputs::check_regular(path)?;
                 Model::open(path)?
             }
             None => Model::bundled()?,
-        })
+        };
+        Ok(model.with_arithmetic(self.precision)?)
     }
 }

@@ -303,6 +303,7 @@ fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -
         }
         .to_owned(),
         model_hash: model.hash().to_string(),
+        arithmetic: model.arithmetic(),
         model_calibrated: model.calibration().fitted_on.is_some(),
         commit: arguments.commit.clone(),
         version: env!("CARGO_PKG_VERSION"),

@@ -38,6 +38,7 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
     let bundled = file.is_none();
     let model = ModelChoice {
         model: file.clone(),
+        ..ModelChoice::default()
     }
     .open()?;
     let values: usize = model

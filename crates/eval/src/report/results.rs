@@ -1,5 +1,6 @@
 //! The content of the files of an evaluation: `summary.json`, `frames.csv`, `failed.jsonl`, `report.html`.
 
+use grimnet_net::Arithmetic;
 use serde::Serialize;
 
 use super::page::{Picture, Report, Run};
@@ -32,6 +33,9 @@ pub struct About {
     pub mode: String,
     /// Identity of the model.
     pub model_hash: String,
+    /// Arithmetic of the network.
+    #[serde(skip_serializing_if = "Arithmetic::is_f32")]
+    pub arithmetic: Arithmetic,
     /// Whether the model is calibrated.
     pub model_calibrated: bool,
     /// Commit that the program was built from, if given.
@@ -58,9 +62,10 @@ impl About {
             |value: Option<f64>| value.map_or_else(|| "not given".to_owned(), |v| format!("{v} m"));
         vec![
             format!(
-                "Mode {}; model {} ({}); program {} at commit {}.",
+                "Mode {}; model {} in {} ({}); program {} at commit {}.",
                 self.mode,
                 &self.model_hash[..self.model_hash.len().min(16)],
+                self.arithmetic,
                 if self.model_calibrated {
                     "calibrated"
                 } else {

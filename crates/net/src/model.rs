@@ -93,10 +93,13 @@ impl Model {
 
     /// The same model with another card.
     pub fn with_card(&self, card: Card) -> Self {
-        let inner = Inner {
-            card,
-            ..(*self.inner).clone()
-        };
+        self.changed(|inner| inner.card = card)
+    }
+
+    /// A copy with something changed that the identity does not depend on.
+    fn changed(&self, change: impl FnOnce(&mut Inner)) -> Self {
+        let mut inner = (*self.inner).clone();
+        change(&mut inner);
         Self {
             inner: Arc::new(inner),
         }
@@ -113,13 +116,7 @@ impl Model {
     /// [`NetError::Calibration`] if a value is NaN, infinite, or out of range ([`Calibration::validate`]).
     pub fn with_calibration(&self, calibration: Calibration) -> Result<Self, NetError> {
         calibration.validate().map_err(NetError::Calibration)?;
-        let inner = Inner {
-            calibration,
-            ..(*self.inner).clone()
-        };
-        Ok(Self {
-            inner: Arc::new(inner),
-        })
+        Ok(self.changed(|inner| inner.calibration = calibration))
     }
 
     /// The same model with the whitening projection in another precision. This changes the identity: packs that were
@@ -161,13 +158,7 @@ impl Model {
                 arithmetic,
             });
         }
-        let inner = Inner {
-            arithmetic,
-            ..(*self.inner).clone()
-        };
-        Ok(Self {
-            inner: Arc::new(inner),
-        })
+        Ok(self.changed(|inner| inner.arithmetic = arithmetic))
     }
 
     /// The identity of the model. Packs record it, so that features of different models are never compared.

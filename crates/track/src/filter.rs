@@ -114,11 +114,7 @@ impl Filter {
         self.lose_if_too_wide(options);
         self.keep_open(options);
         let measured_m = plane.en_from_lonlat(fix.lonlat);
-        // The hypotheses know the ground resolution straight below, which tilt does not change.
-        let fix = &PositionFix {
-            gsd_m: fix.gsd_m / self.sensors.gsd_over_nadir(fix.time_s),
-            ..*fix
-        };
+        let fix = &self.sensors.with_nadir_gsd(fix);
         let usual = Usual {
             rate: &self.rate,
             confidence: &self.confidence,

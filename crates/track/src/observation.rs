@@ -66,6 +66,15 @@ pub(crate) fn lean(view: View) -> Observation {
     lean
 }
 
+/// By how much the image centre is off where it would be on the ground, metres east and north: a tilted view meets roofs before
+/// the ground. The boresight is not in it: fixes and motions must see the same one (see [`lean`]).
+fn relief_m(attitude: &Attitude, height_agl_m: f64, seen_below_m: f64) -> Vector2<f64> {
+    let straight = CentreOffset::new(attitude, Vector2::zeros(), height_agl_m);
+    straight.map_or(Vector2::zeros(), |centre| {
+        centre.offset_en_m * (seen_below_m / height_agl_m - 1.0)
+    })
+}
+
 impl Innovation {
     /// Determinant of the innovation's covariance.
     pub fn determinant_m4(&self) -> f64 {
@@ -144,6 +153,7 @@ impl Hypothesis {
             View::Attitude {
                 attitude,
                 height_agl_m,
+                seen_below_m,
                 sigma_deg,
             } => {
                 let boresight_rad = self.mean.fixed_rows::<2>(BORESIGHT).into_owned();
@@ -157,6 +167,7 @@ impl Hypothesis {
                     heading.map_or(options.compass_sigma_deg, |heading| heading.sigma_deg());
                 if let Some(centre) = CentreOffset::new(&attitude, boresight_rad, height_agl_m) {
                     predicted_m += centre.offset_en_m + centre.by_tilt_m * tilt_rad;
+                    predicted_m += relief_m(&attitude, height_agl_m, seen_below_m);
                     let by_yaw_m = Vector2::new(centre.offset_en_m.y, -centre.offset_en_m.x);
                     noise += by_yaw_m * by_yaw_m.transpose() * yaw_sigma_deg.to_radians().powi(2);
                     noise += centre.offset_en_m

@@ -17,6 +17,10 @@ const HEIGHT_HOLD_S: f64 = 10.0;
 /// How far roll and pitch may be off what is extrapolated from the last two attitudes, degrees per second of their age.
 const ATTITUDE_SPREAD_DEG_S: f64 = 5.0;
 
+/// Where a fix's ground resolution and the told height differ by a larger factor, the focal length or the height is wrong and not a
+/// roof in the way: the surface is then taken to be as far away as the height says.
+const MOST_RELIEF: f64 = 1.35;
+
 /// What was last told by sensors other than the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Sensors {
@@ -41,6 +45,8 @@ pub(crate) enum View {
     Attitude {
         attitude: Attitude,
         height_agl_m: f64,
+        /// How far the surface in the photo is below the camera, metres: roofs are nearer than the ground.
+        seen_below_m: f64,
         /// Error that comes from the attitude's age, degrees.
         sigma_deg: f64,
     },
@@ -128,9 +134,31 @@ impl Sensors {
         self.told.view(time_s, gsd_m, options)
     }
 
-    /// How a photo with `fix` was directed.
+    /// How a photo with `fix` was directed. Its ground resolution, straight below, tells how far the surface is that was matched
+    /// with the map.
     pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
-        self.view(fix.time_s, Some(fix.gsd_m), options)
+        let mut view = self.view(fix.time_s, Some(fix.gsd_m), options);
+        if let View::Attitude {
+            height_agl_m,
+            seen_below_m,
+            ..
+        } = &mut view
+            && let Some(focal_length_px) = options.focal_length_px
+        {
+            let measured_m = fix.gsd_m * focal_length_px;
+            if (measured_m / *height_agl_m).ln().abs() < MOST_RELIEF.ln() {
+                *seen_below_m = measured_m;
+            }
+        }
+        view
+    }
+
+    /// A fix with the ground resolution straight below, which tilt does not change and which hypotheses know.
+    pub fn with_nadir_gsd(&self, fix: &PositionFix) -> PositionFix {
+        PositionFix {
+            gsd_m: fix.gsd_m / self.gsd_over_nadir(fix.time_s),
+            ..*fix
+        }
     }
 }
 
@@ -191,6 +219,7 @@ impl Told {
         View::Attitude {
             attitude,
             height_agl_m,
+            seen_below_m: height_agl_m,
             sigma_deg: ATTITUDE_SPREAD_DEG_S * age_s,
         }
     }

@@ -72,6 +72,7 @@ pub fn smooth(
                 fix_number += 1;
                 sensors.take(input);
                 let Some(root) = root else { continue };
+                let fix = &sensors.with_nadir_gsd(fix);
                 if let Some(piece) = piece.as_mut().filter(|piece| piece.root == root) {
                     piece.fix(fix, &sensors, options);
                     continue;

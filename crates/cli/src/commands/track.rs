@@ -73,7 +73,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         Some(path) => Some(TextStream::rows_to_file(Box::new(NmeaRows), path, &policy)?),
         None => None,
     };
-    let beside = Beside {
+    let mut beside = Beside {
         telemetry: telemetry(arguments, &source)?,
         live: Live::new(arguments.link.live_options()?),
         nmea,
@@ -104,7 +104,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     };
     let stream = open_output(arguments, &policy)?;
     let mut frames = source.open(arguments, needed)?;
-    if let (Some(telemetry), Some(ends_s)) = (&beside.telemetry, frames.ends_s()) {
+    if let (Some(telemetry), Some(ends_s)) = (&mut beside.telemetry, frames.ends_s()) {
         telemetry.compare_with_video(ends_s);
     }
     let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);

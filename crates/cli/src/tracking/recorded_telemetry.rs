@@ -26,6 +26,10 @@ pub struct RecordedTelemetry {
     /// In order of time.
     inputs: VecDeque<Input>,
     is_checked: bool,
+    /// Time of the latest input that was given, seconds.
+    latest_s: Option<f64>,
+    /// Whether it was told that frames are without telemetry.
+    gap_is_told: bool,
 }
 
 impl RecordedTelemetry {
@@ -48,6 +52,8 @@ impl RecordedTelemetry {
             clock: telemetry.clock,
             inputs: telemetry.inputs.into(),
             is_checked: false,
+            latest_s: None,
+            gap_is_told: false,
         })
     }
 
@@ -77,14 +83,47 @@ impl RecordedTelemetry {
         if !std::mem::replace(&mut self.is_checked, true) {
             self.check(frame_s, epoch)?;
         }
+        let (given, gap) = self.take(frame_s);
+        if let Some(gap) = gap {
+            tracing::warn!("{}: {gap}", self.path.display());
+        }
+        Ok(given)
+    }
+
+    /// The next inputs up to a frame, and the line on a gap that begins before it.
+    fn take(&mut self, frame_s: f64) -> (Vec<Input>, Option<String>) {
         let end = self
             .inputs
             .partition_point(|input| input.time_s() <= frame_s + AHEAD_S);
-        Ok(self.inputs.drain(..end).collect())
+        let given: Vec<Input> = self.inputs.drain(..end).collect();
+        self.latest_s = given.last().map(Input::time_s).or(self.latest_s);
+        let gap = self.new_gap(frame_s);
+        (given, gap)
+    }
+
+    /// What is told at the first frame that is further from the telemetry before it than [`LONGEST_GAP_S`], and from what comes after
+    /// it: a logger stopped, or its clock jumped.
+    fn new_gap(&mut self, frame_s: f64) -> Option<String> {
+        let is_far = |time_s: f64| (time_s - frame_s).abs() > LONGEST_GAP_S;
+        let latest_s = self.latest_s.filter(|latest_s| is_far(*latest_s))?;
+        let next_s = self.inputs.front().map(Input::time_s);
+        if self.gap_is_told || next_s.is_some_and(|next_s| !is_far(next_s)) {
+            return None;
+        }
+        self.gap_is_told = true;
+        let next = next_s.map_or_else(
+            || "no other follows".to_owned(),
+            |next_s| format!("the next is {:.1} s newer", next_s - frame_s),
+        );
+        Some(format!(
+            "a frame comes {:.1} s after its last record, and {next}: it stopped or its clock jumped, and frames are followed \
+             without it there",
+            frame_s - latest_s
+        ))
     }
 
     /// Tells where the file does not cover a video, whose frames go from 0 s to `ends_s`.
-    pub fn compare_with_video(&self, ends_s: f64) {
+    pub fn compare_with_video(&mut self, ends_s: f64) {
         let (Some(first), Some(last)) = (self.inputs.front(), self.inputs.back()) else {
             return;
         };
@@ -99,6 +138,7 @@ impl RecordedTelemetry {
             );
         }
         if last_s + LONGEST_GAP_S < ends_s {
+            self.gap_is_told = true;
             tracing::warn!(
                 "{path}: ends at {last_s:.1} s, and the video at {ends_s:.1} s; the frames after {last_s:.1} s are without telemetry"
             );
@@ -110,7 +150,7 @@ impl RecordedTelemetry {
         }
     }
 
-    fn check(&self, frame_s: f64, epoch: Epoch) -> Result<()> {
+    fn check(&mut self, frame_s: f64, epoch: Epoch) -> Result<()> {
         let path = self.path.display();
         match (self.clock, epoch) {
             (TelemetryClock::Unix, Epoch::Start) => bail!(
@@ -126,6 +166,7 @@ impl RecordedTelemetry {
             return Ok(());
         };
         if frame_s > last.time_s() {
+            self.gap_is_told = true;
             tracing::warn!(
                 "{path}: it ends at {:.1} s, before the first frame at {frame_s:.1} s; are both of the same flight?",
                 last.time_s()

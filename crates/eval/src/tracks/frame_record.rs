@@ -25,13 +25,27 @@ pub struct FrameRecord {
 /// A fix compared with the truth.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MeasuredFix {
-    /// As simulated flights draw it again.
+    /// The fix and its error.
     pub sample: FixSample,
     /// Distance of the fix from the true image centre on the map, metres.
     pub error_m: f64,
+    /// What of its error comes from the height of the surface that was matched, as its ground resolution tells, metres east and
+    /// north: a tilted view meets roofs before the ground.
+    #[serde(skip)]
+    pub relief_en_m: [f64; 2],
 }
 
 impl MeasuredFix {
+    /// The fix as simulated flights draw it again, over a surface of the same height under another tilt.
+    #[must_use]
+    pub fn without_relief(&self) -> FixSample {
+        let [east_m, north_m] = self.sample.error_en_m;
+        FixSample {
+            error_en_m: [east_m - self.relief_en_m[0], north_m - self.relief_en_m[1]],
+            ..self.sample
+        }
+    }
+
     /// Squared Mahalanobis distance: chi-square with two degrees of freedom if the covariance is right. `None` if it is
     /// singular.
     #[must_use]
@@ -80,6 +94,7 @@ mod tests {
                 gsd_ratio: 1.0,
             },
             error_m,
+            relief_en_m: [0.0; 2],
         };
         assert_relative_eq!(fix(3.0, 4.0).nees().unwrap(), 2.25);
         assert!(fix(40.0, 1.0).is_wrong());

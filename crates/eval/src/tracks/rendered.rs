@@ -11,7 +11,7 @@ use grimnet_track::simulation::{Delivered, FixSample, Flight, FlightOptions, Tru
 use grimnet_track::{Attitude, Input, OptionsError, RelativeMotion, TrackOptions};
 use grimnet_world::{Camera, Look, Pose, Season, View, WorldError};
 use image::RgbImage;
-use nalgebra::{Rotation3, Vector2};
+use nalgebra::{Rotation3, Vector2, Vector3};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
@@ -109,8 +109,7 @@ impl RenderedPlan {
         done: &mut dyn FnMut(),
     ) -> Result<FlownFrames, RenderedError> {
         let flight = Flight::without_frames(self.flight.clone());
-        let mut rng = ChaCha8Rng::seed_from_u64(self.flight.seed ^ 0x5eed);
-        let constants = Constants::draw(&self.flight, &mut rng);
+        let (constants, mut rng) = self.constants();
         let follow_options = grimnet_flight::FlightOptions {
             track: options.clone(),
             ..grimnet_flight::FlightOptions::default()
@@ -171,8 +170,15 @@ impl RenderedPlan {
 
     /// The flight with what its frames gave.
     #[must_use]
-    pub fn flown(self, flown: FlownFrames) -> RenderedFlight {
+    pub fn flown(self, mut flown: FlownFrames) -> RenderedFlight {
+        let constants = self.constants().0;
         let mut flight = Flight::without_frames(self.flight);
+        for frame in &mut flown.frames {
+            if let Some(fix) = &mut frame.fix {
+                let pose = flight.pose_at(frame.time_s);
+                fix.relief_en_m = relief_en_m(&pose, constants.boresight_rad, fix.sample.gsd_ratio);
+            }
+        }
         flight.deliver(flown.told.iter().copied());
         RenderedFlight {
             name: self.name,
@@ -180,6 +186,12 @@ impl RenderedPlan {
             legs: self.legs,
             flown,
         }
+    }
+
+    /// What is drawn for the flight, and the random numbers that come after.
+    fn constants(&self) -> (Constants, ChaCha8Rng) {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.flight.seed ^ 0x5eed);
+        (Constants::draw(&self.flight, &mut rng), rng)
     }
 
     /// Number of frames.
@@ -298,7 +310,21 @@ fn measured(fix: &Fix, frame: &Frame, localizer: &Localizer) -> MeasuredFix {
             gsd_ratio: fix.gsd_m / true_gsd_m,
         },
         error_m: east_m.hypot(north_m),
+        relief_en_m: [0.0; 2],
     }
+}
+
+/// By how much a view over a surface that is nearer than the ground by `gsd_ratio` meets it closer to the aircraft, metres east and
+/// north.
+fn relief_en_m(pose: &TruePose, boresight_rad: Vector2<f64>, gsd_ratio: f64) -> [f64; 2] {
+    let attitude = Rotation3::from_euler_angles(
+        pose.attitude.roll_deg.to_radians(),
+        pose.attitude.pitch_deg.to_radians(),
+        pose.attitude.yaw_deg.to_radians(),
+    );
+    let axis_ned = attitude * Vector3::new(boresight_rad.x, boresight_rad.y, 1.0);
+    let factor = (gsd_ratio - 1.0) * pose.height_agl_m / axis_ned.z;
+    [axis_ned.y * factor, axis_ned.x * factor]
 }
 
 fn measured_motion(motion: &RelativeMotion, before: &TruePose, now: &TruePose) -> MeasuredMotion {

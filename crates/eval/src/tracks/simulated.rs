@@ -48,7 +48,7 @@ impl FixStatistics {
                 wrong += 1;
                 continue;
             }
-            samples.push(fix.sample);
+            samples.push(fix.without_relief());
             errors_m.push(fix.error_m);
             nees.extend(fix.nees());
         }
@@ -125,6 +125,7 @@ pub fn simulate(
         let flight_options = flight_options(index, measured);
         let options = TrackOptions {
             vehicle: flight_options.vehicle,
+            focal_length_px: Some(flight_options.focal_length_px),
             ..options.clone()
         };
         if index.is_multiple_of(FLIGHTS_PER_KIDNAPPED) {
@@ -164,6 +165,7 @@ mod tests {
                     gsd_ratio: 1.0,
                 },
                 error_m,
+                relief_en_m: [0.0; 2],
             }),
             motion: None,
             time_ms: 20.0,

@@ -63,6 +63,7 @@ mod tests {
                         gsd_ratio: 1.01,
                     },
                     error_m: 0.1,
+                    relief_en_m: [0.0; 2],
                 }),
                 motion: None,
                 time_ms: 20.5,

@@ -152,6 +152,10 @@ fn fix(
         .map_or(Vector2::zeros(), |centre| centre.offset_en_m);
     let sample = sample(options, rng);
     let mut seen_m = truth.position_m + centre_m + map_m + Vector2::from(sample.error_en_m);
+    if options.fixes.is_some() {
+        // The surface that was matched is nearer or further than the ground. Else it is the measured resolution that is off.
+        seen_m += centre_m * (sample.gsd_ratio - 1.0);
+    }
     let mut stated = sample.confidence;
     if let Some(alias) = alias {
         seen_m += alias.offset_m;

@@ -20,7 +20,8 @@ pub struct FlightArea {
 /// A right fix: what is drawn again for other frames.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct FixSample {
-    /// Error of the image centre without the map's own, metres east and north.
+    /// Error of the image centre without the map's own and without what the height of the matched surface moves, metres east and
+    /// north.
     pub error_en_m: [f64; 2],
     /// Stated 1-sigma covariance without the map's error, square metres: east-east, east-north, north-north.
     pub covariance_en_m2: [f64; 3],
@@ -28,7 +29,7 @@ pub struct FixSample {
     pub confidence: f64,
     /// Error of the heading, degrees.
     pub heading_error_deg: f64,
-    /// Measured over true ground resolution.
+    /// Measured over true ground resolution: below 1 where roofs were matched.
     pub gsd_ratio: f64,
 }
 

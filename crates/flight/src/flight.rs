@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use grimnet_locate::{FrameFeatures, Localizer, LocateError, Outcome, Prior, Reason};
-use grimnet_photo::{Photo, Tilt, View, focal_px};
+use grimnet_photo::{Photo, View, focal_px};
 use grimnet_track::{
     Attitude, Height, Input, InputError, Miss, OptionsError, Taken, TrackOptions, TrackPoint,
     Tracker,
@@ -14,9 +14,11 @@ use crate::between_frames::{SearchedFrame, motion_between};
 use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 use crate::position_fix::position_fix;
 use crate::recent::Recent;
+use crate::recorded_attitude::recorded_attitude;
 use crate::search_plan::{PlannedSearch, Steering, plan};
 use crate::told_velocity::{ToldVelocity, VelocityDoubt};
-use crate::whole_map::WholeMap;
+use crate::told_yaw::{ToldYaw, YawDoubt};
+use crate::whole_map::{WholeMap, map_area_m2};
 
 /// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
 const TYPICAL_HALF_FOOTPRINT_M: f64 = 105.0;
@@ -49,6 +51,7 @@ pub struct Flight {
     whole_map_after_misses: u32,
     recent: Recent,
     told_velocity: ToldVelocity,
+    told_yaw: ToldYaw,
     whole_map: WholeMap,
     /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
     last_gsd_m: Option<f64>,
@@ -76,6 +79,7 @@ impl Flight {
             whole_map_after_misses: options.whole_map_after_misses,
             recent: Recent::default(),
             told_velocity: ToldVelocity::default(),
+            told_yaw: ToldYaw::default(),
             whole_map: WholeMap::default(),
             last_gsd_m: None,
             last_frame: None,
@@ -111,6 +115,12 @@ impl Flight {
         self.told_velocity.doubt()
     }
 
+    /// What is wrong with the yaw of the telemetry, where the first fixes agree on it. The flight goes on without telling it to the
+    /// searches.
+    pub fn yaw_doubt(&self) -> Option<YawDoubt> {
+        self.told_yaw.doubt()
+    }
+
     /// The track at a time; see [`Tracker::point_at`].
     pub fn point_at(&self, time_s: f64) -> Option<TrackPoint> {
         self.tracker.point_at(time_s)
@@ -136,10 +146,14 @@ impl Flight {
         }
         let half_footprint_m = self.half_footprint_m(photo, &view, px_per_reference_px);
         let search = self.tracker.search(time_s, half_footprint_m);
+        let yaw_deg = self.yaw_deg(time_s, known);
         let steering = Steering {
             known: known.prior,
             view: &view,
-            yaw_deg: self.yaw_deg(time_s, known),
+            yaw_deg: yaw_deg.filter(|_| self.told_yaw.doubt().is_none()),
+            tests_yaw: self
+                .told_yaw
+                .is_to_be_tested(self.whole_map.vain_searches()),
             height_agl_m: self.recent.height_agl_m_at(time_s),
             whole_map: self
                 .whole_map
@@ -151,6 +165,11 @@ impl Flight {
         let locating = Instant::now();
         let (outcome, features, searched, count) = self.search(photo, &searches);
         let locate_ms = elapsed_ms(locating);
+        if let (Ok(Outcome::Fix(fix)), Some((told_deg, _))) = (&outcome, yaw_deg)
+            && let Some(seen_deg) = fix.heading_deg
+        {
+            self.told_yaw.fix(told_deg, seen_deg);
+        }
         if let Some(features) = features {
             let attitude = known.attitude.or_else(|| self.recent.attitude_at(time_s));
             let searched = SearchedFrame {
@@ -364,31 +383,9 @@ impl Given {
     }
 }
 
-/// The attitude that the photo's metadata tell.
-fn recorded_attitude(view: &View, time_s: f64) -> Option<Attitude> {
-    let camera = view.attitude?;
-    let top_from_yaw_deg = Tilt::top_from_yaw_deg(camera.pitch_from_nadir_deg, camera.roll_deg);
-    let yaw_deg = view.heading?.heading_deg - top_from_yaw_deg;
-    let gimbal_pitch_deg = camera.pitch_from_nadir_deg - 90.0;
-    Some(Attitude::from_gimbal(
-        time_s,
-        yaw_deg,
-        gimbal_pitch_deg,
-        camera.roll_deg,
-    ))
-}
-
 /// Whether there is nothing in the photo that could be found anywhere.
 fn is_without_texture(reason: &Reason) -> bool {
     matches!(reason, Reason::TooFewKeypoints { .. })
-}
-
-/// Area of the map, square metres; `None` for a pack without levels.
-fn map_area_m2(localizer: &Localizer) -> Option<f64> {
-    let level = localizer.pack().levels().first()?;
-    let [width_px, height_px] = level.size_px();
-    let area_m2 = width_px as f64 * height_px as f64 * level.gsd_m() * level.gsd_m();
-    (area_m2.is_finite() && area_m2 > 0.0).then_some(area_m2)
 }
 
 fn elapsed_ms(since: Instant) -> f64 {

@@ -36,11 +36,14 @@ mod flight;
 mod frame;
 mod position_fix;
 mod recent;
+mod recorded_attitude;
 mod search_plan;
 mod told_velocity;
+mod told_yaw;
 mod whole_map;
 
 pub use flight::{Flight, FlightOptions};
 pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 pub use position_fix::position_fix;
 pub use told_velocity::VelocityDoubt;
+pub use told_yaw::YawDoubt;

@@ -33,6 +33,8 @@ pub(crate) struct Steering<'a> {
     pub view: &'a View,
     /// Yaw of the telemetry at the exposure and its 1-sigma, degrees.
     pub yaw_deg: Option<(f64, f64)>,
+    /// Whether the whole map is searched under every heading, too, in case that yaw is wrong.
+    pub tests_yaw: bool,
     /// Height above ground of the telemetry, metres, for photos that nothing else tells the scale of.
     pub height_agl_m: Option<f64>,
     /// Whether the whole map is searched after the windows. Without windows it is in any case.
@@ -49,8 +51,27 @@ pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearc
     }
     if searches.is_empty() || steering.whole_map {
         searches.push(on_whole_map(search.windows.first(), steering));
+        let is_told =
+            steering.yaw_deg.is_some() && steering.known.view.heading == HeadingPrior::FromMetadata;
+        if is_told && steering.tests_yaw {
+            searches.push(under_every_heading(search.windows.first(), steering));
+        }
     }
     searches
+}
+
+fn under_every_heading(leading: Option<&SearchWindow>, steering: &Steering<'_>) -> PlannedSearch {
+    let mut prior = steering.known;
+    prior.view.heading = HeadingPrior::Unknown;
+    tell_gsd(
+        &mut prior,
+        steering,
+        leading.and_then(|window| window.gsd_m),
+    );
+    PlannedSearch {
+        prior,
+        searched: Searched::WholeMap,
+    }
 }
 
 fn in_window(window: &SearchWindow, steering: &Steering<'_>) -> PlannedSearch {
@@ -178,7 +199,7 @@ fn circle_around(a: (LonLat, f64), b: (LonLat, f64)) -> (LonLat, f64) {
 }
 
 /// From one heading to another, -180 to 180 degrees.
-fn turn_deg(from_deg: f64, to_deg: f64) -> f64 {
+pub(crate) fn turn_deg(from_deg: f64, to_deg: f64) -> f64 {
     (to_deg - from_deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
@@ -205,6 +226,7 @@ mod tests {
             known: Prior::none(),
             view,
             yaw_deg: None,
+            tests_yaw: false,
             height_agl_m: None,
             whole_map: false,
             px_per_reference_px: 1.0,
@@ -261,6 +283,29 @@ mod tests {
         assert_eq!(plan.len(), 1);
         assert_eq!(plan[0].prior, known);
         assert_eq!(plan[0].searched, Searched::WholeMap);
+    }
+
+    #[test]
+    fn a_yaw_that_may_be_wrong_is_tested_on_the_whole_map_under_every_heading() {
+        let view = View::default();
+        let told = Steering {
+            yaw_deg: Some((10.0, 8.0)),
+            tests_yaw: true,
+            ..steering(&view)
+        };
+        let searches = plan(&Search::default(), &told);
+        assert_eq!(searches.len(), 2);
+        assert_eq!(searches[1].prior.view.heading, HeadingPrior::Unknown);
+        let stated = Steering {
+            known: Prior::none().with_heading(200.0, 5.0),
+            ..told
+        };
+        assert_eq!(plan(&Search::default(), &stated).len(), 1);
+        let untold = Steering {
+            yaw_deg: None,
+            ..told
+        };
+        assert_eq!(plan(&Search::default(), &untold).len(), 1);
     }
 
     #[test]

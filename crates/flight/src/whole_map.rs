@@ -1,5 +1,7 @@
 //! When the whole map is searched because the windows give nothing that the track believes.
 
+use grimnet_locate::Localizer;
+
 /// Whole-map searches without a fix double the frames until the next one, up to this many times.
 const MOST_DOUBLINGS: u32 = 3;
 
@@ -22,6 +24,11 @@ impl WholeMap {
         self.wait == 0 && (asked || self.misses >= after_misses)
     }
 
+    /// Searches of the whole map in a row that gave no fix.
+    pub fn vain_searches(&self) -> u32 {
+        self.empty
+    }
+
     /// The track accepted a fix.
     pub fn accepted(&mut self) {
         *self = Self::default();
@@ -39,6 +46,14 @@ impl WholeMap {
             self.wait = self.wait.saturating_sub(1);
         }
     }
+}
+
+/// Area of the map, square metres; `None` for a pack without levels.
+pub(crate) fn map_area_m2(localizer: &Localizer) -> Option<f64> {
+    let level = localizer.pack().levels().first()?;
+    let [width_px, height_px] = level.size_px();
+    let area_m2 = width_px as f64 * height_px as f64 * level.gsd_m() * level.gsd_m();
+    (area_m2.is_finite() && area_m2 > 0.0).then_some(area_m2)
 }
 
 #[cfg(test)]

@@ -141,6 +141,11 @@ impl Session {
                 {
                     tracing::warn!("{doubt}; without velocities the track may be better");
                 }
+                if let Some(doubt) = self.flight.yaw_doubt()
+                    && self.told.insert("yaw doubt")
+                {
+                    tracing::warn!("{doubt}; the headings of the fixes are used");
+                }
                 let note = FrameNote::of(&frame.name, &answer);
                 let alone = match &answer.outcome {
                     Ok(outcome) => Answer::of(&frame.name, outcome),

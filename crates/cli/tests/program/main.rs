@@ -11,6 +11,7 @@ mod interruptions;
 mod limits;
 mod maps;
 mod outputs;
+mod telemetry;
 mod track;
 #[cfg(feature = "video")]
 mod video;

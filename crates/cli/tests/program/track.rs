@@ -14,12 +14,12 @@ fn flight() -> PathBuf {
     demo().join("flight")
 }
 
-fn frame(number: usize) -> PathBuf {
+pub(super) fn frame(number: usize) -> PathBuf {
     flight().join(format!("frame_{number:03}.jpg"))
 }
 
 /// `grim track` with the flight's pack: the lines, standard error and exit status.
-fn track(arguments: &[&str], source: &[&Path]) -> (Vec<Value>, String, i32) {
+pub(super) fn track(arguments: &[&str], source: &[&Path]) -> (Vec<Value>, String, i32) {
     answers(
         grim()
             .arg("track")
@@ -232,37 +232,6 @@ fn bad_frames_are_told_in_a_line_each_and_stop_nothing() {
     assert!(
         errors.contains("have the time of the one before"),
         "{errors}"
-    );
-}
-
-#[test]
-fn telemetry_that_stops_or_whose_clock_jumps_is_told_once() {
-    let folder = tempfile::tempdir().unwrap();
-    let csv = folder.path().join("log.csv");
-    let frames: Vec<PathBuf> = (1..=6).map(frame).collect();
-    let sources: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
-    let told = |later: &str| {
-        let rows = "time,height_agl_m\n2026-06-21T10:00:00Z,115\n2026-06-21T10:00:01Z,115\n";
-        fs::write(&csv, format!("{rows}{later}")).unwrap();
-        let (answers, errors, _) = track(&["--telemetry", csv.to_str().unwrap()], &sources);
-        assert_eq!(answers.len(), 6, "{errors}");
-        assert_eq!(
-            errors.matches("after its last record").count(),
-            1,
-            "{errors}"
-        );
-        errors
-    };
-    let stopped = told("");
-    assert!(
-        stopped
-            .contains("log.csv: a frame comes 3.0 s after its last record, and no other follows"),
-        "{stopped}"
-    );
-    let jumped = told("2026-06-21T11:00:02Z,115\n");
-    assert!(
-        jumped.contains("and the next is 3598.0 s newer"),
-        "{jumped}"
     );
 }
 

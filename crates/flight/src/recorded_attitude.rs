@@ -1,0 +1,18 @@
+//! The attitude of the camera that a photo's metadata tell.
+
+use grimnet_photo::{Tilt, View};
+use grimnet_track::Attitude;
+
+/// The attitude that the photo's metadata tell.
+pub(crate) fn recorded_attitude(view: &View, time_s: f64) -> Option<Attitude> {
+    let camera = view.attitude?;
+    let top_from_yaw_deg = Tilt::top_from_yaw_deg(camera.pitch_from_nadir_deg, camera.roll_deg);
+    let yaw_deg = view.heading?.heading_deg - top_from_yaw_deg;
+    let gimbal_pitch_deg = camera.pitch_from_nadir_deg - 90.0;
+    Some(Attitude::from_gimbal(
+        time_s,
+        yaw_deg,
+        gimbal_pitch_deg,
+        camera.roll_deg,
+    ))
+}

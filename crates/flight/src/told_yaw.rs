@@ -1,0 +1,100 @@
+//! Whether the yaw of the telemetry is the heading that fixes show.
+//!
+//! A yaw of another convention (counter-clockwise, in radians, of the tail) makes every search look under a wrong heading, so that none
+//! gives a fix. Where the whole map was searched in vain under a yaw that no fix has confirmed yet, it is searched under every heading as
+//! well, and the fixes of that tell.
+
+use crate::search_plan::turn_deg;
+
+/// After so many searches of the whole map in a row without a fix, other headings than the told one are searched.
+const VAIN_SEARCHES: u32 = 3;
+/// A fix whose heading is this near to the told yaw confirms it, degrees: far beyond the error of a compass.
+const CONFIRMED_DEG: f64 = 40.0;
+/// So many fixes in a row must contradict: fixes of wrong places have any heading.
+const NEEDED: usize = 4;
+
+/// The told yaw is not the heading of the photos.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct YawDoubt {
+    /// From the headings of the first fixes to the told yaw, degrees clockwise: the smallest and the largest.
+    pub off_deg: [f64; 2],
+}
+
+impl std::fmt::Display for YawDoubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let [least, most] = self.off_deg;
+        write!(
+            f,
+            "the yaw of the telemetry is {least:.0} to {most:.0} degrees off the headings of the fixes: degrees clockwise from true \
+             north were expected"
+        )
+    }
+}
+
+/// Compares the told yaw with fixes.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ToldYaw {
+    is_confirmed: bool,
+    /// Differences that are too large, degrees.
+    off_deg: Vec<f64>,
+}
+
+impl ToldYaw {
+    /// Takes in a fix: the yaw that was told for it and its heading, degrees.
+    pub fn fix(&mut self, told_deg: f64, seen_deg: f64) {
+        let off_deg = turn_deg(seen_deg, told_deg);
+        if off_deg.abs() < CONFIRMED_DEG {
+            self.is_confirmed = true;
+        } else if self.off_deg.len() < NEEDED {
+            self.off_deg.push(off_deg);
+        }
+    }
+
+    /// Whether other headings are to be searched as well, after so many searches of the whole map in a row without a fix.
+    pub fn is_to_be_tested(&self, vain_searches: u32) -> bool {
+        !self.is_confirmed && vain_searches >= VAIN_SEARCHES
+    }
+
+    /// What is doubted, if enough fixes contradict the told yaw and none ever confirmed it.
+    pub fn doubt(&self) -> Option<YawDoubt> {
+        let doubted = !self.is_confirmed && self.off_deg.len() >= NEEDED;
+        let first_deg = *self.off_deg.first().filter(|_| doubted)?;
+        // Around the first, for -180 and 180 are one.
+        let around = |off_deg: &f64| first_deg + turn_deg(first_deg, *off_deg);
+        let [least, most] = [f64::min, f64::max]
+            .map(|choose| self.off_deg.iter().map(around).fold(first_deg, choose));
+        Some(YawDoubt {
+            off_deg: [least, most],
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_yaw_that_no_fix_confirms_is_doubted_after_four() {
+        let mut told = ToldYaw::default();
+        assert!(!told.is_to_be_tested(2));
+        assert!(told.is_to_be_tested(3));
+        for seen_deg in [90.0, 100.0, 80.0] {
+            told.fix(360.0 - seen_deg, seen_deg);
+            assert_eq!(told.doubt(), None);
+        }
+        told.fix(270.0, 90.0);
+        let doubt = told.doubt().unwrap();
+        assert_eq!(doubt.off_deg, [160.0, 200.0]);
+    }
+
+    #[test]
+    fn a_compass_that_is_off_is_not_doubted_nor_one_that_was_ever_right() {
+        let mut told = ToldYaw::default();
+        told.fix(355.0, 20.0);
+        for _ in 0..9 {
+            told.fix(355.0, 120.0);
+        }
+        assert_eq!(told.doubt(), None);
+        assert!(!told.is_to_be_tested(9), "water gives no fix either");
+    }
+}

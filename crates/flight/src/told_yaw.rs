@@ -84,7 +84,7 @@ mod tests {
         }
         told.fix(270.0, 90.0);
         let doubt = told.doubt().unwrap();
-        assert_eq!(doubt.off_deg, [160.0, 200.0]);
+        assert_eq!(doubt.off_deg, [-200.0, -160.0]);
     }
 
     #[test]

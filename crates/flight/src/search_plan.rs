@@ -54,24 +54,12 @@ pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearc
         let is_told =
             steering.yaw_deg.is_some() && steering.known.view.heading == HeadingPrior::FromMetadata;
         if is_told && steering.tests_yaw {
-            searches.push(under_every_heading(search.windows.first(), steering));
+            let mut every_heading = on_whole_map(search.windows.first(), steering);
+            every_heading.prior.view.heading = HeadingPrior::Unknown;
+            searches.push(every_heading);
         }
     }
     searches
-}
-
-fn under_every_heading(leading: Option<&SearchWindow>, steering: &Steering<'_>) -> PlannedSearch {
-    let mut prior = steering.known;
-    prior.view.heading = HeadingPrior::Unknown;
-    tell_gsd(
-        &mut prior,
-        steering,
-        leading.and_then(|window| window.gsd_m),
-    );
-    PlannedSearch {
-        prior,
-        searched: Searched::WholeMap,
-    }
 }
 
 fn in_window(window: &SearchWindow, steering: &Steering<'_>) -> PlannedSearch {

@@ -16,8 +16,7 @@ use crate::position_fix::position_fix;
 use crate::recent::Recent;
 use crate::recorded_attitude::recorded_attitude;
 use crate::search_plan::{PlannedSearch, Steering, plan};
-use crate::told_velocity::{ToldVelocity, VelocityDoubt};
-use crate::told_yaw::{ToldYaw, YawDoubt};
+use crate::told::{Doubt, Told, ToldOfPhoto};
 use crate::whole_map::{WholeMap, map_area_m2};
 
 /// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
@@ -50,8 +49,7 @@ pub struct Flight {
     tracker: Tracker,
     whole_map_after_misses: u32,
     recent: Recent,
-    told_velocity: ToldVelocity,
-    told_yaw: ToldYaw,
+    told: Told,
     whole_map: WholeMap,
     /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
     last_gsd_m: Option<f64>,
@@ -78,8 +76,7 @@ impl Flight {
             localizer,
             whole_map_after_misses: options.whole_map_after_misses,
             recent: Recent::default(),
-            told_velocity: ToldVelocity::default(),
-            told_yaw: ToldYaw::default(),
+            told: Told::default(),
             whole_map: WholeMap::default(),
             last_gsd_m: None,
             last_frame: None,
@@ -96,29 +93,30 @@ impl Flight {
         &self.tracker
     }
 
-    /// Takes in telemetry: attitude, height, velocity.
+    /// Takes in telemetry: attitude, height, velocity. `None` if it is left out because fixes contradicted it ([`Flight::doubts`]).
     ///
     /// # Errors
     /// As [`Tracker::push`].
-    pub fn push(&mut self, input: Input) -> Result<Taken, InputError> {
-        let taken = self.tracker.push(input)?;
+    pub fn push(&mut self, input: Input) -> Result<Option<Taken>, InputError> {
+        let taken = if self.leaves_out(&input) {
+            input.validate()?;
+            None
+        } else {
+            Some(self.tracker.push(input)?)
+        };
         self.recent.take(&input);
-        if let Input::Velocity(velocity) = &input {
-            self.told_velocity.velocity(velocity);
-        }
+        self.told.take(&input);
         Ok(taken)
     }
 
-    /// What is wrong with the velocities of the telemetry, where enough fixes agree on it. The filter goes on to use them: leave them
-    /// out, or put them right.
-    pub fn velocity_doubt(&self) -> Option<VelocityDoubt> {
-        self.told_velocity.doubt()
+    /// What is wrong with the telemetry, where enough fixes agree on it.
+    pub fn doubts(&self) -> impl Iterator<Item = Doubt> {
+        self.told.doubts()
     }
 
-    /// What is wrong with the yaw of the telemetry, where the first fixes agree on it. The flight goes on without telling it to the
-    /// searches.
-    pub fn yaw_doubt(&self) -> Option<YawDoubt> {
-        self.told_yaw.doubt()
+    /// Whether the flight goes without telemetry of this kind, because fixes contradicted it.
+    pub fn leaves_out(&self, input: &Input) -> bool {
+        self.told.leaves_out(input)
     }
 
     /// The track at a time; see [`Tracker::point_at`].
@@ -147,14 +145,14 @@ impl Flight {
         let half_footprint_m = self.half_footprint_m(photo, &view, px_per_reference_px);
         let search = self.tracker.search(time_s, half_footprint_m);
         let yaw_deg = self.yaw_deg(time_s, known);
+        let height_agl_m = self.recent.height_agl_m_at(time_s);
         let steering = Steering {
             known: known.prior,
             view: &view,
-            yaw_deg: yaw_deg.filter(|_| self.told_yaw.doubt().is_none()),
-            tests_yaw: self
-                .told_yaw
-                .is_to_be_tested(self.whole_map.vain_searches()),
-            height_agl_m: self.recent.height_agl_m_at(time_s),
+            yaw_deg: yaw_deg.filter(|_| self.told.tells_yaw()),
+            tests_yaw: self.told.tests_yaw(self.whole_map.vain_searches()),
+            tests_height: self.told.tests_height(self.whole_map.vain_searches()),
+            height_agl_m: height_agl_m.filter(|_| !self.told.leaves_out_height()),
             whole_map: self
                 .whole_map
                 .is_due(search.whole_map, self.whole_map_after_misses),
@@ -165,20 +163,34 @@ impl Flight {
         let locating = Instant::now();
         let (outcome, features, searched, count) = self.search(photo, &searches);
         let locate_ms = elapsed_ms(locating);
-        if let (Ok(Outcome::Fix(fix)), Some((told_deg, _))) = (&outcome, yaw_deg)
-            && let Some(seen_deg) = fix.heading_deg
-        {
-            self.told_yaw.fix(told_deg, seen_deg);
+        let focal_length_px = view
+            .hfov_deg
+            .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg));
+        let attitude = known
+            .attitude
+            .or_else(|| self.recent.attitude_at(time_s))
+            .or_else(|| recorded_attitude(&view, time_s));
+        if let Ok(Outcome::Fix(fix)) = &outcome {
+            let told = ToldOfPhoto {
+                attitude,
+                yaw_deg: yaw_deg.map(|(yaw_deg, _)| yaw_deg),
+                height_agl_m,
+                size_px: photo.full_size_px,
+                focal_length_px,
+            };
+            if self.told.fix(time_s, fix, &told) {
+                self.tracker.restart();
+            }
         }
+        let seen = outcome.as_ref().ok().and_then(Outcome::fix);
+        let heading = seen.and_then(|fix| Some((time_s, fix.heading_deg?)));
+        self.told.compare_times(heading, &self.recent);
         if let Some(features) = features {
-            let attitude = known.attitude.or_else(|| self.recent.attitude_at(time_s));
             let searched = SearchedFrame {
                 time_s,
                 features,
-                attitude: attitude.or_else(|| recorded_attitude(&view, time_s)),
-                focal_length_px: view
-                    .hfov_deg
-                    .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg)),
+                attitude: attitude.filter(|_| !self.told.leaves_out_attitude()),
+                focal_length_px,
                 px_per_reference_px,
             };
             self.give_motion(searched, &mut given);
@@ -277,7 +289,6 @@ impl Flight {
             Ok(Outcome::Fix(fix)) => {
                 let mut measured = position_fix(fix, time_s, self.localizer.options().map_error_m);
                 measured.gsd_m *= px_per_reference_px;
-                self.told_velocity.fix(time_s, measured.lonlat);
                 given.push(&mut self.tracker, Input::Fix(measured));
                 self.last_gsd_m = Some(measured.gsd_m);
             }
@@ -324,6 +335,9 @@ impl Flight {
 
     /// Gives the filter the attitude that the caller knows, else that of the metadata where telemetry told none.
     fn give_attitude(&mut self, time_s: f64, known: &Known, view: &View, given: &mut Given) {
+        if self.told.leaves_out_attitude() {
+            return;
+        }
         let attitude = match known.attitude {
             Some(attitude) => Some(Attitude { time_s, ..attitude }),
             None if self.recent.attitude_at(time_s).is_some() => None,

@@ -28,6 +28,10 @@
 //! hypothesis. Frames without a fix open the window. Where the position is unknown, lost or doubtful, or after a few frames
 //! without a fix, the whole map is searched as well.
 //!
+//! # Telemetry that is wrong
+//! What the fixes contradict again and again is told by [`Flight::doubts`]: times, yaw, tilt, height and velocity of another convention.
+//! Tilt and height are then left out.
+//!
 //! # Times
 //! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure.
 
@@ -38,12 +42,10 @@ mod position_fix;
 mod recent;
 mod recorded_attitude;
 mod search_plan;
-mod told_velocity;
-mod told_yaw;
+mod told;
 mod whole_map;
 
 pub use flight::{Flight, FlightOptions};
 pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 pub use position_fix::position_fix;
-pub use told_velocity::VelocityDoubt;
-pub use told_yaw::YawDoubt;
+pub use told::{DelayDoubt, Doubt, HeightDoubt, TiltDoubt, VelocityDoubt, YawDoubt};

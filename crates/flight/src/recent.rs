@@ -33,14 +33,27 @@ impl Recent {
         }
     }
 
-    /// The attitude nearest to a time.
+    /// The attitude nearest to a time, if it says something of that.
     pub fn attitude_at(&self, time_s: f64) -> Option<Attitude> {
+        self.nearest(time_s)
+            .filter(|attitude| (attitude.time_s - time_s).abs() <= ATTITUDE_HOLD_S)
+            .copied()
+    }
+
+    /// The attitude nearest to a time, however far away.
+    pub fn nearest(&self, time_s: f64) -> Option<&Attitude> {
         let away_s = |attitude: &&Attitude| (attitude.time_s - time_s).abs();
         self.attitudes
             .iter()
-            .filter(|attitude| away_s(attitude) <= ATTITUDE_HOLD_S)
             .min_by(|a, b| away_s(a).total_cmp(&away_s(b)))
-            .copied()
+    }
+
+    /// The latest time of an attitude, seconds.
+    pub fn newest_attitude_s(&self) -> Option<f64> {
+        self.attitudes
+            .iter()
+            .map(|attitude| attitude.time_s)
+            .reduce(f64::max)
     }
 
     /// The latest height above ground, metres, if it is of about this time.

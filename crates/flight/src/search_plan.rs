@@ -35,6 +35,8 @@ pub(crate) struct Steering<'a> {
     pub yaw_deg: Option<(f64, f64)>,
     /// Whether the whole map is searched under every heading, too, in case that yaw is wrong.
     pub tests_yaw: bool,
+    /// Whether the whole map is searched at every scale, too, in case that height is wrong.
+    pub tests_height: bool,
     /// Height above ground of the telemetry, metres, for photos that nothing else tells the scale of.
     pub height_agl_m: Option<f64>,
     /// Whether the whole map is searched after the windows. Without windows it is in any case.
@@ -50,13 +52,20 @@ pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearc
         searches.push(in_window(&window, steering));
     }
     if searches.is_empty() || steering.whole_map {
-        searches.push(on_whole_map(search.windows.first(), steering));
-        let is_told =
+        let as_told = on_whole_map(search.windows.first(), steering);
+        searches.push(as_told);
+        let yaw_is_told =
             steering.yaw_deg.is_some() && steering.known.view.heading == HeadingPrior::FromMetadata;
-        if is_told && steering.tests_yaw {
-            let mut every_heading = on_whole_map(search.windows.first(), steering);
-            every_heading.prior.view.heading = HeadingPrior::Unknown;
-            searches.push(every_heading);
+        let mut freed = as_told;
+        if yaw_is_told && steering.tests_yaw {
+            freed.prior.view.heading = HeadingPrior::Unknown;
+            searches.push(freed);
+        }
+        let height_is_told =
+            as_told.prior.view.height_agl_m.is_some() && steering.known.view.height_agl_m.is_none();
+        if height_is_told && steering.tests_height {
+            freed.prior.view.height_agl_m = None;
+            searches.push(freed);
         }
     }
     searches
@@ -195,7 +204,7 @@ pub(crate) fn turn_deg(from_deg: f64, to_deg: f64) -> f64 {
 mod tests {
     use super::*;
     use grimnet_geo::distance_m;
-    use grimnet_photo::Heading;
+    use grimnet_photo::{Heading, ViewPrior};
 
     const HERE: LonLat = LonLat::new(120.7, 24.2);
 
@@ -215,6 +224,7 @@ mod tests {
             view,
             yaw_deg: None,
             tests_yaw: false,
+            tests_height: false,
             height_agl_m: None,
             whole_map: false,
             px_per_reference_px: 1.0,
@@ -294,6 +304,30 @@ mod tests {
             ..told
         };
         assert_eq!(plan(&Search::default(), &untold).len(), 1);
+    }
+
+    #[test]
+    fn a_height_that_may_be_wrong_is_tested_on_the_whole_map_at_every_scale() {
+        let view = View::default();
+        let told = Steering {
+            height_agl_m: Some(380.0),
+            tests_height: true,
+            ..steering(&view)
+        };
+        let searches = plan(&Search::default(), &told);
+        let heights = searches.iter().map(|search| search.prior.view.height_agl_m);
+        assert_eq!(heights.collect::<Vec<_>>(), [Some(380.0), None]);
+        let stated = Steering {
+            known: Prior {
+                view: ViewPrior {
+                    height_agl_m: Some(115.0),
+                    ..ViewPrior::default()
+                },
+                ..Prior::none()
+            },
+            ..told
+        };
+        assert_eq!(plan(&Search::default(), &stated).len(), 1);
     }
 
     #[test]

@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use grimnet_flight::{Flight, FlightOptions, FrameAnswer, Known, Searched};
+use grimnet_flight::{Doubt, Flight, FlightOptions, FrameAnswer, Known, Searched};
 use grimnet_geo::{LonLat, MapOptions, distance_m, open_map};
 use grimnet_locate::{Localizer, Options, Outcome};
 use grimnet_net::Model;
@@ -254,4 +254,48 @@ fn put_elsewhere_it_is_found_again() {
         "{:?}",
         elsewhere[13].0
     );
+}
+
+#[test]
+fn telemetry_that_turns_later_than_the_photos_is_told() {
+    // To the right and to the left in turns: in a steady turn a delay is the same as a compass that is off.
+    let pose_at = |time_s: f64| {
+        let phase = 0.35 * time_s;
+        let [east_m_s, north_m_s] = [9.0f64, 14.0 * phase.cos()];
+        Pose {
+            x_m: 180.0 + east_m_s * time_s,
+            y_m: 310.0 + 40.0 * phase.sin(),
+            heading_deg: east_m_s.atan2(north_m_s).to_degrees(),
+            pitch_off_nadir_deg: 0.0,
+            roll_deg: 0.0,
+            ..pose(0.0, 0.0)
+        }
+    };
+    let late_s = 2.0;
+    let mut flight = flight(None);
+    let mut told_ticks = 0;
+    for number in 0..38 {
+        let time_s = f64::from(number) / FRAMES_PER_S;
+        while f64::from(told_ticks) * 0.1 <= time_s {
+            let told_s = f64::from(told_ticks) * 0.1;
+            let attitude = Attitude {
+                time_s: told_s,
+                yaw_deg: pose_at(told_s - late_s).heading_deg,
+                pitch_deg: 0.0,
+                roll_deg: 0.0,
+            };
+            flight.push(Input::Attitude(attitude)).unwrap();
+            told_ticks += 1;
+        }
+        let known = Known {
+            attitude: None,
+            ..known(&pose(0.0, 0.0))
+        };
+        flight.frame(&photo(&pose_at(time_s)), time_s, &known);
+    }
+    let doubts: Vec<Doubt> = flight.doubts().collect();
+    let [Doubt::Delay(doubt)] = doubts[..] else {
+        panic!("{doubts:?}");
+    };
+    assert!((doubt.delay_s - late_s).abs() <= 0.5, "{doubt:?}");
 }

@@ -36,6 +36,8 @@ numbers! {
     duration_ms: "a number of milliseconds, above 0" if |v| v > 0.0;
     /// A duration in seconds, above zero, at most a day.
     duration_s: "a number of seconds, above 0 and at most 86400" if |v| v > 0.0 && v <= 86_400.0;
+    /// A difference of times in seconds, at most a day.
+    seconds: "a number of seconds, from -86400 to 86400" if |v| v.abs() <= 86_400.0;
     /// A duration in minutes, above zero, ten hours at most.
     minutes: "a number of minutes, above 0 and at most 600" if |v| v > 0.0 && v <= 600.0;
     /// A frame rate, at most 30 frames a second.

@@ -130,6 +130,14 @@ impl Tracker {
         TrackPoint::new(time_s, point.as_ref(), None)
     }
 
+    /// What is wrong with the telemetry, a sentence each, where enough fixes agree on it.
+    fn doubts(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| {
+            let flight = self.flight();
+            flight.doubts().map(|doubt| doubt.to_string()).collect()
+        })
+    }
+
     /// Attitude of an aircraft with a fixed camera that looks down, degrees: yaw clockwise from true north, pitch with the nose
     /// up, roll with the right side down.
     #[pyo3(signature = (time_s, *, yaw_deg, pitch_deg, roll_deg))]

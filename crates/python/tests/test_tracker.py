@@ -46,6 +46,16 @@ def test_same_track_as_the_program(localizer, lines):
     assert "tracking" in repr(point)
 
 
+def test_telemetry_that_fixes_contradict_is_doubted(localizer, lines):
+    tracker = grimnet.Tracker(localizer)
+    for line in lines[:6]:
+        at = seconds(line)
+        tracker.push_gimbal(at, yaw_deg=99.0, pitch_deg=-60.0, roll_deg=0.0)
+        tracker.frame(line["photo"], at, heading="unknown")
+    (doubt,) = tracker.doubts()
+    assert "-30 degrees of pitch" in doubt
+
+
 def test_telemetry_is_taken_in(localizer, lines):
     tracker = grimnet.Tracker(localizer, vehicle="plane", start=(1.0, 1.5, 2000.0), focal_length_px=1000.0)
     for line in lines[:4]:
@@ -55,6 +65,7 @@ def test_telemetry_is_taken_in(localizer, lines):
         tracker.push_gimbal(at, yaw_deg=90.0, pitch_deg=-90.0, roll_deg=0.0)
         point = tracker.frame(line["photo"], at)
     assert point.altitude_amsl_m in (140.0, None)
+    assert tracker.doubts() == []
     tracker.push_attitude(at + 0.1, yaw_deg=90.0, pitch_deg=0.0, roll_deg=0.0)
     for bad in (
         lambda: tracker.push_height(math.nan, agl_m=100.0),

@@ -124,6 +124,23 @@ impl Input {
         }
     }
 
+    /// The same input so many seconds later.
+    #[must_use]
+    pub fn moved_in_time(mut self, by_s: f64) -> Self {
+        match &mut self {
+            Self::Attitude(input) => input.time_s += by_s,
+            Self::Height(input) => input.time_s += by_s,
+            Self::Velocity(input) => input.time_s += by_s,
+            Self::Motion(input) => {
+                input.from_time_s += by_s;
+                input.time_s += by_s;
+            }
+            Self::Fix(input) => input.time_s += by_s,
+            Self::Miss(input) => input.time_s += by_s,
+        }
+        self
+    }
+
     /// What kind of input it is, in the order in which inputs of the same time are processed: what a fix needs comes first.
     fn rank(&self) -> u8 {
         match self {

@@ -10,7 +10,7 @@ impl Input {
     ///
     /// # Errors
     /// [`InputError::Invalid`] names the first field that is not.
-    pub(crate) fn validate(&self) -> Result<(), InputError> {
+    pub fn validate(&self) -> Result<(), InputError> {
         require("time_s", self.time_s(), self.time_s().is_finite(), "finite")?;
         match self {
             Self::Attitude(a) => {

@@ -126,10 +126,8 @@ impl Tracker {
             if !self.clock_has_jumped(input.time_s()) {
                 return Err(error);
             }
-            self.lag = Lag::new();
-            self.refused = None;
+            self.restart();
             self.has_fix |= matches!(input, Input::Fix(_));
-            self.counts.restarts += 1;
             self.lag.push(input, &self.options);
             return Ok(Taken::Restarted);
         }
@@ -142,6 +140,13 @@ impl Tracker {
             Taken::InOrder | Taken::Restarted => self.counts.in_order += 1,
         }
         Ok(taken)
+    }
+
+    /// Forgets all inputs, as when the clock jumped: what they said turned out to be wrong.
+    pub fn restart(&mut self) {
+        self.lag = Lag::new();
+        self.refused = None;
+        self.counts.restarts += 1;
     }
 
     fn check_time(&mut self, time_s: f64) -> Result<(), InputError> {

@@ -255,9 +255,10 @@ fn telemetry(arguments: &TrackArgs, source: &Source) -> Result<Option<RecordedTe
         _ => None,
     };
     let beside = || video.and_then(|path| beside_video(path));
+    let delay_s = arguments.link.telemetry_delay;
     match arguments.link.telemetry.clone().or_else(beside) {
-        Some(path) => RecordedTelemetry::read(&path).map(Some),
-        None => Ok(video.and_then(|path| RecordedTelemetry::within_video(path))),
+        Some(path) => RecordedTelemetry::read(&path, delay_s).map(Some),
+        None => Ok(video.and_then(|path| RecordedTelemetry::within_video(path, delay_s))),
     }
 }
 
@@ -272,7 +273,7 @@ fn write_track(
     if smooth {
         let options = followed.session.flight().tracker().options();
         let inputs = followed.session.inputs();
-        for line in smoothed_lines(&followed.lines, inputs, frames.epoch(), options)? {
+        for line in smoothed_lines(&followed.lines, &inputs, frames.epoch(), options)? {
             stream.write(&line)?;
         }
     }

@@ -42,6 +42,10 @@ pub struct TrackLinkArgs {
     /// [default: the SRT beside a video, or what is in a transport stream]
     #[arg(long, value_name = "FILE", help_heading = LINK)]
     pub telemetry: Option<PathBuf>,
+
+    /// The times of the recorded telemetry are so many seconds late; early if negative
+    #[arg(long, value_name = "S", default_value_t = 0.0, value_parser = values::seconds, allow_hyphen_values = true, help_heading = LINK)]
+    pub telemetry_delay: f64,
 }
 
 impl TrackLinkArgs {

@@ -33,11 +33,11 @@ pub struct RecordedTelemetry {
 }
 
 impl RecordedTelemetry {
-    /// Reads the file.
+    /// Reads the file, whose times are late by so many seconds.
     ///
     /// # Errors
     /// It cannot be read, or nothing in it can be used.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: &Path, delay_s: f64) -> Result<Self> {
         let telemetry = read_telemetry(path)?;
         if let Some(problem) = &telemetry.first_problem {
             tracing::warn!(
@@ -50,7 +50,11 @@ impl RecordedTelemetry {
         Ok(Self {
             path: path.to_owned(),
             clock: telemetry.clock,
-            inputs: telemetry.inputs.into(),
+            inputs: telemetry
+                .inputs
+                .iter()
+                .map(|input| input.moved_in_time(-delay_s))
+                .collect(),
             is_checked: false,
             latest_s: None,
             gap_is_told: false,
@@ -58,11 +62,11 @@ impl RecordedTelemetry {
     }
 
     /// The metadata in a video, if it is a transport stream that has some.
-    pub fn within_video(video: &Path) -> Option<Self> {
+    pub fn within_video(video: &Path, delay_s: f64) -> Option<Self> {
         if !has_ending(video, TRANSPORT_STREAM_ENDINGS) || !video.is_file() {
             return None;
         }
-        match Self::read(video) {
+        match Self::read(video, delay_s) {
             Ok(telemetry) => {
                 let path = video.display();
                 tracing::info!("{path}: its KLV metadata give attitude, height and velocity");
@@ -199,7 +203,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.csv");
         fs_err::write(&path, "time,height_agl_m\n0,100\n1,101\n2,102\n3,103\n").unwrap();
-        let mut telemetry = RecordedTelemetry::read(&path).unwrap();
+        let mut telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
         assert_eq!(telemetry.until(1.0, Epoch::Start).unwrap().len(), 2);
         assert_eq!(telemetry.until(1.1, Epoch::Start).unwrap().len(), 0);
         assert_eq!(telemetry.until(1.9, Epoch::Start).unwrap().len(), 1);
@@ -211,7 +215,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.csv");
         fs_err::write(&path, "time,height_agl_m\n2026-05-01T12:00:00Z,100\n").unwrap();
-        let mut telemetry = RecordedTelemetry::read(&path).unwrap();
+        let mut telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
         let error = telemetry.until(0.0, Epoch::Start).unwrap_err().to_string();
         assert!(
             error.contains("flight.csv") && error.contains("dates"),

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use anyhow::Result;
-use grimnet_flight::{Flight, Known, Searched};
+use grimnet_flight::{DelayDoubt, Doubt, Flight, Known, Searched};
 use grimnet_track::{Input, InputError, TrackPoint};
 
 use super::frame_time::Epoch;
@@ -96,9 +96,12 @@ impl Session {
         self.counts
     }
 
-    /// All inputs so far, if they are kept.
-    pub fn inputs(&self) -> &[Input] {
-        self.inputs.as_deref().unwrap_or_default()
+    /// All inputs so far, if they are kept, without what the fixes contradict.
+    pub fn inputs(&self) -> Vec<Input> {
+        let kept = self.inputs.iter().flatten();
+        kept.filter(|input| !self.flight.leaves_out(input))
+            .copied()
+            .collect()
     }
 
     /// Takes in telemetry. What the filter refuses is told once of each kind.
@@ -136,16 +139,7 @@ impl Session {
                 if let Err(error) = &answer.outcome {
                     tracing::warn!("{}: {error}", printable(&frame.name));
                 }
-                if let Some(doubt) = self.flight.velocity_doubt()
-                    && self.told.insert("velocity doubt")
-                {
-                    tracing::warn!("{doubt}; without velocities the track may be better");
-                }
-                if let Some(doubt) = self.flight.yaw_doubt()
-                    && self.told.insert("yaw doubt")
-                {
-                    tracing::warn!("{doubt}; the headings of the fixes are used");
-                }
+                self.tell_doubts();
                 let note = FrameNote::of(&frame.name, &answer);
                 let alone = match &answer.outcome {
                     Ok(outcome) => Answer::of(&frame.name, outcome),
@@ -186,6 +180,23 @@ impl Session {
     /// It cannot be written.
     pub fn finish(self) -> Result<()> {
         self.recorder.map_or(Ok(()), Recorder::finish)
+    }
+
+    /// Tells what the fixes contradict, once of each kind.
+    fn tell_doubts(&mut self) {
+        for doubt in self.flight.doubts() {
+            if !self.told.insert(doubt.of()) {
+                continue;
+            }
+            match doubt {
+                Doubt::Delay(DelayDoubt { delay_s }) => {
+                    tracing::warn!(
+                        "{doubt}; with `--telemetry-delay {delay_s}` a recorded one fits"
+                    );
+                }
+                _ => tracing::warn!("{doubt}"),
+            }
+        }
     }
 
     fn count(&mut self, result: FrameResult, point: Option<&TrackPoint>) {

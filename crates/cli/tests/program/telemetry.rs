@@ -3,6 +3,8 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use super::track::{frame, track};
 
 #[test]
@@ -36,37 +38,71 @@ fn telemetry_that_stops_or_whose_clock_jumps_is_told_once() {
     );
 }
 
-#[test]
-fn a_yaw_of_another_convention_is_told_and_the_flight_is_found_without_it() {
+/// Follows frames with telemetry of these rows: the last state, the first answers with a position, and the errors.
+fn followed(frames: usize, row: &str) -> (Vec<Value>, String) {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("log.csv");
-    let frames: Vec<PathBuf> = (1..=8).map(frame).collect();
+    let frames: Vec<PathBuf> = (1..=frames).map(frame).collect();
     let sources: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
-    let with_yaw = |yaw_deg: f64| {
-        let row = |second: u32| format!("2026-06-21T10:00:{second:02}Z,{yaw_deg},0,0,115\n");
-        let rows: String = (0..60).map(row).collect();
-        fs::write(
-            &csv,
-            format!("time,yaw_deg,pitch_deg,roll_deg,height_agl_m\n{rows}"),
-        )
-        .unwrap();
-        let (answers, errors, _) = track(&["--telemetry", csv.to_str().unwrap()], &sources);
-        let last = answers.last().unwrap()["state"]
-            .as_str()
-            .unwrap()
-            .to_owned();
-        (last, errors)
+    let rows: String = (0..60)
+        .map(|second| format!("2026-06-21T10:00:{second:02}Z,{row}\n"))
+        .collect();
+    fs::write(
+        &csv,
+        format!("time,yaw_deg,pitch_deg,roll_deg,height_agl_m\n{rows}"),
+    )
+    .unwrap();
+    let (answers, errors, _) = track(&["--telemetry", csv.to_str().unwrap()], &sources);
+    (answers, errors)
+}
+
+#[test]
+fn a_yaw_of_another_convention_is_told_and_the_flight_is_found_without_it() {
+    let (answers, errors) = followed(8, "98.8,0,0,115");
+    assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
+    assert!(!errors.contains("of the telemetry"), "{errors}");
+    let (answers, errors) = followed(8, "351.2,0,0,115");
+    assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
+    let told = errors.matches("degrees off the headings of the fixes");
+    assert_eq!(told.count(), 1, "{errors}");
+}
+
+#[test]
+fn a_tilt_of_another_convention_is_told_and_the_radius_grows() {
+    for (row, off) in [
+        ("98.8,0,20,115", "+0 degrees of pitch and -20 of roll"),
+        ("98.8,-90,0,115", "+90 degrees of pitch and +0 of roll"),
+    ] {
+        let (answers, errors) = followed(12, row);
+        assert_eq!(errors.matches(off).count(), 1, "{errors}");
+        let last = answers.last().unwrap();
+        assert_eq!(last["state"], "tracking", "{errors}");
+        assert!(last["radius95_m"].as_f64().unwrap() > 20.0, "{last}");
+    }
+}
+
+#[test]
+fn feet_and_heights_above_the_sea_are_told_and_the_flight_is_found_without_them() {
+    for (height_m, factor) in [(377.3, "3.2"), (295.0, "2.5"), (55.0, "0.4")] {
+        let (answers, errors) = followed(10, &format!("98.8,0,0,{height_m}"));
+        let told = format!("the heights of the telemetry are {factor}");
+        assert_eq!(errors.matches(&told).count(), 1, "{errors}");
+        assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
+    }
+}
+
+#[test]
+fn a_stated_delay_of_the_telemetry_moves_its_times() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("log.csv");
+    let rows = "time,height_agl_m\n2026-06-21T10:00:00Z,115\n2026-06-21T10:00:09Z,115\n";
+    fs::write(&csv, rows).unwrap();
+    let first = frame(1);
+    let errors = |delay: &str| {
+        let csv = csv.to_str().unwrap();
+        let arguments = ["--telemetry", csv, "--telemetry-delay", delay];
+        track(&arguments, &[first.as_path()]).1
     };
-    let (state, errors) = with_yaw(98.8);
-    assert_eq!(state, "tracking", "{errors}");
-    assert!(!errors.contains("the yaw of the telemetry"), "{errors}");
-    let (state, errors) = with_yaw(351.2);
-    assert_eq!(state, "tracking", "{errors}");
-    assert_eq!(
-        errors
-            .matches("degrees off the headings of the fixes")
-            .count(),
-        1,
-        "{errors}"
-    );
+    assert!(!errors("0").contains("before the first frame"));
+    assert!(errors("60").contains("before the first frame"));
 }

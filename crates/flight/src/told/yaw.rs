@@ -6,8 +6,6 @@
 
 use crate::search_plan::turn_deg;
 
-/// After so many searches of the whole map in a row without a fix, other headings than the told one are searched.
-const VAIN_SEARCHES: u32 = 3;
 /// A fix whose heading is this near to the told yaw confirms it, degrees: far beyond the error of a compass.
 const CONFIRMED_DEG: f64 = 40.0;
 /// So many fixes in a row must contradict: fixes of wrong places have any heading.
@@ -50,9 +48,9 @@ impl ToldYaw {
         }
     }
 
-    /// Whether other headings are to be searched as well, after so many searches of the whole map in a row without a fix.
-    pub fn is_to_be_tested(&self, vain_searches: u32) -> bool {
-        !self.is_confirmed && vain_searches >= VAIN_SEARCHES
+    /// Whether a fix has ever confirmed it.
+    pub fn is_confirmed(&self) -> bool {
+        self.is_confirmed
     }
 
     /// What is doubted, if enough fixes contradict the told yaw and none ever confirmed it.
@@ -76,8 +74,7 @@ mod tests {
     #[test]
     fn a_yaw_that_no_fix_confirms_is_doubted_after_four() {
         let mut told = ToldYaw::default();
-        assert!(!told.is_to_be_tested(2));
-        assert!(told.is_to_be_tested(3));
+        assert!(!told.is_confirmed());
         for seen_deg in [90.0, 100.0, 80.0] {
             told.fix(360.0 - seen_deg, seen_deg);
             assert_eq!(told.doubt(), None);
@@ -95,6 +92,6 @@ mod tests {
             told.fix(355.0, 120.0);
         }
         assert_eq!(told.doubt(), None);
-        assert!(!told.is_to_be_tested(9), "water gives no fix either");
+        assert!(told.is_confirmed());
     }
 }

@@ -1,0 +1,183 @@
+//! Whether the telemetry is what the fixes show: its times, yaw, tilt, height and velocity.
+
+mod delay;
+mod height;
+mod tilt;
+mod velocity;
+mod yaw;
+
+use grimnet_geo::LonLat;
+use grimnet_locate::Fix;
+use grimnet_track::{Attitude, Input};
+
+use crate::recent::Recent;
+
+pub use delay::DelayDoubt;
+pub use height::HeightDoubt;
+pub use tilt::TiltDoubt;
+pub use velocity::VelocityDoubt;
+pub use yaw::YawDoubt;
+
+/// After so many searches of the whole map in a row without a fix, other headings and scales than the told ones are searched.
+const VAIN_SEARCHES: u32 = 3;
+
+/// Something of the telemetry that the fixes contradict.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Doubt {
+    /// Its times. The filter goes on to use them.
+    Delay(DelayDoubt),
+    /// Its yaw. It is not told to the searches any more.
+    Yaw(YawDoubt),
+    /// Its pitch and roll. The flight goes on without attitude.
+    Tilt(TiltDoubt),
+    /// Its height. The flight goes on without it.
+    Height(HeightDoubt),
+    /// Its velocities. The filter goes on to use them: leave them out, or put them right.
+    Velocity(VelocityDoubt),
+}
+
+impl Doubt {
+    /// What is doubted, in a word or two.
+    pub fn of(&self) -> &'static str {
+        match self {
+            Self::Delay(_) => "times of the telemetry",
+            Self::Yaw(_) => "yaw",
+            Self::Tilt(_) => "tilt",
+            Self::Height(_) => "height",
+            Self::Velocity(_) => "velocity",
+        }
+    }
+}
+
+impl std::fmt::Display for Doubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Delay(doubt) => doubt.fmt(f),
+            Self::Yaw(doubt) => write!(f, "{doubt}; the headings of the fixes are used"),
+            Self::Tilt(doubt) => write!(f, "{doubt}; the flight goes on without attitude"),
+            Self::Height(doubt) => write!(f, "{doubt}; the flight goes on without them"),
+            Self::Velocity(doubt) => {
+                write!(f, "{doubt}; without velocities the track may be better")
+            }
+        }
+    }
+}
+
+/// What was told for a photo that gave a fix.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct ToldOfPhoto {
+    /// Attitude of the camera, of the telemetry or of the photo's metadata.
+    pub attitude: Option<Attitude>,
+    /// Yaw of the telemetry, degrees.
+    pub yaw_deg: Option<f64>,
+    /// Height of the telemetry, metres above ground.
+    pub height_agl_m: Option<f64>,
+    /// Size of the photo, pixels.
+    pub size_px: (u32, u32),
+    /// Focal length of the photo at this size, pixels.
+    pub focal_length_px: Option<f64>,
+}
+
+/// Compares telemetry with fixes.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Told {
+    delay: delay::ToldDelay,
+    yaw: yaw::ToldYaw,
+    tilt: tilt::ToldTilt,
+    height: height::ToldHeight,
+    velocity: velocity::ToldVelocity,
+}
+
+impl Told {
+    /// Takes in telemetry.
+    pub fn take(&mut self, input: &Input) {
+        if let Input::Velocity(velocity) = input {
+            self.velocity.velocity(velocity);
+        }
+    }
+
+    /// Takes in the fix of a photo. `true` if the filter was told what is doubted from now on, and has to begin anew.
+    pub fn fix(&mut self, time_s: f64, fix: &Fix, told: &ToldOfPhoto) -> bool {
+        let before = (self.leaves_out_attitude(), self.leaves_out_height());
+        self.velocity
+            .fix(time_s, LonLat::new(fix.lon_deg, fix.lat_deg));
+        if let (Some(told_deg), Some(seen_deg)) = (told.yaw_deg, fix.heading_deg) {
+            self.yaw.fix(told_deg, seen_deg);
+        }
+        if let Some(focal_px) = told.focal_length_px {
+            let seen = tilt::SeenTilt::of(&fix.outline_lonlat_deg, told.size_px, focal_px);
+            if let (Some(seen), Some(attitude)) = (seen, &told.attitude) {
+                self.tilt.fix(seen, attitude);
+            }
+            if let (Some(seen), Some(told_m)) = (seen, told.height_agl_m) {
+                self.height
+                    .fix(fix.gsd_m * focal_px / seen.gsd_over_nadir(), told_m);
+            }
+        }
+        before != (self.leaves_out_attitude(), self.leaves_out_height())
+    }
+
+    /// Compares the times of the fixes with what was told by now, of which there may be a new one: its time and heading.
+    pub fn compare_times(&mut self, new_fix: Option<(f64, f64)>, recent: &Recent) {
+        if let Some(newest_s) = recent.newest_attitude_s() {
+            self.delay
+                .fix(new_fix, newest_s, |time_s| recent.nearest(time_s));
+        }
+    }
+
+    /// Whether other headings than the told one are to be searched as well, after so many searches of the whole map in a row without
+    /// a fix.
+    pub fn tests_yaw(&self, vain_searches: u32) -> bool {
+        vain_searches >= VAIN_SEARCHES && !self.yaw.is_confirmed()
+    }
+
+    /// Whether other scales than the told height's are.
+    pub fn tests_height(&self, vain_searches: u32) -> bool {
+        vain_searches >= VAIN_SEARCHES && !self.height.is_confirmed()
+    }
+
+    /// Whether the yaw is told to searches.
+    pub fn tells_yaw(&self) -> bool {
+        self.yaw.doubt().is_none()
+    }
+
+    /// Whether the filter goes without attitude.
+    pub fn leaves_out_attitude(&self) -> bool {
+        self.tilt.doubt().is_some()
+    }
+
+    /// Whether searches and filter go without height.
+    pub fn leaves_out_height(&self) -> bool {
+        self.height.doubt().is_some()
+    }
+
+    /// Whether the filter is not given this.
+    pub fn leaves_out(&self, input: &Input) -> bool {
+        match input {
+            Input::Attitude(_) => self.leaves_out_attitude(),
+            Input::Height(_) => self.leaves_out_height(),
+            _ => false,
+        }
+    }
+
+    /// All that is doubted.
+    pub fn doubts(&self) -> impl Iterator<Item = Doubt> {
+        [
+            self.delay.doubt().map(Doubt::Delay),
+            self.yaw.doubt().map(Doubt::Yaw),
+            self.tilt.doubt().map(Doubt::Tilt),
+            self.height.doubt().map(Doubt::Height),
+            self.velocity.doubt().map(Doubt::Velocity),
+        ]
+        .into_iter()
+        .flatten()
+    }
+}
+
+/// The middle value; NaN of none.
+fn median(values: impl Iterator<Item = f64>) -> f64 {
+    let mut values: Vec<f64> = values.collect();
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}

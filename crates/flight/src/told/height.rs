@@ -1,0 +1,104 @@
+//! Whether the height of the telemetry is that which the photos show.
+//!
+//! The ground resolution of a fix times the focal length is the height above the ground. Feet, heights above the sea or above the place
+//! of take-off, and a wrong field of view differ from it by a factor that is the same in fix after fix. No photo is found where the
+//! height puts its scale wrong, so the searches try other scales while no fix has confirmed it.
+
+use std::collections::VecDeque;
+
+use super::median;
+
+/// So many of the latest fixes are compared.
+const FIXES: usize = 8;
+/// So many of them must contradict.
+const NEEDED: usize = 6;
+/// A height within this factor of that of a fix is confirmed by it: roofs and slopes are nearer than the ground below.
+const CONFIRMED: f64 = 1.35;
+
+/// The told height is not that of the photos.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HeightDoubt {
+    /// Told height over that which the latest fixes show with the stated field of view, median.
+    pub factor: f64,
+    /// Height above ground that the latest fix shows, metres.
+    pub seen_m: f64,
+}
+
+impl std::fmt::Display for HeightDoubt {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "the heights of the telemetry are {:.2} times those that the fixes show ({:.0} m with this field of view): metres above the \
+             ground below were expected",
+            self.factor, self.seen_m
+        )
+    }
+}
+
+/// Compares the told height with fixes.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ToldHeight {
+    is_confirmed: bool,
+    /// Told over seen heights, the latest last.
+    factors: VecDeque<f64>,
+    doubt: Option<HeightDoubt>,
+}
+
+impl ToldHeight {
+    /// Takes in the height above ground that a fix shows and the one that was told for it, metres.
+    pub fn fix(&mut self, seen_m: f64, told_m: f64) {
+        let factor = told_m / seen_m;
+        self.is_confirmed |= factor.ln().abs() < CONFIRMED.ln();
+        if self.factors.len() == FIXES {
+            self.factors.pop_front();
+        }
+        self.factors.push_back(factor);
+        let middle = median(self.factors.iter().copied());
+        let agreeing = |factor: &&f64| {
+            (*factor / middle).ln().abs() < CONFIRMED.ln() && factor.ln().abs() > CONFIRMED.ln()
+        };
+        if self.factors.iter().filter(agreeing).count() >= NEEDED && self.doubt.is_none() {
+            self.doubt = Some(HeightDoubt {
+                factor: middle,
+                seen_m,
+            });
+        }
+    }
+
+    /// Whether a fix has ever confirmed it.
+    pub fn is_confirmed(&self) -> bool {
+        self.is_confirmed
+    }
+
+    /// What is doubted; once it is, it stays so.
+    pub fn doubt(&self) -> Option<HeightDoubt> {
+        self.doubt
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn flown(told_over_seen: impl Fn(usize) -> f64) -> ToldHeight {
+        let mut told = ToldHeight::default();
+        for number in 0..20 {
+            told.fix(100.0, 100.0 * told_over_seen(number));
+        }
+        told
+    }
+
+    #[test]
+    fn feet_are_told_and_roofs_and_wrong_fixes_are_not() {
+        let feet = flown(|number| if number % 7 == 3 { 0.4 } else { 3.28 });
+        let doubt = feet.doubt().unwrap();
+        assert_eq!(doubt.factor, 3.28);
+        assert!(!feet.is_confirmed());
+        assert!(doubt.to_string().contains("3.28 times"), "{doubt}");
+        let roofs = flown(|number| 1.0 + 0.03 * (number % 10) as f64);
+        assert_eq!(roofs.doubt(), None);
+        assert!(roofs.is_confirmed());
+        let wrong = flown(|number| [0.3, 1.0, 2.8, 5.0][number % 4]);
+        assert_eq!(wrong.doubt(), None, "they agree on no factor");
+    }
+}

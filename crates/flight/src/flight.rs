@@ -180,6 +180,10 @@ impl Flight {
             };
             if self.told.fix(time_s, fix, &told) {
                 self.tracker.restart();
+                given = Given {
+                    after_restart: true,
+                    ..Given::default()
+                };
             }
         }
         let seen = outcome.as_ref().ok().and_then(Outcome::fix);
@@ -204,6 +208,7 @@ impl Flight {
             searched,
             searches: count,
             inputs: given.inputs,
+            after_restart: given.after_restart,
             refused: given.refused,
             point: self.tracker.point_at(time_s),
             time_ms: FrameTimeMs {
@@ -385,6 +390,7 @@ impl Flight {
 #[derive(Debug, Default)]
 struct Given {
     inputs: Vec<Input>,
+    after_restart: bool,
     refused: Vec<InputError>,
 }
 

@@ -51,6 +51,8 @@ pub struct FrameAnswer {
     pub searches: u32,
     /// What the filter was given for this frame, in this order, whether it was taken or not.
     pub inputs: Vec<Input>,
+    /// Whether the filter was restarted before it was given them: what it was told before was wrong ([`crate::Doubt`]).
+    pub after_restart: bool,
     /// Why the filter did not take some of it.
     pub refused: Vec<InputError>,
     /// The track at the frame's time. `None` if that is older than the filter can go back.

@@ -2,7 +2,7 @@
 
 #![allow(missing_docs, clippy::unwrap_used)]
 
-use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
+use criterion::{BatchSize, Criterion, Throughput, criterion_group, criterion_main};
 use grimnet_track::{
     Input, TrackOptions, Tracker,
     simulation::{Flight, FlightOptions},
@@ -29,7 +29,10 @@ fn tracked() -> (Tracker, Vec<Input>) {
 
 fn filter(criterion: &mut Criterion) {
     let (tracker, next) = tracked();
-    criterion.bench_function("30 s of inputs in order", |bencher| {
+    let mut group = criterion.benchmark_group("filter");
+    // The time of one input is that over their number.
+    group.throughput(Throughput::Elements(next.len() as u64));
+    group.bench_function("30 s of inputs in order", |bencher| {
         bencher.iter_batched(
             || tracker.clone(),
             |mut tracker| {
@@ -41,6 +44,7 @@ fn filter(criterion: &mut Criterion) {
             BatchSize::LargeInput,
         );
     });
+    group.finish();
     let mut ahead = tracker.clone();
     for input in &next {
         ahead.push(*input).unwrap();

@@ -38,6 +38,9 @@ enum Entry {
         epoch: Epoch,
         /// BLAKE3 of the photo's file.
         hash: String,
+        /// Whether the filter was restarted for it.
+        #[serde(default)]
+        after_restart: bool,
         /// What the filter was given for it.
         inputs: Vec<Input>,
         note: FrameNote,
@@ -87,7 +90,7 @@ impl Recorder {
         &mut self,
         (time_s, epoch): (f64, Epoch),
         hash: &str,
-        inputs: &[Input],
+        (after_restart, inputs): (bool, &[Input]),
         note: &FrameNote,
         answer: &TrackLine,
         options: &TrackOptions,
@@ -98,6 +101,7 @@ impl Recorder {
             time_s,
             epoch,
             hash: hash.to_owned(),
+            after_restart,
             inputs,
             note: note.clone(),
             answer: serde_json::to_value(answer)?,
@@ -192,12 +196,16 @@ impl Replay {
                 Entry::Frame {
                     time_s,
                     epoch,
+                    after_restart,
                     inputs,
                     note,
                     answer,
                     ..
                 } => {
                     let tracker = self.tracker()?;
+                    if after_restart {
+                        tracker.restart();
+                    }
                     for input in inputs {
                         let _ = tracker.push(input);
                     }
@@ -302,7 +310,7 @@ mod tests {
             let line = TrackLine::new(time_s, Epoch::Unix, point.as_ref(), Some(note.clone()));
             let at = (time_s, Epoch::Unix);
             recorder
-                .frame(at, "00", &inputs, &note, &line, tracker.options())
+                .frame(at, "00", (false, &inputs), &note, &line, tracker.options())
                 .unwrap();
         }
         recorder.finish().unwrap();

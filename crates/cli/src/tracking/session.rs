@@ -109,10 +109,14 @@ impl Session {
     /// # Errors
     /// The recording cannot be written.
     pub fn push(&mut self, input: Input) -> Result<()> {
-        if let Err(error) = self.flight.push(input)
-            && self.told.insert(kind(&error))
-        {
-            tracing::warn!("telemetry left out: {error} (further ones are not told)");
+        match self.flight.push(input) {
+            Ok(Some(_)) => {}
+            Ok(None) => return Ok(()),
+            Err(error) => {
+                if self.told.insert(kind(&error)) {
+                    tracing::warn!("telemetry left out: {error} (further ones are not told)");
+                }
+            }
         }
         if let Some(inputs) = &mut self.inputs {
             inputs.push(input);
@@ -130,7 +134,7 @@ impl Session {
     pub fn frame(&mut self, frame: Frame, epoch: Epoch) -> Result<Tracked> {
         self.epoch = epoch;
         let time_s = frame.time_s;
-        let (point, inputs, note, answer, searched) = match &frame.photo {
+        let (point, (after_restart, inputs), note, answer, searched) = match &frame.photo {
             Ok(photo) => {
                 let answer = self.flight.frame(photo, time_s, &self.known);
                 for error in &answer.refused {
@@ -145,7 +149,8 @@ impl Session {
                     Ok(outcome) => Answer::of(&frame.name, outcome),
                     Err(error) => Answer::no_fix(&frame.name, error),
                 };
-                (answer.point, answer.inputs, note, alone, answer.searched)
+                let given = (answer.after_restart, answer.inputs);
+                (answer.point, given, note, alone, answer.searched)
             }
             Err(error) => {
                 let message = errors::message_with_hint(error);
@@ -153,7 +158,7 @@ impl Session {
                 let note = FrameNote::unusable(&frame.name, error);
                 let alone = Answer::no_fix(&frame.name, message);
                 let point = self.flight.point_at(time_s);
-                (point, Vec::new(), note, alone, Searched::WholeMap)
+                (point, (false, Vec::new()), note, alone, Searched::WholeMap)
             }
         };
         self.count(note.frame, point.as_ref());
@@ -163,7 +168,8 @@ impl Session {
         let line = TrackLine::new(time_s, epoch, point.as_ref(), Some(note.clone()));
         if let Some(recorder) = &mut self.recorder {
             let options = self.flight.tracker().options();
-            recorder.frame((time_s, epoch), &frame.hash, &inputs, &note, &line, options)?;
+            let given = (after_restart, inputs.as_slice());
+            recorder.frame((time_s, epoch), &frame.hash, given, &note, &line, options)?;
         }
         Ok(Tracked {
             line,

@@ -40,6 +40,10 @@ fn telemetry_that_stops_or_whose_clock_jumps_is_told_once() {
 
 /// Follows frames with telemetry of these rows: the last state, the first answers with a position, and the errors.
 fn followed(frames: usize, row: &str) -> (Vec<Value>, String) {
+    followed_with(frames, row, &[])
+}
+
+fn followed_with(frames: usize, row: &str, others: &[&str]) -> (Vec<Value>, String) {
     let folder = tempfile::tempdir().unwrap();
     let csv = folder.path().join("log.csv");
     let frames: Vec<PathBuf> = (1..=frames).map(frame).collect();
@@ -52,7 +56,9 @@ fn followed(frames: usize, row: &str) -> (Vec<Value>, String) {
         format!("time,yaw_deg,pitch_deg,roll_deg,height_agl_m\n{rows}"),
     )
     .unwrap();
-    let (answers, errors, _) = track(&["--telemetry", csv.to_str().unwrap()], &sources);
+    let mut arguments = vec!["--telemetry", csv.to_str().unwrap()];
+    arguments.extend(others);
+    let (answers, errors, _) = track(&arguments, &sources);
     (answers, errors)
 }
 
@@ -79,6 +85,19 @@ fn a_tilt_of_another_convention_is_told_and_the_radius_grows() {
         assert_eq!(last["state"], "tracking", "{errors}");
         assert!(last["radius95_m"].as_f64().unwrap() > 20.0, "{last}");
     }
+}
+
+#[test]
+fn a_recorded_flight_whose_attitude_was_left_out_gives_the_same_track_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("recording");
+    let arguments = ["--record", recording.to_str().unwrap()];
+    let (answers, errors) = followed_with(10, "98.8,0,20,115", &arguments);
+    assert!(errors.contains("the tilt of the telemetry"), "{errors}");
+    let replay = ["--replay", recording.to_str().unwrap()];
+    let (again, errors, status) = super::track::answers(super::grim().arg("track").args(replay));
+    assert_eq!(status, 0, "{errors}");
+    assert_eq!(again, answers);
 }
 
 #[test]

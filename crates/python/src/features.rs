@@ -43,8 +43,13 @@ pub struct Features {
 #[pymethods]
 impl FeatureExtractor {
     #[new]
-    #[pyo3(signature = (*, model=None, domain="uav"))]
-    fn new(py: Python<'_>, model: Option<PathBuf>, domain: &str) -> PyResult<Self> {
+    #[pyo3(signature = (*, model=None, precision="f32", domain="uav"))]
+    fn new(
+        py: Python<'_>,
+        model: Option<PathBuf>,
+        precision: &str,
+        domain: &str,
+    ) -> PyResult<Self> {
         let domain = match domain {
             "uav" => Domain::Uav,
             "sat" => Domain::Sat,
@@ -55,7 +60,7 @@ impl FeatureExtractor {
             }
         };
         let extractor = py.detach(|| {
-            let model = open_model(model.as_ref())?;
+            let model = open_model(model.as_ref(), precision)?;
             Extractor::new(&model, domain).map_err(|error| model_error(&error))
         })?;
         Ok(Self { extractor })

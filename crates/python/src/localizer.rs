@@ -23,11 +23,14 @@ pub struct Localizer {
 #[pymethods]
 impl Localizer {
     #[new]
-    #[pyo3(signature = (pack, *, model=None, map_error_m=None, min_confidence=None, budget_ms=None))]
+    #[pyo3(signature = (
+        pack, *, model=None, precision="f32", map_error_m=None, min_confidence=None, budget_ms=None
+    ))]
     fn new(
         py: Python<'_>,
         pack: PathBuf,
         model: Option<PathBuf>,
+        precision: &str,
         map_error_m: Option<f64>,
         min_confidence: Option<f64>,
         budget_ms: Option<f64>,
@@ -44,7 +47,7 @@ impl Localizer {
         };
         let inner = py.detach(|| {
             options.check().map_err(|error| locate_error(&error))?;
-            let model = open_model(model.as_ref())?;
+            let model = open_model(model.as_ref(), precision)?;
             let pack = Pack::open(&pack).map_err(|error| pack_error(&error))?;
             grimnet_locate::Localizer::new(model, pack).map_err(|error| locate_error(&error))
         })?;

@@ -32,6 +32,15 @@ def test_features(pair, photos):
     assert not np.array_equal(own.global_descriptor, first.global_descriptor), "maps have statistics of their own"
 
 
+def test_precision_changes_descriptors_and_no_keypoints(pair, photos):
+    int8 = grimnet.FeatureExtractor(precision="int8").features(photos[0], max_side_px=640, max_keypoints=400)
+    assert np.array_equal(int8.keypoints_px, pair[0].keypoints_px)
+    similarity = (int8.descriptors * pair[0].descriptors).sum(axis=1)
+    assert 0.99 < np.median(similarity) < 1.0 - 1e-6
+    with pytest.raises(grimnet.InvalidValueError, match="precision"):
+        grimnet.FeatureExtractor(precision="f16")
+
+
 def test_pixels_that_were_added_have_no_keypoints_and_no_influence(photos):
     """Sides that are no multiples of 32 are padded: the picture is the same as one whose border is masked."""
     picture = grimnet.read_photo(photos[0], max_side_px=640)[:250, :330]

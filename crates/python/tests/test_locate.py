@@ -177,6 +177,18 @@ def test_options_of_a_localizer(pack, photos, localizer):
     assert localizer.levels_gsd_m == sorted(localizer.levels_gsd_m)
 
 
+def test_precision_is_that_of_the_program(localizer, pack, photos, json_lines):
+    int8 = grimnet.Localizer(pack, precision="int8")
+    (line,) = json_lines("locate", "--pack", pack, "--precision", "int8", "--format", "jsonl", photos[0])
+    answer = int8.locate(photos[0])
+    assert without(answer.to_dict()) == without(line)
+    f32 = localizer.locate(photos[0])
+    assert without(answer.to_dict()) != without(f32.to_dict()), "int8 changes descriptors"
+    assert without(grimnet.Localizer(pack, precision="f32").locate(photos[0]).to_dict()) == without(f32.to_dict())
+    with pytest.raises(grimnet.InvalidValueError, match='precision is "f16"; expected "f32" or "int8"'):
+        grimnet.Localizer(pack, precision="f16")
+
+
 def test_threads_share_a_localizer(localizer, photos):
     expected = [without(localizer.locate(path).to_dict()) for path in photos]
     found = {}

@@ -196,21 +196,10 @@ fn normalised(
     Ok(new(source.isa, spec, &weights, &factors)?)
 }
 
-/// A 1 x 1 convolution and bias only, from bytes to floats.
+/// A convolution of 1 x 1 and bias only, from bytes to floats.
 fn plain(source: &LayerSource, name: &str, input: &ByteScale) -> Result<QuantisedConv2d, NetError> {
-    let kind = Kind::Conv {
-        kernel: 1,
-        stride: 1,
-    };
     let part = |part: &str| source.model.values(&format!("{name}.{part}"));
-    let spec = conv_spec(source, name, kind)?;
-    let weights = QuantisedWeights::new(spec, &part("weight")?, &part("bias")?, input)?;
-    Ok(QuantisedConv2d::new(
-        source.isa,
-        spec,
-        &weights,
-        &weights.unit,
-    )?)
+    to_floats(source.isa, &part("weight")?, &part("bias")?, input)
 }
 
 /// The products of NetVLAD's assignment with the descriptors, straight from what these are computed from: a product of two matrices is
@@ -231,19 +220,24 @@ fn assignment(source: &LayerSource, input: &ByteScale) -> Result<QuantisedConv2d
     );
     let dot = |row: &[f32]| row.iter().zip(&bias).map(|(w, b)| w * b).sum::<f32>();
     let biases: Vec<f32> = assign.chunks_exact(dim).map(dot).collect();
+    to_floats(source.isa, &weights, &biases, input)
+}
+
+/// A 1 x 1 convolution from bytes to floats: `weights` has a row of input channels for each element of `bias`.
+fn to_floats(
+    isa: Isa,
+    weights: &[f32],
+    bias: &[f32],
+    input: &ByteScale,
+) -> Result<QuantisedConv2d, NetError> {
     let spec = ConvSpec {
-        in_channels,
-        out_channels: clusters,
+        in_channels: input.scale.len(),
+        out_channels: bias.len(),
         kernel: 1,
         stride: 1,
     };
-    let weights = QuantisedWeights::new(spec, &weights, &biases, input)?;
-    Ok(QuantisedConv2d::new(
-        source.isa,
-        spec,
-        &weights,
-        &weights.unit,
-    )?)
+    let weights = QuantisedWeights::new(spec, weights, bias, input)?;
+    Ok(QuantisedConv2d::new(isa, spec, &weights, &weights.unit)?)
 }
 
 fn conv_spec(source: &LayerSource, name: &str, kind: Kind) -> Result<ConvSpec, NetError> {

@@ -1,6 +1,6 @@
 //! From what the track knows to the priors of the searches of one frame.
 
-use grimnet_geo::{LonLat, destination_en_m, offset_en_m};
+use grimnet_geo::{LonLat, destination_en_m, offset_en_m, turn_deg};
 use grimnet_locate::{Near, Prior};
 use grimnet_photo::{HeadingPrior, View};
 use grimnet_track::{Search, SearchWindow};
@@ -193,11 +193,6 @@ fn circle_around(a: (LonLat, f64), b: (LonLat, f64)) -> (LonLat, f64) {
         destination_en_m(a.0, share * east_m, share * north_m),
         radius_m,
     )
-}
-
-/// From one heading to another, -180 to 180 degrees.
-pub(crate) fn turn_deg(from_deg: f64, to_deg: f64) -> f64 {
-    (to_deg - from_deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
 #[cfg(test)]

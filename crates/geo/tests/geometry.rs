@@ -3,7 +3,7 @@
 use approx::assert_relative_eq;
 use grimnet_geo::{
     Affine, Crs, Georeference, LevelFrame, LevelPx, LonLat, MapPx, bearing_deg, destination,
-    destination_en_m, distance_m, offset_en_m,
+    destination_en_m, distance_m, offset_en_m, turn_deg,
 };
 use proptest::prelude::*;
 
@@ -89,7 +89,7 @@ proptest! {
         let up = map.up_bearing_deg(at).unwrap();
         let above = map.lonlat_from_map_px(MapPx::new(at.x, at.y - 100.0)).unwrap();
         let bearing = bearing_deg(map.lonlat_from_map_px(at).unwrap(), above);
-        let off = (up - bearing + 180.0).rem_euclid(360.0) - 180.0;
+        let off = turn_deg(bearing, up);
         prop_assert!(off.abs() < 0.01, "EPSG:{epsg}: {up}, {bearing}");
     }
 

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 use grimnet_geo::{
     Affine, Crs, LonLat, MapOptions, MapPx, Raster, WindowPx, bearing_deg, destination, distance_m,
-    open_map,
+    open_map, turn_deg,
 };
 use serde_json::Value;
 
@@ -197,7 +197,7 @@ fn up_bearing_and_resolution_agree_with_convergence_and_scale() {
         // Grid north lies `convergence` clockwise of true north. PROJ's is on the projection's own
         // ellipsoid: after the datum shift it differs by seconds of arc.
         let up = map.up_bearing_deg(MapPx::new(0.0, 0.0)).unwrap();
-        let off = (up - convergence + 180.0).rem_euclid(360.0) - 180.0;
+        let off = turn_deg(convergence, up);
         assert!(
             off.abs() < 3e-3,
             "EPSG:{epsg}: up {up}, convergence {convergence}"

@@ -9,6 +9,7 @@ use grimnet::{
     Prior, Reason,
     map::{self, BuildError, BuildOptions, Levels, MapBuild},
 };
+use grimnet_geo::turn_deg;
 use grimnet_world::{
     Camera, Look, PhotoTags, Placement, Pose, RegionM, Season, World, WorldConfig, write_geotiff,
     write_jpeg_with_exif,
@@ -138,9 +139,8 @@ fn photos_are_localised_from_their_metadata_and_without_a_heading() {
             let error_m = area.error_m(&outcome, index);
             assert!(error_m < 5.0, "photo {index}: {error_m} m");
             let fix = outcome.fix().unwrap();
-            let turn_deg =
-                (fix.heading_deg.unwrap() - pose.heading_deg + 540.0).rem_euclid(360.0) - 180.0;
-            assert!(turn_deg.abs() < 4.0, "photo {index}: {turn_deg} degrees");
+            let off_deg = turn_deg(pose.heading_deg, fix.heading_deg.unwrap());
+            assert!(off_deg.abs() < 4.0, "photo {index}: {off_deg} degrees");
             assert!(fix.radius95_m > 0.0 && fix.radius95_m < 20.0);
         }
     }

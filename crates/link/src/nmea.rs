@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use grimnet_geo::wrap_longitude_deg;
 use grimnet_track::{Estimate, TrackPoint, TrackState};
 
 use crate::{
@@ -70,7 +71,7 @@ fn rmc(estimate: &Estimate, state: TrackState, moment: &Moment) -> String {
 
 /// `ddmm.mmmmm,N,dddmm.mmmmm,E`.
 fn place(estimate: &Estimate) -> String {
-    let lon_deg = (estimate.lon_deg + 180.0).rem_euclid(360.0) - 180.0;
+    let lon_deg = wrap_longitude_deg(estimate.lon_deg);
     let parts = |degrees: f64| {
         let units = (degrees.abs() * 60.0 * PER_MINUTE).round() as u64;
         (units / PER_DEGREE, units % PER_DEGREE)

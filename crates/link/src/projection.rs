@@ -3,6 +3,8 @@
 //! An autopilot turns metres that it is sent into latitude and longitude by its own formula, on a sphere. Metres on the
 //! ellipsoid would put the aircraft 10 m off at 2 km from the origin; so the same formula is used here, backwards.
 
+use grimnet_geo::wrap_longitude_deg;
+
 use crate::autopilot::AutopilotKind;
 
 /// Metres per degree of ArduPilot (`LATLON_TO_M` in AP_Common/Location.h, per 1e-7 degree).
@@ -21,7 +23,7 @@ pub(crate) struct Projection {
 impl Projection {
     /// Metres north and east of the origin.
     pub fn north_east_m(&self, lat_deg: f64, lon_deg: f64) -> (f64, f64) {
-        let d_lon_deg = (lon_deg - self.lon_deg + 540.0).rem_euclid(360.0) - 180.0;
+        let d_lon_deg = wrap_longitude_deg(lon_deg - self.lon_deg);
         match self.kind {
             AutopilotKind::ArduPilot => {
                 // Location::get_distance_NE: the scale of longitude is that of the mean latitude.
@@ -87,7 +89,7 @@ mod tests {
                 };
                 for (d_lat, d_lon) in [(0.02, 0.03), (-0.05, 0.01), (0.001, -0.04)] {
                     let target = (lat_deg + d_lat, lon_deg + d_lon);
-                    let wrapped = (target.1 + 180.0).rem_euclid(360.0) - 180.0;
+                    let wrapped = wrap_longitude_deg(target.1);
                     let (north_m, east_m) = projection.north_east_m(target.0, wrapped);
                     let (lat, lon) = match kind {
                         AutopilotKind::ArduPilot => ardupilot_lat_lon(&projection, north_m, east_m),

@@ -4,7 +4,7 @@
 
 use std::sync::OnceLock;
 
-use grimnet_geo::{MapOptions, open_map};
+use grimnet_geo::{MapOptions, open_map, turn_deg};
 use grimnet_locate::{FrameFeatures, FrameMotion, FramePair, FrameTilt, Localizer, Prior};
 use grimnet_net::Model;
 use grimnet_pack::{BuildOptions, Pack, build};
@@ -110,8 +110,7 @@ fn error_px(motion: &FrameMotion, first: &Pose, second: &Pose) -> Vector2<f64> {
 }
 
 fn turn_error_deg(motion: &FrameMotion, first: &Pose, second: &Pose) -> f64 {
-    let turn_deg = second.heading_deg - first.heading_deg;
-    (motion.turn_deg - turn_deg + 180.0).rem_euclid(360.0) - 180.0
+    turn_deg(second.heading_deg - first.heading_deg, motion.turn_deg)
 }
 
 fn between(first: &Pose, second: &Pose, tilts: [FrameTilt; 2], sigma_deg: f64) -> FrameMotion {

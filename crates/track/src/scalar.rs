@@ -1,5 +1,7 @@
 //! Scalar Kalman filters for heading and ground resolution.
 
+use grimnet_geo::turn_deg;
+
 /// A heading and its variance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct HeadingFilter {
@@ -30,7 +32,7 @@ impl HeadingFilter {
 
     /// Takes in a measured heading.
     pub fn update(&mut self, measured_deg: f64, sigma_deg: f64) {
-        let innovation_deg = signed_turn_deg(self.heading_deg, measured_deg);
+        let innovation_deg = turn_deg(self.heading_deg, measured_deg);
         let gain = self.variance_deg2 / (self.variance_deg2 + sigma_deg * sigma_deg);
         self.heading_deg = (self.heading_deg + gain * innovation_deg).rem_euclid(360.0);
         self.variance_deg2 *= 1.0 - gain;
@@ -40,11 +42,6 @@ impl HeadingFilter {
     pub fn sigma_deg(&self) -> f64 {
         self.variance_deg2.sqrt()
     }
-}
-
-/// The turn from one heading to another, degrees clockwise in `[-180, 180)`.
-pub(crate) fn signed_turn_deg(from_deg: f64, to_deg: f64) -> f64 {
-    (to_deg - from_deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
 /// The logarithm of the ground resolution and its variance.
@@ -103,8 +100,6 @@ mod tests {
         assert_relative_eq!(filter.sigma_deg(), 2f64.sqrt(), epsilon = 1e-9);
         filter.turn(-2.0, 1.0);
         assert_relative_eq!(filter.heading_deg, 359.0, epsilon = 1e-9);
-        assert_relative_eq!(signed_turn_deg(350.0, 10.0), 20.0);
-        assert_relative_eq!(signed_turn_deg(10.0, 350.0), -20.0);
     }
 
     #[test]

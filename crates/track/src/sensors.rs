@@ -1,12 +1,12 @@
 //! The latest attitude, height and velocity, which all hypotheses share.
 
+use grimnet_geo::turn_deg;
 use nalgebra::Vector2;
 
 use crate::{
     attitude::Attitude,
     input::{Height, Input, PositionFix, RelativeMotion, Velocity},
     options::TrackOptions,
-    scalar::signed_turn_deg,
     tilt::{CentreOffset, gsd_over_nadir},
 };
 
@@ -168,12 +168,7 @@ impl Told {
         self.previous_attitude = self.attitude.replace(attitude);
         self.previous_attitude
             .filter(|before| attitude.time_s - before.time_s < 1.0)
-            .map(|before| {
-                (
-                    before.time_s,
-                    signed_turn_deg(before.yaw_deg, attitude.yaw_deg),
-                )
-            })
+            .map(|before| (before.time_s, turn_deg(before.yaw_deg, attitude.yaw_deg)))
     }
 
     /// Takes in a height. Gives the ratio to the one before.
@@ -233,7 +228,7 @@ impl Told {
             return Attitude { time_s, ..latest };
         }
         let share = (time_s - latest.time_s) / interval_s;
-        let ahead = |from_deg: f64, to_deg: f64| to_deg + share * signed_turn_deg(from_deg, to_deg);
+        let ahead = |from_deg: f64, to_deg: f64| to_deg + share * turn_deg(from_deg, to_deg);
         Attitude {
             time_s,
             yaw_deg: ahead(before.yaw_deg, latest.yaw_deg),

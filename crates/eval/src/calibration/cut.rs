@@ -234,7 +234,7 @@ mod tests {
             assert!((centre[1] - cut.centre_map_px[1]).abs() < 1e-9);
             let up = map(32.0, 23.9);
             let bearing = (up[0] - centre[0]).atan2(centre[1] - up[1]).to_degrees();
-            let off = (bearing - cut.heading_deg + 540.0).rem_euclid(360.0) - 180.0;
+            let off = grimnet_geo::turn_deg(cut.heading_deg, bearing);
             assert!(off.abs() < 2.0, "{bearing} against {}", cut.heading_deg);
         }
     }

@@ -4,6 +4,7 @@
 //! axis and straight down and a turn about that axis (Z-Y-Z), as a gimbal has. Equating the third columns and rows of
 //! `Ry(pitch) Rx(roll)` and `Rz(d) Ry(from nadir) Rz(turn)` gives one from the other.
 
+use grimnet_geo::turn_deg;
 use grimnet_photo::{Metadata, Tilt};
 use grimnet_track::Attitude;
 
@@ -31,7 +32,7 @@ impl GimbalAngles {
         Self {
             from_nadir_deg,
             roll_deg,
-            top_from_yaw_deg: (top_deg + 180.0).rem_euclid(360.0) - 180.0,
+            top_from_yaw_deg: turn_deg(0.0, top_deg),
         }
     }
 

@@ -4,7 +4,7 @@
 use std::sync::Arc;
 
 use grimnet_flight::{Known, Searched, position_fix};
-use grimnet_geo::{LonLat, destination_en_m, offset_en_m};
+use grimnet_geo::{LonLat, destination_en_m, offset_en_m, turn_deg};
 use grimnet_locate::{Fix, Localizer, LocateError, Prior};
 use grimnet_photo::Photo;
 use grimnet_track::simulation::{Delivered, FixSample, Flight, FlightOptions, TruePose};
@@ -296,7 +296,7 @@ fn measured(fix: &Fix, frame: &Frame, localizer: &Localizer) -> MeasuredFix {
     let (east_m, north_m) = offset_en_m(frame.centre, found);
     let true_yaw_deg = frame.pose.attitude.yaw_deg;
     let heading_error_deg = fix.heading_deg.map_or(0.0, |top| {
-        (top - frame.top_from_yaw_deg - true_yaw_deg + 180.0).rem_euclid(360.0) - 180.0
+        turn_deg(true_yaw_deg, top - frame.top_from_yaw_deg)
     });
     let cos = frame.pose.attitude.pitch_deg.to_radians().cos()
         * frame.pose.attitude.roll_deg.to_radians().cos();
@@ -333,11 +333,11 @@ fn measured_motion(motion: &RelativeMotion, before: &TruePose, now: &TruePose) -
     let gsd_m = before.height_agl_m / CAMERA.focal_px();
     let forward_m = motion.forward_px * gsd_m - (east_m * sin + north_m * cos);
     let right_m = motion.right_px * gsd_m - (east_m * cos - north_m * sin);
-    let turn_deg = now.attitude.yaw_deg - before.attitude.yaw_deg;
+    let turned_deg = now.attitude.yaw_deg - before.attitude.yaw_deg;
     MeasuredMotion {
         distance_m: east_m.hypot(north_m),
         error_m: forward_m.hypot(right_m),
         sigma_m: motion.sigma_px * gsd_m,
-        turn_error_deg: (motion.turn_deg - turn_deg + 180.0).rem_euclid(360.0) - 180.0,
+        turn_error_deg: turn_deg(turned_deg, motion.turn_deg),
     }
 }

@@ -5,9 +5,8 @@
 
 use std::collections::VecDeque;
 
+use grimnet_geo::turn_deg;
 use grimnet_track::Attitude;
-
-use crate::search_plan::turn_deg;
 
 /// Delays up to this are looked for, seconds.
 const MOST_DELAY_S: f64 = 5.0;

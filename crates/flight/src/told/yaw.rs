@@ -4,7 +4,7 @@
 //! gives a fix. Where the whole map was searched in vain under a yaw that no fix has confirmed yet, it is searched under every heading as
 //! well, and the fixes of that tell.
 
-use crate::search_plan::turn_deg;
+use grimnet_geo::turn_deg;
 
 /// A fix whose heading is this near to the told yaw confirms it, degrees: far beyond the error of a compass.
 const CONFIRMED_DEG: f64 = 40.0;

@@ -181,8 +181,8 @@ mod tests {
             assert_eq!(attitude.is_some(), gimbal.is_some(), "{body}");
             if let (Some(found), Some((yaw, pitch))) = (attitude, gimbal) {
                 // Without roll the camera's pitch is the gimbal's, from straight down.
-                let turn_deg = (found.yaw_deg - yaw + 540.0).rem_euclid(360.0) - 180.0;
-                assert!(turn_deg.abs() < 1e-6, "{found:?}");
+                let off_deg = grimnet_geo::turn_deg(yaw, found.yaw_deg);
+                assert!(off_deg.abs() < 1e-6, "{found:?}");
                 assert!((found.pitch_deg - (pitch + 90.0)).abs() < 1e-6, "{found:?}");
             }
         }

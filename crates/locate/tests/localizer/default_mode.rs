@@ -51,9 +51,8 @@ fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
             "{error_m} m, stated {}",
             fix.radius95_m
         );
-        let turn_deg =
-            (fix.heading_deg.unwrap() - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
-        assert!(turn_deg.abs() < 1.0, "{turn_deg} degrees");
+        let off_deg = turn_deg(heading_deg + north_deg, fix.heading_deg.unwrap());
+        assert!(off_deg.abs() < 1.0, "{off_deg} degrees");
         assert!(
             (fix.gsd_m / PHOTO_GSD_M - 1.0).abs() < 0.01,
             "{}",
@@ -85,10 +84,8 @@ fn unknown_heading_and_scale_are_found() {
     for prior in [known_scale, Prior::none()] {
         let outcome = localizer.locate(&photo, &prior).unwrap();
         assert!(error_m(&outcome, place) < 2.0);
-        let turn_deg = (outcome.fix().unwrap().heading_deg.unwrap() - heading_deg + 540.0)
-            .rem_euclid(360.0)
-            - 180.0;
-        assert!(turn_deg.abs() < 3.0);
+        let found_deg = outcome.fix().unwrap().heading_deg.unwrap();
+        assert!(turn_deg(heading_deg, found_deg).abs() < 3.0);
     }
 }
 

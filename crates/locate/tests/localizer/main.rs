@@ -6,7 +6,7 @@ mod default_mode;
 mod paper_mode;
 use std::{path::PathBuf, sync::OnceLock};
 
-use grimnet_geo::{LonLat, MapOptions, MapPx, Raster, distance_m, open_map};
+use grimnet_geo::{LonLat, MapOptions, MapPx, Raster, distance_m, open_map, turn_deg};
 use grimnet_locate::{
     Adapt, Coordinates, Localizer, LocateError, Options, Outcome, Prior, Reason, TimeMs,
     draw::{DrawOptions, draw},

@@ -55,9 +55,8 @@ fn paper_mode_maps_off_centre_turned_and_scaled_crops() {
         });
         assert!(distance_m(a, b) < 0.05, "{} m", distance_m(a, b));
         let north_deg = scene().map.georeference().up_bearing_deg(centre).unwrap();
-        let turn_deg =
-            (fix.heading_deg.unwrap() - heading_deg - north_deg + 540.0).rem_euclid(360.0) - 180.0;
-        assert!(turn_deg.abs() < 1.5, "{turn_deg} degrees");
+        let off_deg = turn_deg(heading_deg + north_deg, fix.heading_deg.unwrap());
+        assert!(off_deg.abs() < 1.5, "{off_deg} degrees");
         assert!(
             (fix.gsd_m / (GSD_M * scale) - 1.0).abs() < 0.02,
             "{}",

@@ -8,7 +8,7 @@ use image::RgbImage;
 
 use crate::area;
 use crate::camera::Tilt;
-use crate::decode::{self, DecodedSize};
+use crate::decode::{Decoded, DecodedSize, decode};
 use crate::error::PhotoError;
 use crate::metadata::Metadata;
 use crate::photo_file::read_photo_file;
@@ -106,7 +106,9 @@ impl Photo {
             max_long_side_px,
             needed_long_side_px: &|_| u32::MAX,
         };
-        Self::decoded(path.as_ref(), bytes, metadata, size, limits)
+        let path = path.as_ref();
+        let decoded = decode(path, bytes, metadata.orientation, size, limits)?;
+        Ok(Self::of_file(path, decoded, metadata))
     }
 
     /// Reads a photo at a size that its metadata decide: `needed_long_side_px` gets them with the photo's full width and height as
@@ -137,36 +139,30 @@ impl Photo {
         needed_long_side_px: impl Fn(&Metadata, (u32, u32)) -> u32,
     ) -> Result<Self, PhotoError> {
         let metadata = Metadata::from_bytes(bytes);
-        let needed_by = metadata.clone();
         let size = DecodedSize {
             max_long_side_px: Some(QUERY_LONG_SIDE_PX),
             needed_long_side_px: &|full_size_px: (u32, u32)| {
                 if full_size_px.0.max(full_size_px.1) > QUERY_LONG_SIDE_PX {
-                    needed_long_side_px(&needed_by, full_size_px)
+                    needed_long_side_px(&metadata, full_size_px)
                 } else {
                     // Decoded fast as it is.
                     u32::MAX
                 }
             },
         };
-        Self::decoded(path.as_ref(), bytes, metadata, size, limits)
+        let path = path.as_ref();
+        let decoded = decode(path, bytes, metadata.orientation, size, limits)?;
+        Ok(Self::of_file(path, decoded, metadata))
     }
 
-    fn decoded(
-        path: &Path,
-        bytes: &[u8],
-        metadata: Metadata,
-        size: DecodedSize<'_>,
-        limits: &PhotoLimits,
-    ) -> Result<Self, PhotoError> {
-        let decoded = decode::decode(path, bytes, metadata.orientation, size, limits)?;
-        Ok(Self {
+    fn of_file(path: &Path, decoded: Decoded, metadata: Metadata) -> Self {
+        Self {
             path: path.to_owned(),
             image: decoded.image,
             full_size_px: decoded.full_size_px,
             metadata,
             damage: decoded.damage,
-        })
+        }
     }
 
     /// A photo from pixels in memory.

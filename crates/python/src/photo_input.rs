@@ -1,9 +1,9 @@
 //! Photos as Python gives them: a path, the bytes of a file, or pixels.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use grimnet_locate::NeededPixels;
-use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo, PhotoLimits};
+use grimnet_photo::{MIN_SIDE_PX, Metadata, Photo, PhotoError, PhotoLimits, read_photo_file};
 use image::RgbImage;
 use numpy::ndarray::{ArrayView, Dimension};
 use numpy::{
@@ -72,12 +72,7 @@ impl PhotoInput {
     /// # Errors
     /// `PhotoError`.
     pub fn decode(self, max_side_px: Option<u32>) -> PyResult<Photo> {
-        let photo = match self {
-            Self::Path(path) => Photo::open_with(path, max_side_px, &PhotoLimits::DEFAULT),
-            Self::Bytes(bytes) => Photo::from_bytes(OF_BYTES, &bytes, max_side_px),
-            Self::Pixels(image) => Ok(Photo::from_image(image, Metadata::default())),
-        };
-        photo.map_err(|error| photo_error(&error))
+        self.photo(|name, bytes| Photo::from_bytes(name, bytes, max_side_px))
     }
 
     /// Decodes the photo with as many pixels as the search over a map can use; pixels stay as they are. This takes long.
@@ -85,10 +80,18 @@ impl PhotoInput {
     /// # Errors
     /// `PhotoError`.
     pub fn decode_as_needed(self, needed: &NeededPixels) -> PyResult<Photo> {
-        let limits = &PhotoLimits::DEFAULT;
+        self.photo(|name, bytes| needed.decode(name, bytes, &PhotoLimits::DEFAULT))
+    }
+
+    /// The photo, where `decode` makes it of the bytes of a file, which it names in errors.
+    fn photo(
+        self,
+        decode: impl FnOnce(&Path, &[u8]) -> Result<Photo, PhotoError>,
+    ) -> PyResult<Photo> {
         let photo = match self {
-            Self::Path(path) => needed.open(path, limits),
-            Self::Bytes(bytes) => needed.decode(OF_BYTES, &bytes, limits),
+            Self::Path(path) => read_photo_file(&path, &PhotoLimits::DEFAULT)
+                .and_then(|bytes| decode(&path, &bytes)),
+            Self::Bytes(bytes) => decode(Path::new(OF_BYTES), &bytes),
             Self::Pixels(image) => Ok(Photo::from_image(image, Metadata::default())),
         };
         photo.map_err(|error| photo_error(&error))

@@ -1,7 +1,9 @@
 //! Decoding compared with ffmpeg's (`tests/golden/make_golden.py`).
 
+#[path = "../tests/golden/videos.rs"]
+mod videos;
+
 use std::fs::File;
-use std::path::PathBuf;
 
 use grimnet_limits::PhotoLimits;
 use image::RgbImage;
@@ -11,23 +13,9 @@ use crate::Video;
 use crate::decoder::Decoder;
 use crate::movie::Movie;
 use crate::picture::Picture;
+use videos::{VIDEOS, golden};
 
-const VIDEOS: [&str; 7] = [
-    "h264_b_frames.mp4",
-    "h264_edit_list.mp4",
-    "h264_fragments.mp4",
-    "h264_rotated.mp4",
-    "h264_slices_full_range.mov",
-    "h265_10_bit.mp4",
-    "h265_open_groups.mp4",
-];
 const FRAMES_PER_S: f64 = 15.0;
-
-fn golden(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/golden")
-        .join(name)
-}
 
 fn hash(picture: &Picture) -> String {
     let mut bytes = Vec::new();

@@ -2,27 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
-use std::path::{Path, PathBuf};
+#[path = "golden/videos.rs"]
+mod videos;
 
 use grimnet_limits::PhotoLimits;
 use grimnet_video::{Video, VideoError};
 use proptest::prelude::*;
-
-const VIDEOS: [&str; 7] = [
-    "h264_b_frames.mp4",
-    "h264_edit_list.mp4",
-    "h264_fragments.mp4",
-    "h264_rotated.mp4",
-    "h264_slices_full_range.mov",
-    "h265_10_bit.mp4",
-    "h265_open_groups.mp4",
-];
-
-fn golden(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("tests/golden")
-        .join(name)
-}
+use videos::{VIDEOS, golden};
 
 fn bytes_of(name: &str) -> Vec<u8> {
     fs_err::read(golden(name)).unwrap()

@@ -2,12 +2,14 @@
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
+use image::RgbImage;
 use rusty_h264_decoder::DecodeError;
 
 use crate::colour::ColourDescription;
 use crate::error::Fault;
 use crate::fields::Fields;
 use crate::picture::Picture;
+use crate::pixel_aspect::PixelAspect;
 use crate::sample_entry::Codec;
 use crate::stream_size::StreamSize;
 use crate::{h264, h265};
@@ -28,6 +30,8 @@ pub(crate) struct DecoderSettings {
     pub nal_length_bytes: usize,
     /// Stated by the container; what the stream states counts more.
     pub colour: Option<ColourDescription>,
+    /// Stated by the container, which counts more than the stream here, as in ffmpeg.
+    pub aspect: Option<PixelAspect>,
     /// Memory that decoding may take.
     pub limit_bytes: u64,
 }
@@ -120,8 +124,24 @@ impl Decoder {
         self.size.map(|size| (size.width, size.height))
     }
 
+    /// How wide the pixels are, if they are no squares.
+    pub(crate) fn aspect(&self) -> Option<PixelAspect> {
+        let of_stream = self.size.and_then(|size| size.aspect);
+        let stated = self.settings.aspect.or(of_stream);
+        stated.filter(|aspect| !aspect.is_square())
+    }
+
+    /// The part of a picture that is shown, as RGB with square pixels.
+    pub(crate) fn rgb(&self, picture: &Picture) -> Result<RgbImage, Fault> {
+        let rgb = picture.to_rgb(self.colour())?;
+        Ok(match self.aspect() {
+            Some(aspect) => aspect.squared(&rgb),
+            None => rgb,
+        })
+    }
+
     /// How colours are coded.
-    pub(crate) fn colour(&self) -> ColourDescription {
+    fn colour(&self) -> ColourDescription {
         let known = |colour: Option<ColourDescription>| {
             colour
                 .and_then(|colour| colour.matrix)
@@ -163,7 +183,12 @@ impl Decoder {
                 }
                 _ => continue,
             };
-            let needed_bytes = size.memory_bytes();
+            let mut stretch = 1.0;
+            if let Some(aspect) = self.settings.aspect.or(size.aspect) {
+                aspect.check()?;
+                stretch = aspect.stretch().0 * aspect.stretch().1;
+            }
+            let needed_bytes = size.memory_bytes(stretch);
             if needed_bytes > self.settings.limit_bytes {
                 let (width, height) = (size.width, size.height);
                 return Err(Fault::TooLarge {

@@ -50,7 +50,7 @@ fn all_frames(name: &str) -> Vec<(f64, String, RgbImage)> {
     let mut shown: Vec<(f64, String, RgbImage)> = decoded
         .iter()
         .filter_map(|one| {
-            let rgb = one.picture.to_rgb(decoder.colour()).unwrap();
+            let rgb = decoder.rgb(&one.picture).unwrap();
             let time_s = movie.shown_s[one.sample]?;
             Some((time_s, hash(&one.picture), movie.rotation.upright(rgb)))
         })

@@ -5,6 +5,7 @@ use rusty_h265::bits::{BitReader, OutOfData};
 use rusty_h265::nal::unescape;
 
 use crate::colour::ColourDescription;
+use crate::pixel_aspect::PixelAspect;
 use crate::stream_size::StreamSize;
 
 /// Profiles whose parameter sets state chroma format, bit depths and scaling lists.
@@ -78,13 +79,16 @@ pub(crate) fn stream_size(nal: &[u8]) -> Result<StreamSize, OutOfData> {
             bits.read_ue()?; // Cropping.
         }
     }
+    // What follows are hints: a set that ends in them is used without.
+    let mut usability = Usability::default();
+    usability.read(&mut bits).unwrap_or(());
     Ok(StreamSize {
         width,
         height: 16 * map_units * if is_progressive { 1 } else { 2 },
         pictures: u64::from(references.min(16)) + MORE_PICTURES,
         bytes_per_px: BYTES_PER_PX,
-        // What follows is a hint: a set that ends in it is used without.
-        colour: colour(&mut bits).unwrap_or(None),
+        colour: usability.colour,
+        aspect: usability.aspect,
     })
 }
 
@@ -120,29 +124,41 @@ fn skip_scaling_list(bits: &mut BitReader<'_>, count: usize) -> Result<(), OutOf
     Ok(())
 }
 
-/// The colours that the video usability information states.
-fn colour(bits: &mut BitReader<'_>) -> Result<Option<ColourDescription>, OutOfData> {
-    if !bits.read_flag()? {
-        return Ok(None);
+/// What the video usability information (E.1.1) states.
+#[derive(Default)]
+struct Usability {
+    aspect: Option<PixelAspect>,
+    colour: Option<ColourDescription>,
+}
+
+impl Usability {
+    fn read(&mut self, bits: &mut BitReader<'_>) -> Result<(), OutOfData> {
+        if !bits.read_flag()? {
+            return Ok(());
+        }
+        if bits.read_flag()? {
+            self.aspect = match bits.read_bits(8)? {
+                EXTENDED_SAR => PixelAspect::new(bits.read_bits(16)?, bits.read_bits(16)?),
+                number => PixelAspect::of_number(number),
+            };
+        }
+        if bits.read_flag()? {
+            bits.skip_bits(1)?;
+        }
+        if !bits.read_flag()? {
+            return Ok(());
+        }
+        bits.skip_bits(3)?;
+        let is_full_range = bits.read_flag()?;
+        let mut matrix = None;
+        if bits.read_flag()? {
+            bits.skip_bits(16)?;
+            matrix = u8::try_from(bits.read_bits(8)?).ok();
+        }
+        self.colour = Some(ColourDescription {
+            matrix,
+            is_full_range,
+        });
+        Ok(())
     }
-    if bits.read_flag()? && bits.read_bits(8)? == EXTENDED_SAR {
-        bits.skip_bits(32)?;
-    }
-    if bits.read_flag()? {
-        bits.skip_bits(1)?;
-    }
-    if !bits.read_flag()? {
-        return Ok(None);
-    }
-    bits.skip_bits(3)?;
-    let is_full_range = bits.read_flag()?;
-    let mut matrix = None;
-    if bits.read_flag()? {
-        bits.skip_bits(16)?;
-        matrix = u8::try_from(bits.read_bits(8)?).ok();
-    }
-    Ok(Some(ColourDescription {
-        matrix,
-        is_full_range,
-    }))
 }

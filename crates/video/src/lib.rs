@@ -29,6 +29,7 @@ mod h264;
 mod h265;
 mod movie;
 mod picture;
+mod pixel_aspect;
 mod rotation;
 mod sample;
 mod sample_entry;

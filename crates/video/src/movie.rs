@@ -12,6 +12,7 @@ use crate::edit_list::EditList;
 use crate::error::{Fault, VideoError};
 use crate::fields::{Fields, boxes, find};
 use crate::fragments::Fragments;
+use crate::pixel_aspect::PixelAspect;
 use crate::rotation::Rotation;
 use crate::sample::Sample;
 use crate::sample_entry::{Codec, SampleEntry};
@@ -33,6 +34,7 @@ pub(crate) struct Movie {
     /// Bytes of the length before each NAL unit.
     pub nal_length_bytes: usize,
     pub colour: Option<ColourDescription>,
+    pub aspect: Option<PixelAspect>,
     pub rotation: Rotation,
     /// In order of decoding, those alone that are in the file.
     pub samples: Vec<Sample>,
@@ -171,6 +173,7 @@ impl TopLevel {
             parameter_sets: entry.parameter_sets,
             nal_length_bytes: entry.nal_length_bytes,
             colour: entry.colour,
+            aspect: entry.aspect,
             rotation,
             samples,
             shown_s,

@@ -3,6 +3,7 @@
 use crate::colour::ColourDescription;
 use crate::error::Fault;
 use crate::fields::{Fields, boxes, find};
+use crate::pixel_aspect::PixelAspect;
 
 /// Bytes of a visual sample entry before its boxes.
 const ENTRY_BYTES: usize = 78;
@@ -20,6 +21,7 @@ pub(crate) struct SampleEntry {
     pub parameter_sets: Vec<Vec<u8>>,
     pub nal_length_bytes: usize,
     pub colour: Option<ColourDescription>,
+    pub aspect: Option<PixelAspect>,
 }
 
 impl SampleEntry {
@@ -57,6 +59,7 @@ impl SampleEntry {
             parameter_sets,
             nal_length_bytes,
             colour: find(inner, b"colr").and_then(colour),
+            aspect: find(inner, b"pasp").and_then(aspect),
         })
     }
 }
@@ -97,6 +100,12 @@ fn hevc_configuration(hvcc: &[u8]) -> Option<Configuration> {
         nal_units(&mut fields, usize::from(count), &mut sets)?;
     }
     Some((length_bytes, sets))
+}
+
+/// `pasp` of ISO/IEC 14496-12, 12.1.4.
+fn aspect(pasp: &[u8]) -> Option<PixelAspect> {
+    let mut fields = Fields(pasp);
+    PixelAspect::new(fields.u32()?, fields.u32()?)
 }
 
 /// `colr` of ISO/IEC 14496-12, 12.1.5 (`nclx`) and of QuickTime (`nclc`).

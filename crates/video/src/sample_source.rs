@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use crate::decoder::{Decoder, DecoderSettings};
 use crate::error::{Fault, VideoError};
 use crate::movie::Movie;
+use crate::pixel_aspect::PixelAspect;
 
 /// A coded frame is in memory in so many copies while it is decoded.
 const SAMPLE_COPIES: u64 = 4;
@@ -56,13 +57,17 @@ impl SampleSource {
             parameter_sets: movie.parameter_sets.clone(),
             nal_length_bytes: movie.nal_length_bytes,
             colour: movie.colour,
+            aspect: movie.aspect,
             limit_bytes: self.limit_bytes,
         }
     }
 
-    /// Decodes the first frame that decoding can start at, and gives the size of its picture. One that is damaged says nothing of
-    /// the others.
-    pub(crate) fn try_first(&mut self, movie: &Movie) -> Result<(u32, u32), VideoError> {
+    /// Decodes the first frame that decoding can start at, and gives the size of its picture, and how wide its pixels were if they
+    /// were no squares. One that is damaged says nothing of the others.
+    pub(crate) fn try_first(
+        &mut self,
+        movie: &Movie,
+    ) -> Result<((u32, u32), Option<PixelAspect>), VideoError> {
         let (path, limit_bytes) = (self.path.clone(), self.limit_bytes);
         let named = |fault: Fault| fault.of(&path, limit_bytes);
         let mut decoder = Decoder::new(self.settings(movie)).map_err(named)?;
@@ -79,13 +84,14 @@ impl SampleSource {
             other => other.map_err(named)?,
         }
         decoder.flush(&mut pictures);
-        let colour = decoder.colour();
-        let picture = pictures.first().map(|first| first.picture.to_rgb(colour));
-        if let Some(Ok(picture)) = picture {
-            return Ok(movie.rotation.upright(picture).dimensions());
-        }
-        let (width, height) = decoder.coded_size_px().unwrap_or_default();
-        let side = |px: u64| u32::try_from(px).unwrap_or(u32::MAX);
-        Ok((side(width), side(height)))
+        let picture = pictures.first().map(|first| decoder.rgb(&first.picture));
+        let size_px = if let Some(Ok(picture)) = picture {
+            movie.rotation.upright(picture).dimensions()
+        } else {
+            let (width, height) = decoder.coded_size_px().unwrap_or_default();
+            let side = |px: u64| u32::try_from(px).unwrap_or(u32::MAX);
+            (side(width), side(height))
+        };
+        Ok((size_px, decoder.aspect()))
     }
 }

@@ -1,6 +1,7 @@
 //! What a stream's parameter sets say of its pictures, read before anything is decoded.
 
 use crate::colour::ColourDescription;
+use crate::pixel_aspect::PixelAspect;
 
 /// See the module.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -13,13 +14,15 @@ pub(crate) struct StreamSize {
     /// Memory of each, bytes for each pixel: samples, motion, and the decoder's tables.
     pub bytes_per_px: u64,
     pub colour: Option<ColourDescription>,
+    pub aspect: Option<PixelAspect>,
 }
 
 impl StreamSize {
-    /// Memory of the decoder and of a picture that is converted.
-    pub(crate) fn memory_bytes(&self) -> u64 {
+    /// Memory of the decoder and of a picture that is converted and becomes `stretch` times as large with square pixels.
+    pub(crate) fn memory_bytes(&self, stretch: f64) -> u64 {
         // A converted picture, and its rotated copy.
-        let bytes_per_px = (self.pictures * self.bytes_per_px).saturating_add(6);
+        let converted = (6.0 * stretch).ceil() as u64;
+        let bytes_per_px = (self.pictures * self.bytes_per_px).saturating_add(converted);
         self.width
             .saturating_mul(self.height)
             .saturating_mul(bytes_per_px)

@@ -20,6 +20,9 @@ pub struct VideoInfo {
     pub codec: &'static str,
     /// Size of its pictures as they are shown, px.
     pub size_px: (u32, u32),
+    /// Width of a coded pixel in proportion to its height, if they are not square: 4:3 is (4, 3). Its pictures are stretched in one
+    /// direction to square pixels.
+    pub pixel_aspect: Option<(u32, u32)>,
     /// Number of frames that are shown.
     pub frames: usize,
     /// When the first and the last frame are shown, seconds.
@@ -54,7 +57,7 @@ impl Video {
         let mut file = File::open(&path).map_err(read_error)?;
         let movie = Movie::read(&path, &mut file, limits)?;
         let mut source = SampleSource::new(path, file, limits.max_memory_bytes);
-        let size_px = source.try_first(&movie)?;
+        let (size_px, aspect) = source.try_first(&movie)?;
         let times = || movie.shown_s.iter().flatten().copied();
         let info = VideoInfo {
             codec: match movie.codec {
@@ -62,6 +65,7 @@ impl Video {
                 Codec::H265 => "H.265",
             },
             size_px,
+            pixel_aspect: aspect.map(|aspect| (aspect.width, aspect.height)),
             frames: times().count(),
             shown_s: (
                 times().fold(f64::INFINITY, f64::min),

@@ -161,10 +161,9 @@ impl VideoFrames {
     }
 
     fn keep(&mut self, pictures: Vec<Decoded>) {
-        let colour = self.decoder.colour();
         for Decoded { sample, picture } in pictures {
             if self.inside.remove(&sample) {
-                match picture.to_rgb(colour) {
+                match self.decoder.rgb(&picture) {
                     Ok(picture) => self.put(sample, Ok(self.movie.rotation.upright(picture))),
                     Err(fault) => self.fail(sample, &fault),
                 }

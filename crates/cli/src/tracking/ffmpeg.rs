@@ -12,6 +12,9 @@ use super::frame_time::{Epoch, TimeSource};
 use super::frames::{Frame, FrameOptions, Frames};
 use super::standard_input::StreamedFrames;
 
+/// The filter that stretches pictures to square pixels, as those of [`grimnet_video`] are; square ones stay as they are.
+const SQUARE_PIXELS: &str = "scale='iw*clip(sar,1,4)':'ih*clip(1/sar,1,4)',setsar=1";
+
 /// See the module. Times count from the beginning of the video.
 pub struct FfmpegVideo {
     ffmpeg: Child,
@@ -31,7 +34,9 @@ impl FfmpegVideo {
             .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-i"])
             .arg(source)
             .args(["-map", "0:v:0", "-vf"])
-            .arg(format!("fps={frames_per_s}:start_time=0:round=near"))
+            .arg(format!(
+                "fps={frames_per_s}:start_time=0:round=near,{SQUARE_PIXELS}"
+            ))
             .args(["-f", "image2pipe", "-c:v", "mjpeg", "-q:v", "2", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())

@@ -72,6 +72,11 @@ fn tell(name: &str, info: &VideoInfo) {
         info.frames,
         last_s - first_s
     );
+    if let Some((across, up)) = info.pixel_aspect {
+        tracing::info!(
+            "{name}: its pixels are not square ({across}:{up}); its pictures are stretched to square ones"
+        );
+    }
     if let Some(whole_s) = info.truncated_at_s {
         tracing::warn!(
             "{name} is truncated: it ends at {last_s:.1} s of {whole_s:.1} s, and its frames up to there are used; copy it again \

@@ -21,8 +21,10 @@ use grimnet_link::{
 use grimnet_track::{Estimate, Input, PositionOf, Source, TrackPoint, TrackState};
 use mavlink::{
     SigningConfig, SigningData,
-    dialects::common::{MavAutopilot, MavMessage, MavParamType},
+    dialects::common::{MavAutopilot, MavFrame, MavMessage, MavParamType},
 };
+#[cfg(target_os = "linux")]
+use serial2::SerialPort;
 
 /// Nothing here takes longer unless it is broken.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -84,6 +86,18 @@ fn first_odometry(seen: &Seen) -> Option<mavlink::dialects::common::ODOMETRY_DAT
             MavMessage::ODOMETRY(data) => Some(data.clone()),
             _ => None,
         })
+}
+
+/// The last positions that were sent, at most `count`.
+fn latest_odometry(seen: &Seen, count: usize) -> Vec<mavlink::dialects::common::ODOMETRY_DATA> {
+    let seen = seen.lock().unwrap();
+    let latest = seen.iter().rev().filter_map(|message| match message {
+        MavMessage::ODOMETRY(data) => Some(data.clone()),
+        _ => None,
+    });
+    let mut row: Vec<_> = latest.take(count).collect();
+    row.reverse();
+    row
 }
 
 #[test]
@@ -175,6 +189,141 @@ fn a_tcp_connection_that_breaks_is_opened_again() {
         lost.to_string().contains(&format!("tcp:127.0.0.1:{port}")),
         "{lost}"
     );
+}
+
+#[test]
+fn odometry_for_px4_has_its_frame_rate_and_covariance() {
+    let (socket, address) = udp();
+    let mut stand_in = StandIn::ardupilot(Wire::Udp(socket));
+    stand_in.autopilot = MavAutopilot::MAV_AUTOPILOT_PX4;
+    stand_in.version = [1, 17, 0];
+    let stand_in = stand_in.start();
+    let clock = LinkClock::unix();
+    let link = Link::start(LinkOptions::new(address), clock, tracking()).unwrap();
+    // 30 in a row for the times of 30 Hz, however busy this machine is.
+    let row = wait_for("30 Hz", || {
+        let row = latest_odometry(&stand_in.seen, 31);
+        let span_us = row.last()?.time_usec - row.first()?.time_usec;
+        (row.len() == 31 && (950_000..1_050_000).contains(&span_us)).then_some(row)
+    });
+    let status = link.status();
+    assert_eq!(status.autopilot.unwrap().kind, AutopilotKind::Px4);
+    assert_eq!(status.sending, Some(Output::Odometry));
+    for data in &row {
+        // LOCAL_FRD would be a frame of unknown heading.
+        assert_eq!(data.frame_id, MavFrame::MAV_FRAME_LOCAL_NED);
+        assert_eq!(data.child_frame_id, MavFrame::MAV_FRAME_BODY_FRD);
+        // 0.0015 degrees from the origin, on PX4's sphere.
+        assert!((data.x - 166.792).abs() < 0.01, "{}", data.x);
+        assert!((data.y - 152.070).abs() < 0.01, "{}", data.y);
+        // Variances as they are, square metres.
+        assert_eq!(
+            (data.pose_covariance[0], data.pose_covariance[6]),
+            (4.0, 4.0)
+        );
+        assert!(data.pose_covariance.iter().all(|value| value.is_finite()));
+        // The attitude that the autopilot told: a yaw of 90 degrees.
+        let half = std::f32::consts::FRAC_1_SQRT_2;
+        for (found, expected) in data.q.iter().zip([half, 0.0, 0.0, half]) {
+            assert!((found - expected).abs() < 1e-5, "{:?}", data.q);
+        }
+        assert_eq!(data.quality, 100);
+        assert_eq!(data.reset_counter, row[0].reset_counter);
+        let sent_s = data.time_usec as f64 * 1e-6;
+        assert!((sent_s - clock.now_s()).abs() < PATIENCE.as_secs_f64());
+    }
+}
+
+#[test]
+fn an_autopilot_that_restarts_is_told_once_and_followed_on_its_new_clock() {
+    let (socket, address) = udp();
+    let start = |uptime_s| {
+        let mut stand_in = StandIn::ardupilot(Wire::Udp(socket.try_clone().unwrap()));
+        stand_in.uptime = Duration::from_secs(uptime_s);
+        stand_in.start()
+    };
+    let before = start(600);
+    let clock = LinkClock::unix();
+    let link = Link::start(LinkOptions::new(address), clock, tracking()).unwrap();
+    wait_for("ODOMETRY", || first_odometry(&before.seen));
+    // It stops: no heartbeat, and no position goes to it.
+    drop(before);
+    let mut events = Vec::new();
+    wait_for("silence", || {
+        events.extend(link.events());
+        let is_silent = |event: &LinkEvent| matches!(event, LinkEvent::AutopilotSilent { .. });
+        events.iter().any(is_silent).then_some(())
+    });
+    let is_restart = |event: &LinkEvent| *event == LinkEvent::AutopilotRestarted;
+    assert!(!events.iter().any(is_restart), "{events:?}");
+    wait_for("no position", || {
+        link.status().sending.is_none().then_some(())
+    });
+    link.inputs().for_each(drop);
+    let after = start(0);
+    // Positions go again, and what it tells has times on our clock: by its old one they would be ten minutes old.
+    wait_for("ODOMETRY", || first_odometry(&after.seen));
+    let mut inputs = 0;
+    wait_for("telemetry", || {
+        for input in link.inputs() {
+            let late_s = clock.now_s() - input.time_s();
+            assert!((0.0..PATIENCE.as_secs_f64()).contains(&late_s), "{late_s}");
+            inputs += 1;
+        }
+        (inputs > 100).then_some(())
+    });
+    events.extend(link.events());
+    let restarts = events.iter().filter(|event| is_restart(event)).count();
+    assert_eq!(restarts, 1, "{events:?}");
+    assert_eq!(link.status().sending, Some(Output::Odometry));
+}
+
+/// Puts a pseudo-terminal at `path`, at whose other end an autopilot stands. The path is there as long as the second one.
+#[cfg(target_os = "linux")]
+fn plugged_in(path: &std::path::Path) -> (autopilot::Running, SerialPort) {
+    use std::os::fd::AsRawFd as _;
+    let (theirs, ours) = SerialPort::pair().unwrap();
+    let device = std::fs::read_link(format!("/proc/self/fd/{}", ours.as_raw_fd())).unwrap();
+    std::os::unix::fs::symlink(device, path).unwrap();
+    (StandIn::ardupilot(Wire::Serial(theirs)).start(), ours)
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_serial_port_that_vanishes_is_told_and_opened_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ttyUSB0");
+    let address = format!("serial:{}:57600", path.display());
+    let (stand_in, port) = plugged_in(&path);
+    let options = LinkOptions::new(address.parse().unwrap());
+    let link = Link::start(options, LinkClock::unix(), tracking()).unwrap();
+    wait_for("ODOMETRY", || first_odometry(&stand_in.seen));
+    // Pulled out.
+    std::fs::remove_file(&path).unwrap();
+    drop((stand_in, port));
+    let mut events = Vec::new();
+    wait_for("the loss", || {
+        events.extend(link.events());
+        let is_loss = |event: &LinkEvent| matches!(event, LinkEvent::CannotOpen { .. });
+        events.iter().any(is_loss).then_some(())
+    });
+    let (stand_in, _port) = plugged_in(&path);
+    wait_for("ODOMETRY", || first_odometry(&stand_in.seen));
+    events.extend(link.events());
+    let of_port: Vec<String> = events
+        .iter()
+        .map(ToString::to_string)
+        .filter(|line| line.starts_with(&address))
+        .collect();
+    // Each once, in this order.
+    let expected = ["open", "connection lost (", "cannot be opened (", "open"];
+    assert_eq!(of_port.len(), expected.len(), "{of_port:?}");
+    for (line, expected) in of_port.iter().zip(expected) {
+        assert!(
+            line[address.len()..].starts_with(&format!(": {expected}")),
+            "{line}"
+        );
+    }
 }
 
 #[test]

@@ -32,6 +32,9 @@ pub type Seen = Arc<Mutex<Vec<MavMessage>>>;
 pub enum Wire {
     Udp(UdpSocket),
     Tcp(TcpStream),
+    /// The other end of a serial port.
+    #[cfg(target_os = "linux")]
+    Serial(serial2::SerialPort),
 }
 
 /// How it answers.
@@ -39,6 +42,8 @@ pub struct StandIn {
     pub autopilot: MavAutopilot,
     pub version: [u8; 3],
     pub parameters: BTreeMap<&'static str, (f32, MavParamType)>,
+    /// Since when it runs when it is started.
+    pub uptime: Duration,
     wire: Wire,
     signing: Option<SigningData>,
 }
@@ -85,6 +90,7 @@ impl StandIn {
             autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
             version: [4, 6, 3],
             parameters: BTreeMap::new(),
+            uptime: Duration::ZERO,
             wire,
             signing: None,
         }
@@ -109,6 +115,8 @@ impl StandIn {
 
     fn run(mut self, seen: &Seen, stop: &AtomicBool) {
         let began = Instant::now();
+        let uptime = self.uptime;
+        let since_boot = || uptime + began.elapsed();
         let mut peer = None;
         let mut next = began;
         while !stop.load(Ordering::Relaxed) {
@@ -117,14 +125,14 @@ impl StandIn {
             while let Ok((_, message)) =
                 reader.read_any_message_signed::<MavMessage>(self.signing.as_ref())
             {
-                for answer in self.answers(&message, began) {
+                for answer in self.answers(&message, since_boot()) {
                     self.send(&answer, peer);
                 }
                 seen.lock().unwrap().push(message);
             }
             if Instant::now() >= next {
                 next = Instant::now() + Duration::from_millis(50);
-                for message in self.telemetry(began) {
+                for message in self.telemetry(since_boot()) {
                     self.send(&message, peer);
                 }
             }
@@ -145,6 +153,11 @@ impl StandIn {
             Wire::Tcp(stream) => {
                 stream.set_read_timeout(wait).unwrap();
                 stream.read(&mut buffer)
+            }
+            #[cfg(target_os = "linux")]
+            Wire::Serial(port) => {
+                port.set_read_timeout(Duration::from_millis(5)).unwrap();
+                port.read(&mut buffer)
             }
         };
         let length = match read {
@@ -171,11 +184,16 @@ impl StandIn {
             }
             (Wire::Udp(_), None) => {}
             (Wire::Tcp(stream), _) => stream.write_all(&bytes).unwrap(),
+            #[cfg(target_os = "linux")]
+            (Wire::Serial(port), _) => {
+                // What nobody reads does not fit in the end.
+                let _ = port.write_all(&bytes);
+            }
         }
     }
 
-    fn telemetry(&self, began: Instant) -> Vec<MavMessage> {
-        let time_boot_ms = u32::try_from(began.elapsed().as_millis()).unwrap();
+    fn telemetry(&self, since_boot: Duration) -> Vec<MavMessage> {
+        let time_boot_ms = u32::try_from(since_boot.as_millis()).unwrap();
         vec![
             MavMessage::HEARTBEAT(HEARTBEAT_DATA {
                 mavtype: MavType::MAV_TYPE_FIXED_WING,
@@ -209,10 +227,10 @@ impl StandIn {
         ]
     }
 
-    fn answers(&self, message: &MavMessage, began: Instant) -> Vec<MavMessage> {
+    fn answers(&self, message: &MavMessage, since_boot: Duration) -> Vec<MavMessage> {
         match message {
             MavMessage::TIMESYNC(data) if data.tc1 == 0 => {
-                let tc1 = i64::try_from(began.elapsed().as_nanos()).unwrap();
+                let tc1 = i64::try_from(since_boot.as_nanos()).unwrap();
                 vec![MavMessage::TIMESYNC(TIMESYNC_DATA {
                     tc1,
                     ts1: data.ts1,

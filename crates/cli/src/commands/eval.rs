@@ -168,6 +168,7 @@ fn run_track(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Re
     let about = |data: String| TrackAbout {
         data,
         model_hash: model.hash().to_string(),
+        arithmetic: model.arithmetic(),
         commit: arguments.commit.clone(),
         version: env!("CARGO_PKG_VERSION"),
         threads: rayon::current_num_threads(),
@@ -218,10 +219,11 @@ impl TownSearch for EvalSearch<'_> {
             ..
         } = self.arguments;
         format!(
-            "version {}, commit {commit:?}, model {}, {mode:?}, map error {map_error} m, least confidence {min_confidence:?}, \
+            "version {}, commit {commit:?}, model {} in {}, {mode:?}, map error {map_error} m, least confidence {min_confidence:?}, \
              {adapt:?}, {retrieval:?}",
             env!("CARGO_PKG_VERSION"),
-            self.model.hash()
+            self.model.hash(),
+            self.model.arithmetic()
         )
     }
 

@@ -18,10 +18,13 @@ impl Conditions {
     /// The table with its conditions; a table that compares trained networks has no one model.
     pub fn added_to(&self, mut table: ExperimentTable, model: Option<&Model>) -> ExperimentTable {
         let hash = model.map(|m| m.hash().to_string().chars().take(HASH_DIGITS).collect());
+        // As in the summaries of `grim eval`: not where it is the usual one.
+        let arithmetic = model.map(Model::arithmetic).filter(|one| !one.is_f32());
         let all = [
             ("data", Some(self.data.clone())),
             ("frames", Some(self.frames.to_string())),
             ("model", hash),
+            ("arithmetic", arithmetic.map(|one| one.to_string())),
             (
                 "program",
                 Some(format!("grim {}", env!("CARGO_PKG_VERSION"))),
@@ -34,5 +37,29 @@ impl Conditions {
             }
         }
         table
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grimnet_net::Arithmetic;
+
+    #[test]
+    fn arithmetic_is_told_if_it_is_not_the_usual_one() {
+        let conditions = Conditions {
+            data: "5 procedural worlds".to_owned(),
+            frames: 5,
+        };
+        for (arithmetic, expected) in [(Arithmetic::F32, None), (Arithmetic::Int8, Some("int8"))] {
+            let model = Model::bundled()
+                .unwrap()
+                .with_arithmetic(arithmetic)
+                .unwrap();
+            let table = conditions.added_to(ExperimentTable::default(), Some(&model));
+            let told = table.conditions.get("arithmetic").map(String::as_str);
+            assert_eq!(told, expected);
+            assert!(table.conditions.contains_key("model"));
+        }
     }
 }

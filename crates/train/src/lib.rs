@@ -43,5 +43,6 @@ pub use run::detector::Detector;
 pub use run::labelling::{LabelProgress, label_pictures};
 pub use run::losses::Losses;
 pub use run::optimiser::{Adam, AdamOptions, StepOptions};
+pub use run::report::Progress;
 pub use run::run_folder::{FLIGHT, MODEL, RunFolder};
-pub use run::trainer::{Progress, Trainer, checkpoint_path};
+pub use run::trainer::{Trainer, checkpoint_path};

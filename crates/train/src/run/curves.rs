@@ -2,8 +2,8 @@
 
 use crate::error::TrainError;
 use crate::run::losses::Losses;
+use crate::run::report::Progress;
 use crate::run::run_folder::{CURVES, CURVES_PLOT, RunFolder};
-use crate::run::trainer::Progress;
 use std::fmt::Write as _;
 
 /// Columns before and after the losses.

@@ -10,6 +10,7 @@ pub(crate) mod losses;
 mod memory;
 mod objective;
 pub(crate) mod optimiser;
+pub(crate) mod report;
 pub(crate) mod run_folder;
 mod schedule;
 mod start;

@@ -10,12 +10,13 @@ use crate::model::network::Network;
 use crate::model::normalisation::Statistics;
 use crate::model::parameters::Parameters;
 use crate::model::vlad::unit_rows;
-use crate::run::checkpoint::{CHECKPOINT, Checkpoint, Position};
+use crate::run::checkpoint::{CHECKPOINT, Checkpoint};
 use crate::run::losses::Losses;
 use crate::run::objective::{Objective, Tasks};
 use crate::run::optimiser::StepOptions;
+use crate::run::report::{Progress, Report};
 use crate::run::run_folder::RunFolder;
-use crate::run::schedule::{learning_rate, remaining_s, share_done};
+use crate::run::schedule::{learning_rate, share_done};
 use crate::run::start::initial_state;
 use burn::tensor::{Device, Tensor};
 use grimnet_net::Model;
@@ -27,80 +28,11 @@ use std::time::Instant;
 
 /// A step counts for at most this time; the process was suspended if it took longer.
 const LONGEST_STEP_S: f64 = 60.0;
-/// Longest time between reports.
-const LONGEST_SILENCE_S: f64 = 30.0;
 /// Pairs that the normalisations of weights without normalisation are computed from, and the change of the run's seed for them.
 const IDENTITY_PAIRS: usize = 8;
 const IDENTITY_SEED: u64 = 0x1d;
 /// Batches that NetVLAD is initialised from.
 const CENTRE_BATCHES: u64 = 4;
-
-/// A progress report.
-#[derive(Clone, Debug)]
-pub struct Progress {
-    /// Number of steps done.
-    pub step: u64,
-    /// Training time including earlier runs, seconds.
-    pub elapsed_s: f64,
-    /// Estimated remaining time, seconds.
-    pub remaining_s: f64,
-    /// Mean losses since the last report.
-    pub losses: Losses,
-    /// Pairs per second since the last report.
-    pub pairs_per_s: f64,
-    /// Learning rate.
-    pub learning_rate: f64,
-    /// Norm of the last gradient before clipping.
-    pub gradient: f32,
-}
-
-/// What is collected between two reports.
-struct Report {
-    losses: Losses,
-    steps: u64,
-    since: Instant,
-    gradient: f32,
-    learning_rate: f64,
-}
-
-impl Report {
-    fn new() -> Self {
-        Self {
-            losses: Losses::default(),
-            steps: 0,
-            since: Instant::now(),
-            gradient: 0.0,
-            learning_rate: 0.0,
-        }
-    }
-
-    fn add(&mut self, losses: &Losses, gradient: f32, learning_rate: f64) {
-        self.losses.add(losses);
-        self.steps += 1;
-        self.gradient = gradient;
-        self.learning_rate = learning_rate;
-    }
-
-    fn is_due(&self, config: &TrainConfig) -> bool {
-        self.steps == config.report_steps || self.since.elapsed().as_secs_f64() > LONGEST_SILENCE_S
-    }
-
-    /// The report, after which collecting starts again.
-    fn take(&mut self, config: &TrainConfig, position: &Position) -> Progress {
-        let progress = Progress {
-            step: position.step,
-            elapsed_s: position.elapsed_s,
-            remaining_s: remaining_s(config, position),
-            losses: self.losses.scaled(1.0 / self.steps as f32),
-            pairs_per_s: (self.steps * config.pairs_per_step as u64) as f64
-                / self.since.elapsed().as_secs_f64(),
-            learning_rate: self.learning_rate,
-            gradient: self.gradient,
-        };
-        *self = Self::new();
-        progress
-    }
-}
 
 /// A training run.
 pub struct Trainer {

@@ -181,3 +181,22 @@ fn median(values: impl Iterator<Item = f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_fix_has_confirmed_is_tested_after_three_vain_searches() {
+        let mut told = Told::default();
+        for tests in [Told::tests_yaw, Told::tests_height] {
+            assert!(!tests(&told, 2));
+            assert!(tests(&told, 3));
+        }
+        told.yaw.fix(355.0, 20.0);
+        told.height.fix(100.0, 110.0);
+        for tests in [Told::tests_yaw, Told::tests_height] {
+            assert!(!tests(&told, 9), "water gives no fix either");
+        }
+    }
+}

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Fuzzes for hours, target after target in turns, one process at a time, and keeps count.
+"""Fuzzes for hours, target after target in turns, one process a job, and keeps count.
 
     .ci/fuzz.py --log DIR                  until Ctrl-C
     .ci/fuzz.py --log DIR --minutes 60     for an hour
+    .ci/fuzz.py --log DIR --jobs 2         two targets at a time
     .ci/fuzz.py --log DIR --summary        processor time, inputs and findings of each target so far
 
 The targets are the tests of grimnet-fuzz (proptest, inputs with right checksums) and, if cargo-fuzz and a nightly toolchain are
@@ -17,11 +18,12 @@ import json
 import os
 import pathlib
 import re
-import resource
 import shutil
 import signal
 import subprocess
 import sys
+import tempfile
+import threading
 import time
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
@@ -29,6 +31,8 @@ FIRST_CASES = 200
 # What a libFuzzer process may take; an input that takes longer or more is a finding.
 RSS_LIMIT_MIB = 2048
 TIMEOUT_S = 25
+# Its exit status after a signal. It has printed its counts by then.
+LIBFUZZER_INTERRUPTED = 72
 
 
 def proptest_targets(executables):
@@ -66,6 +70,7 @@ def libfuzzer_targets(log):
             str(ROOT / "fuzz/target" / host / "release" / name),
             str(corpus),
             str(ROOT / "fuzz/corpus" / name),
+            f"-dict={ROOT}/fuzz/dictionaries/{name}.dict",
             f"-rss_limit_mb={RSS_LIMIT_MIB}",
             f"-timeout={TIMEOUT_S}",
             f"-artifact_prefix={log}/findings/{name}-",
@@ -74,10 +79,11 @@ def libfuzzer_targets(log):
 
 
 class Log:
-    """The turns so far."""
+    """The turns so far. Jobs share it."""
 
     def __init__(self, folder):
         self.folder = folder
+        self.lock = threading.Lock()
         (folder / "findings").mkdir(parents=True, exist_ok=True)
         self.path = folder / "runs.tsv"
         self.rows = []
@@ -91,8 +97,8 @@ class Log:
 
     def add(self, *row):
         row = [datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds"), *map(str, row)]
-        self.rows.append(row)
-        with self.path.open("a") as file:
+        with self.lock, self.path.open("a") as file:
+            self.rows.append(row)
             file.write("\t".join(row) + "\n")
 
     def summary(self):
@@ -110,21 +116,23 @@ class Log:
         print(f"{'':<10}{'all':<34}{turns:>7}{inputs:>14,}{seconds / 60:>10.1f}{findings:>10}")
 
 
+# Processes that run now.
+running = set()
+
+
 def run(command, environment):
-    """Output, exit status and processor time of a process and its children, at the lowest priority."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
-        command,
-        env={**os.environ, **environment},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
-        preexec_fn=lambda: os.nice(19),
-    )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return done.stdout, done.returncode, seconds
+    """Output, exit status and processor time of a process, at the lowest priority."""
+    with tempfile.TemporaryFile() as output:
+        process = subprocess.Popen(
+            ["nice", "-n", "19", *command], env={**os.environ, **environment}, stdout=output, stderr=subprocess.STDOUT
+        )
+        running.add(process)
+        _, status, usage = os.wait4(process.pid, 0)
+        running.discard(process)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        output.seek(0)
+        text = output.read().decode(errors="replace")
+    return text, process.returncode, usage.ru_utime + usage.ru_stime
 
 
 def turn(log, engine, target, command, seconds):
@@ -142,8 +150,10 @@ def turn(log, engine, target, command, seconds):
         output, status, took = run([*command, f"-seed={seed}", f"-max_total_time={seconds}"], {"RAYON_NUM_THREADS": "1"})
         found = re.search(r"stat::number_of_executed_units:\s*(\d+)", output)
         cases = int(found[1]) if found else 0
-    if status in (-2, 130):
-        raise KeyboardInterrupt
+    if status in (-signal.SIGINT, -signal.SIGTERM, 130):
+        return
+    if status == LIBFUZZER_INTERRUPTED:
+        status = 0
     if status != 0:
         (log.folder / "findings" / f"{target.replace('/', '-')}-seed{seed}.txt").write_text(output[-40000:])
     log.add(engine, target, seed, cases, f"{took:.1f}", "passed" if status == 0 else f"exit status {status}")
@@ -153,6 +163,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--log", type=pathlib.Path, required=True, metavar="DIR", help="folder of the log, the findings and the corpus")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="end after so many minutes")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="targets at a time")
     parser.add_argument("--turn", type=int, default=120, metavar="S", help="seconds of a turn")
     parser.add_argument("--engine", choices=["proptest", "libfuzzer"], help="only this one")
     parser.add_argument("--executables", nargs="*", metavar="CRATE=FILE", help="built tests, instead of building them")
@@ -169,18 +180,32 @@ def main():
     if arguments.engine != "proptest" and shutil.which("cargo"):
         targets += [("libfuzzer", *target) for target in libfuzzer_targets(log.folder)]
     end = time.monotonic() + 60 * arguments.minutes
-    # The process that is running ends with this one.
+    waiting, lock, stopped = list(targets), threading.Lock(), threading.Event()
+
+    def job():
+        while not stopped.is_set() and time.monotonic() < end:
+            with lock:
+                # Of the targets that no other job runs, the one that had the least time.
+                target = min(waiting, key=lambda t: sum(float(row[5]) for row in log.of(*t[:2])))
+                waiting.remove(target)
+            turn(log, *target, arguments.turn)
+            with lock:
+                waiting.append(target)
+
+    jobs = [threading.Thread(target=job) for _ in range(min(arguments.jobs, len(targets)))]
+    # The processes that are running end with this one.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
+    for thread in jobs:
+        thread.start()
     try:
-        while True:
-            # The target that had the least time is next.
-            took = lambda t: sum(float(row[5]) for row in log.of(*t[:2]))
-            engine, target, command = min(targets, key=took)
-            turn(log, engine, target, command, arguments.turn)
-            if time.monotonic() > end:
-                break
+        for thread in jobs:
+            thread.join()
     except KeyboardInterrupt:
-        pass
+        stopped.set()
+        for process in set(running):
+            os.kill(process.pid, signal.SIGTERM)
+        for thread in jobs:
+            thread.join()
     log.summary()
 
 

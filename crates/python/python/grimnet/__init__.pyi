@@ -40,7 +40,7 @@ _Photo = _Path | bytes | bytearray | memoryview | npt.NDArray[np.uint8] | _Array
 # Degrees clockwise from true north, "exif" (from the metadata) or "unknown".
 _Heading = float | Literal["exif", "unknown"]
 _Domain = Literal["uav", "sat"]
-# Arithmetic of the network; int8 takes about half the time.
+# Arithmetic of the network; int8 takes about half the time on processors with VNNI, no less on others.
 _Precision = Literal["f32", "int8"]
 
 class GrimnetError(Exception): ...

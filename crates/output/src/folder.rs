@@ -168,7 +168,9 @@ impl OutputFolder {
         let hash = File::open(&path)
             .and_then(|mut file| hash_of(&mut file))
             .map_err(OutputError::io("read", &path))?;
-        self.note(name, hash)
+        self.note(name, hash)?;
+        self.state().listing.settle(name, hash);
+        Ok(())
     }
 
     /// Removes the files of earlier runs whose name `remove` selects and that this run did not write. Files that were
@@ -250,7 +252,15 @@ impl FolderFile {
     /// [`OutputError`]; the file at the path is then as it was before.
     pub fn commit(self) -> Result<()> {
         let Self { folder, name, file } = self;
-        file.commit_after(|hash| folder.note(&name, hash))
+        let mut listed = None;
+        file.commit_after(|hash| {
+            listed = Some(hash);
+            folder.note(&name, hash)
+        })?;
+        if let Some(hash) = listed {
+            folder.state().listing.settle(&name, hash);
+        }
+        Ok(())
     }
 }
 

@@ -5,7 +5,7 @@
 //! HASH  NAME
 //! ```
 //! A name is listed before its file is renamed into place, so that a kill in between leaves no file that is not listed;
-//! a name may therefore have several hashes. In names, a backslash is written as `\\` and a line break as `\n`.
+//! a name may therefore have several hashes. Those of contents that were replaced are dropped from time to time. In names, a backslash is written as `\\` and a line break as `\n`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File, OpenOptions};
@@ -24,6 +24,9 @@ const HEADER: &str = "# Files that grim wrote into this folder, by BLAKE3 hash. 
 /// Largest list that is read, bytes: some 600,000 files.
 const MAX_LEN: u64 = 64 << 20;
 
+/// So many hashes of replaced contents may be in the file before it is written anew.
+const MOST_OUTDATED: usize = 16;
+
 /// A folder's list.
 #[derive(Debug)]
 pub(crate) struct Listing {
@@ -31,6 +34,8 @@ pub(crate) struct Listing {
     hashes: BTreeMap<String, BTreeSet<String>>,
     /// Whether the file ends in the middle of a line, or does not exist.
     needs_writing: bool,
+    /// Hashes in the file of contents that were replaced.
+    outdated: usize,
 }
 
 impl Listing {
@@ -41,6 +46,7 @@ impl Listing {
             path: path.clone(),
             hashes: BTreeMap::new(),
             needs_writing: true,
+            outdated: 0,
         };
         match fs::symlink_metadata(&path) {
             Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(listing),
@@ -109,6 +115,17 @@ impl Listing {
         append().map_err(OutputError::io("write", &self.path))
     }
 
+    /// Forgets the earlier contents of a listed file that is in place now.
+    pub(crate) fn settle(&mut self, name: &str, hash: blake3::Hash) {
+        let in_place = BTreeSet::from([hash.to_hex().to_string()]);
+        let listed = self.hashes.insert(name.to_owned(), in_place);
+        self.outdated += listed.map_or(0, |hashes| hashes.len().saturating_sub(1));
+        if self.outdated > MOST_OUTDATED {
+            // A list that stays longer is right, too.
+            let _ = self.write();
+        }
+    }
+
     /// Forgets the names that `keep` refuses.
     pub(crate) fn retain(&mut self, mut keep: impl FnMut(&str) -> bool) -> Result<()> {
         let before = self.hashes.len();
@@ -125,7 +142,7 @@ impl Listing {
             text.extend(hashes.iter().map(|hash| line(name, hash)));
         }
         write_bytes_atomic(&self.path, text.as_bytes())?;
-        self.needs_writing = false;
+        (self.needs_writing, self.outdated) = (false, 0);
         Ok(())
     }
 }

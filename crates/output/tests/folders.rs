@@ -189,3 +189,27 @@ fn a_file_that_other_code_wrote_is_recorded() {
     output.record("curves.csv").unwrap();
     output.check(["curves.csv"]).unwrap();
 }
+
+#[test]
+fn the_list_of_a_file_that_is_replaced_often_stays_short() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = folder.path().join(LISTING_NAME);
+    let longest = |output: &OutputFolder, round: u32| {
+        let text = format!("checkpoint of step {round}");
+        output.write_bytes("checkpoint", text.as_bytes()).unwrap();
+        fs::write(folder.path().join("curves.csv"), text).unwrap();
+        output.record("curves.csv").unwrap();
+        fs::read_to_string(&list).unwrap().lines().count()
+    };
+    for run in 0..3 {
+        let output = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
+        let lines = (0..40).map(|round| longest(&output, 100 * run + round));
+        assert!(lines.max() < Some(24));
+    }
+    let output = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
+    output.check(["checkpoint", "curves.csv"]).unwrap();
+    drop(output);
+    fs::write(folder.path().join("checkpoint"), "something else").unwrap();
+    let output = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
+    assert!(output.check(["checkpoint"]).is_err());
+}

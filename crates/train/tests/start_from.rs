@@ -56,6 +56,29 @@ fn torchvision(bn: bool) -> State {
     out
 }
 
+/// The weights of `golden/torch/make_golden.py`, which PyTorch has written to `vgg16.pth` and `vgg16_bn.pth`.
+fn torchvision_of_golden(bn: bool) -> State {
+    let fraction = |k: usize| (k as u64 * 2_654_435_761 % (1 << 32)) as f64 / (1u64 << 32) as f64;
+    let signed = |k: usize| (0.1 * (fraction(k) - 0.5)) as f32;
+    let positive = |k: usize| (0.5 + fraction(k)) as f32;
+    let weight = |[width, inputs]: [usize; 2]| {
+        let taps = |start: usize| (0..9).map(move |tap| signed(start + tap));
+        let kernels = |o: usize| (0..inputs).flat_map(move |i| taps(4 * o + 5 * i));
+        (0..width).flat_map(kernels).collect()
+    };
+    let mut state = torchvision(bn);
+    for (name, (shape, values)) in &mut state {
+        let is_positive =
+            name.ends_with("running_var") || (name.ends_with("weight") && shape.len() == 1);
+        *values = match shape[..] {
+            [width, inputs, ..] => weight([width, inputs]),
+            _ if is_positive => (0..shape[0]).map(positive).collect(),
+            _ => (0..shape[0]).map(signed).collect(),
+        };
+    }
+    state
+}
+
 fn save(state: &State, path: &Path) {
     let bytes: Vec<Vec<u8>> = state
         .values()
@@ -105,11 +128,21 @@ fn reference(state: &State, mut x: Tensor<4>, device: &Device) -> Tensor<4> {
 #[rstest]
 #[case::plain(false)]
 #[case::with_normalisation(true)]
-fn the_encoder_starts_as_torchvisions(#[case] bn: bool) {
+fn the_encoder_starts_as_torchvisions(
+    #[case] bn: bool,
+    #[values("safetensors", "pth")] format: &str,
+) {
     let folder = tempfile::tempdir().unwrap();
-    let state = torchvision(bn);
-    let path = folder.path().join("vgg16.safetensors");
-    save(&state, &path);
+    let (state, path) = if format == "pth" {
+        let name = if bn { "vgg16_bn.pth" } else { "vgg16.pth" };
+        let golden = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/torch");
+        (torchvision_of_golden(bn), golden.join(name))
+    } else {
+        let path = folder.path().join("vgg16.safetensors");
+        let state = torchvision(bn);
+        save(&state, &path);
+        (state, path)
+    };
     let config = TrainConfig {
         network: "vgg16".into(),
         out: folder.path().join("out"),

@@ -19,6 +19,9 @@ const MAX_ANSWER: Duration = Duration::from_secs(2);
 fn service() -> SocketAddr {
     static SERVICE: OnceLock<SocketAddr> = OnceLock::new();
     *SERVICE.get_or_init(|| {
+        // As the runtime of Rust does, which a program of libFuzzer lacks: a client may be gone when it is answered.
+        // SAFETY: no handler is installed.
+        unsafe { libc::signal(libc::SIGPIPE, libc::SIG_IGN) };
         let localizer = Localizer::open(file_of(PACK, "area.grim")).unwrap();
         let map = ServedMap::new("area", localizer, None).unwrap();
         let address = SocketAddr::from(([127, 0, 0, 1], 0));

@@ -13,3 +13,16 @@ pub enum Given {
     #[default]
     HeadingAndScale,
 }
+
+impl Given {
+    /// It, in words.
+    #[must_use]
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing given",
+            Self::Heading => "heading given",
+            Self::Scale => "scale given",
+            Self::HeadingAndScale => "heading and scale given",
+        }
+    }
+}

@@ -126,12 +126,7 @@ impl Variant {
             (Recipe::Paper, Given::HeadingAndScale) => {
                 format!("{method}; heading given, map at footprint / 512")
             }
-            (Recipe::Default, Given::Nothing) => format!("{method}; nothing given"),
-            (Recipe::Default, Given::Heading) => format!("{method}; heading given"),
-            (Recipe::Default, Given::Scale) => format!("{method}; scale given"),
-            (Recipe::Default, Given::HeadingAndScale) => {
-                format!("{method}; heading and scale given")
-            }
+            (Recipe::Default, given) => format!("{method}; {}", given.words()),
         }
     }
 }

@@ -1,4 +1,5 @@
-//! Robustness sweeps: one condition is varied step by step on the procedural world, and accuracy is measured at each step.
+//! Robustness sweeps: one condition is varied step by step on the procedural world, and the accuracy of default mode and of the paper's
+//! procedure is measured at each step.
 
 use std::path::Path;
 
@@ -11,14 +12,15 @@ use crate::given::Given;
 use crate::photometry::Photometry;
 use crate::recipe::{Recipe, Variant};
 use crate::world_flight::{FlightError, PoseChange, WorldFlight};
-use grimnet_eval::metrics::Summary;
+use grimnet_eval::metrics::{Frame, Summary};
+use grimnet_eval::scene::Scene;
 
 /// The condition that is varied.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sweep {
-    /// Heading of the photos, known and unknown.
+    /// Heading of the photos, under all that the methods can be given: the paper's text claims no prior on orientation.
     Yaw,
-    /// Height above ground, known and unknown.
+    /// Height above ground, reported right and wrong.
     Scale,
     /// Camera ahead of straight down.
     Pitch,
@@ -36,13 +38,11 @@ pub enum Sweep {
     MapAge,
     /// Photos of another place than the map's.
     WrongArea,
-    /// Heading of the photos, by the paper's procedure.
-    PaperYaw,
 }
 
 impl Sweep {
     /// All of them.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 10] = [
         Self::Yaw,
         Self::Scale,
         Self::Pitch,
@@ -53,7 +53,6 @@ impl Sweep {
         Self::Season,
         Self::MapAge,
         Self::WrongArea,
-        Self::PaperYaw,
     ];
 
     /// Its name.
@@ -70,7 +69,6 @@ impl Sweep {
             Self::Season => "season",
             Self::MapAge => "map-age",
             Self::WrongArea => "wrong-area",
-            Self::PaperYaw => "paper-yaw",
         }
     }
 
@@ -84,7 +82,7 @@ impl Sweep {
     #[must_use]
     pub fn title(self) -> &'static str {
         match self {
-            Self::Yaw => "Heading of the photos, degrees",
+            Self::Yaw => "Heading of the photos, degrees from the map's up",
             Self::Scale => "Height above ground, as a factor of 100 to 130 m",
             Self::Pitch => "Camera pitch from nadir, degrees",
             Self::Brightness => "Brightness of the photos, factor",
@@ -96,102 +94,61 @@ impl Sweep {
                 "Share of buildings and trees that may have changed since the map; half of these have"
             }
             Self::WrongArea => "Photos of another place than the map's: none may get a fix",
-            Self::PaperYaw => {
-                "Heading of the photos by the paper's procedure, degrees from the map's up"
-            }
         }
     }
 
-    /// Headings by the paper's procedure: its text claims no prior on orientation, and its recipe has none built in.
-    fn paper_headings(flight: &WorldFlight) -> Vec<Step> {
-        let variants = [
-            (Variant::PAPER, "as published"),
-            (Variant::PAPER_WITH_HEADING, "heading given"),
-            (
-                Variant {
-                    given: Given::Scale,
-                    ..Variant::PAPER_WITH_PRIOR
+    /// The steps over `flight`.
+    fn steps(self, flight: &WorldFlight) -> Vec<Step> {
+        let lit = |value: f64, photometry: Photometry| Step {
+            photometry,
+            ..Step::over(flight.clone(), value)
+        };
+        let posed = |name: String, change: PoseChange, given: Given| Step {
+            given,
+            ..Step::over(
+                WorldFlight {
+                    change,
+                    ..flight.clone()
                 },
-                "map at footprint / 512",
-            ),
-            (
-                Variant::PAPER_WITH_PRIOR,
-                "map at footprint / 512, heading given",
-            ),
-        ];
-        let step = |(variant, name): (Variant, &str), deg: f64| Step {
-            name: format!("{deg}, {name}"),
-            flight: WorldFlight {
-                change: PoseChange::Heading(deg),
-                ..flight.clone()
-            },
-            photometry: Photometry::Original,
-            variant,
+                name,
+            )
         };
-        variants
-            .into_iter()
-            .flat_map(|variant| [0.0, 30.0, -30.0, 90.0, 180.0].map(|deg| step(variant, deg)))
-            .collect()
-    }
-
-    /// The steps of the sweeps over poses.
-    fn pose_steps(self, flight: &WorldFlight) -> Vec<Step> {
-        let posed = |name: String, change: PoseChange, heading_known: bool| Step {
-            name,
-            flight: WorldFlight {
-                change,
-                ..flight.clone()
-            },
-            photometry: Photometry::Original,
-            variant: default_mode(heading_known),
-        };
+        let all = Given::HeadingAndScale;
         match self {
+            Self::Yaw => [
+                Given::Nothing,
+                Given::Heading,
+                Given::Scale,
+                Given::HeadingAndScale,
+            ]
+            .into_iter()
+            .flat_map(|given| {
+                [-90.0, -30.0, 0.0, 30.0, 45.0, 90.0, 135.0, 180.0].map(|deg| {
+                    let name = format!("{deg}, {}", given.words());
+                    posed(name, PoseChange::Heading(deg), given)
+                })
+            })
+            .collect(),
             Self::Scale => [0.5, 0.71, 1.0, 1.41, 2.0]
                 .into_iter()
                 .flat_map(|factor| {
                     [
-                        posed(format!("{factor}, given"), PoseChange::Height(factor), true),
                         posed(
-                            format!("{factor}, not given"),
+                            format!("{factor}, reported"),
+                            PoseChange::Height(factor),
+                            all,
+                        ),
+                        posed(
+                            format!("{factor}, reported as 1"),
                             PoseChange::UnreportedHeight(factor),
-                            true,
+                            all,
                         ),
                     ]
                 })
                 .collect(),
             Self::Pitch => [0.0, 5.0, 10.0, 20.0, 30.0, 45.0]
-                .map(|deg| posed(deg.to_string(), PoseChange::Pitch(deg), true))
+                .map(|deg| posed(deg.to_string(), PoseChange::Pitch(deg), all))
                 .into(),
-            _ => [true, false]
-                .into_iter()
-                .flat_map(|known| {
-                    let given = if known { "given" } else { "not given" };
-                    (0..8).map(move |i| (45.0 * f64::from(i), known, given))
-                })
-                .map(|(deg, known, given)| {
-                    posed(format!("{deg}, {given}"), PoseChange::Heading(deg), known)
-                })
-                .collect(),
-        }
-    }
-
-    /// The steps: name, flight, change of the photos, and whether headings are known.
-    fn steps(self, flight: &WorldFlight) -> Vec<Step> {
-        let lit = |value: f64, photometry: Photometry| Step {
-            name: value.to_string(),
-            flight: flight.clone(),
-            photometry,
-            variant: Variant::DEFAULT_WITH_PRIOR,
-        };
-        let seen = |name: String, flight: WorldFlight, heading_known: bool| Step {
-            name,
-            flight,
-            photometry: Photometry::Original,
-            variant: default_mode(heading_known),
-        };
-        match self {
-            Self::PaperYaw => Self::paper_headings(flight),
-            Self::Yaw | Self::Scale | Self::Pitch => self.pose_steps(flight),
             Self::Brightness => [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0]
                 .map(|f| lit(f, Photometry::Brightness(f)))
                 .into(),
@@ -208,50 +165,62 @@ impl Sweep {
                 .map(|season| {
                     let mut flight = flight.clone();
                     flight.photo_look.season = season;
-                    seen(format!("{season:?}").to_lowercase(), flight, true)
+                    Step::over(flight, format!("{season:?}").to_lowercase())
                 })
                 .into(),
             Self::MapAge => [0.03, 0.1, 0.2, 0.4, 0.7, 1.0]
                 .map(|share: f32| {
                     let mut flight = flight.clone();
                     flight.photo_look.change = share;
-                    seen(share.to_string(), flight, true)
+                    Step::over(flight, share)
                 })
                 .into(),
-            Self::WrongArea => [true, false]
-                .map(|known| {
+            Self::WrongArea => [Given::HeadingAndScale, Given::Scale]
+                .map(|given| {
                     let flight = WorldFlight {
                         wrong_area: true,
                         ..flight.clone()
                     };
-                    seen(
-                        format!("heading {}", if known { "given" } else { "not given" }),
-                        flight,
-                        known,
-                    )
+                    Step {
+                        given,
+                        ..Step::over(flight, given.words())
+                    }
                 })
                 .into(),
         }
     }
 }
 
-/// The default method, with the heading or without.
-fn default_mode(heading_known: bool) -> Variant {
-    Variant {
-        recipe: Recipe::Default,
-        given: if heading_known {
-            Given::HeadingAndScale
-        } else {
-            Given::Scale
-        },
-    }
-}
-
+/// One value of the condition.
 struct Step {
     name: String,
     flight: WorldFlight,
     photometry: Photometry,
-    variant: Variant,
+    given: Given,
+}
+
+impl Step {
+    /// The photos of `flight` as they are, localised with heading and scale.
+    fn over(flight: WorldFlight, name: impl ToString) -> Self {
+        Self {
+            name: name.to_string(),
+            flight,
+            photometry: Photometry::Original,
+            given: Given::HeadingAndScale,
+        }
+    }
+
+    /// This step by a method, over its scene.
+    fn setup(&self, recipe: Recipe, scene: &Scene) -> Result<Setup, PhotoError> {
+        let variant = Variant {
+            recipe,
+            given: self.given,
+        };
+        Ok(Setup {
+            photometry: self.photometry,
+            ..variant.setup(scene)?
+        })
+    }
 }
 
 /// Why a sweep cannot be run.
@@ -274,7 +243,11 @@ impl From<BenchError> for SweepError {
     }
 }
 
-/// Runs a sweep over each of `flights`; maps are written into `folder`. A row a step, over all flights together.
+/// A row: its name, and the frames by default mode and by the paper's procedure.
+type Frames = (String, [Vec<Frame>; 2]);
+
+/// Runs a sweep over each of `flights`, by default mode and by the paper's procedure; maps are written into `folder`. A row a step,
+/// over all flights together.
 ///
 /// # Errors
 /// A map cannot be written, or a pack not built.
@@ -284,21 +257,30 @@ pub fn run(
     flights: &[WorldFlight],
     folder: &Path,
 ) -> Result<ExperimentTable, SweepError> {
-    let mut rows: Vec<(String, Vec<grimnet_eval::metrics::Frame>)> = Vec::new();
+    let mut rows: Vec<Frames> = Vec::new();
     for flight in flights {
+        let map = flight.draw_map(folder)?;
+        // Steps that change what is told or the light share their photos.
+        let mut drawn: Vec<(WorldFlight, Scene)> = Vec::new();
         for (i, step) in sweep.steps(flight).into_iter().enumerate() {
-            let mut scene = step.flight.make(folder)?;
-            // The bench distinguishes scenes by name.
-            scene.name = format!("{} {} {}", flight.name, sweep.id(), step.name);
-            let setup = Setup {
-                photometry: step.photometry,
-                ..step.variant.setup(&scene)?
+            let at = match drawn.iter().position(|(flown, _)| *flown == step.flight) {
+                Some(at) => at,
+                None => {
+                    let mut scene = step.flight.over_map(&map)?;
+                    // The bench distinguishes scenes by name.
+                    scene.name = format!("{} {} {}", flight.name, sweep.id(), drawn.len());
+                    drawn.push((step.flight.clone(), scene));
+                    drawn.len() - 1
+                }
             };
-            let frames = bench.measure(&scene, &setup)?.frames;
+            let scene = &drawn[at].1;
             if rows.len() <= i {
-                rows.push((step.name, Vec::new()));
+                rows.push((step.name.clone(), Default::default()));
             }
-            rows[i].1.extend(frames);
+            for (recipe, frames) in RECIPES.into_iter().zip(&mut rows[i].1) {
+                let setup = step.setup(recipe, scene)?;
+                frames.extend(bench.measure(scene, &setup)?.frames);
+            }
         }
     }
     Ok(ExperimentTable {
@@ -310,34 +292,51 @@ pub fn run(
             Column::percent("within 20 m"),
             Column::metres("median"),
             Column::new("confidently wrong", "", 0),
+            Column::percent("paper's procedure: with a fix"),
+            Column::percent("paper's procedure: within 20 m"),
+            Column::metres("paper's procedure: median"),
         ],
         rows: rows
             .iter()
-            .map(|(name, frames)| row(sweep, name, &Summary::of(frames)))
+            .map(|(name, frames)| row(sweep, name, frames.each_ref().map(|f| Summary::of(f))))
             .collect(),
         notes: vec![
             "Shares are of all frames; the median counts a frame without a fix as infinitely far."
                 .to_owned(),
+            format!(
+                "The first five columns are default mode's, the last three of the {}. Both are given heading and scale where the row does not say \
+                 otherwise. The paper's text uses neither: its procedure turns photos by a given heading, and with a given scale its map has \
+                 footprint / 512.",
+                Variant::PAPER.name(bench.model())
+            ),
         ],
         ..ExperimentTable::default()
     })
 }
 
-fn row(sweep: Sweep, name: &str, summary: &Summary) -> Row {
+/// The methods of a row, in the order of its columns.
+const RECIPES: [Recipe; 2] = [Recipe::Default, Recipe::Paper];
+
+fn row(sweep: Sweep, name: &str, [default, paper]: [Summary; 2]) -> Row {
+    let with_a_fix =
+        |summary: &Summary| Some(100.0 * summary.fixes as f64 / summary.frames.max(1) as f64);
     // Every fix in a wrong area is wrong, whatever its coordinates.
     let wrong = if sweep == Sweep::WrongArea {
-        summary.fixes
+        default.fixes
     } else {
-        summary.confidently_wrong
+        default.confidently_wrong
     };
     Row::new(
         name,
         vec![
-            Some(100.0 * summary.fixes as f64 / summary.frames.max(1) as f64),
-            Some(100.0 * summary.within_5m),
-            Some(100.0 * summary.within_20m),
-            summary.median_m,
+            with_a_fix(&default),
+            Some(100.0 * default.within_5m),
+            Some(100.0 * default.within_20m),
+            default.median_m,
             Some(wrong as f64),
+            with_a_fix(&paper),
+            Some(100.0 * paper.within_20m),
+            paper.median_m,
         ],
     )
 }

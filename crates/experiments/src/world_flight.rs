@@ -1,6 +1,6 @@
 //! Scenes of the procedural world: a flight over it, with one condition changed at a time.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use grimnet_geo::{GeoError, LonLat, MapOptions, open_map};
@@ -42,7 +42,7 @@ pub enum FlightError {
 }
 
 /// A flight over a procedural world.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct WorldFlight {
     /// The scene's name.
     pub name: String,
@@ -103,10 +103,17 @@ impl WorldFlight {
     /// # Errors
     /// The map cannot be written.
     pub fn make(&self, folder: &Path) -> Result<Scene, FlightError> {
+        self.over_map(&self.draw_map(folder)?)
+    }
+
+    /// Draws the map into `folder`; returns its path.
+    ///
+    /// # Errors
+    /// The map cannot be written.
+    pub fn draw_map(&self, folder: &Path) -> Result<PathBuf, FlightError> {
         fs_err::create_dir_all(folder)?;
         let world = self.world(self.seed);
-        let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
-        let placement = Placement::at(lon_deg, lat_deg)?;
+        let placement = placement()?;
         let whole = RegionM {
             x_min_m: 0.0,
             y_min_m: 0.0,
@@ -117,11 +124,20 @@ impl WorldFlight {
         let path = folder.join(format!("{}.tif", self.name.replace(' ', "_")));
         let north_west_m = placement.utm_from_world([0.0, world.size_m()]);
         write_geotiff(&path, &picture, MAP_GSD_M, north_west_m, placement.epsg())?;
+        Ok(path)
+    }
+
+    /// Draws the photos, over the map that [`draw_map`](Self::draw_map) drew for a flight with the same map.
+    ///
+    /// # Errors
+    /// The map cannot be read.
+    pub fn over_map(&self, map: &Path) -> Result<Scene, FlightError> {
         let flown = if self.wrong_area {
             self.world(self.seed ^ WRONG_AREA)
         } else {
-            world
+            self.world(self.seed)
         };
+        let placement = placement()?;
         let flight = Flight::plan(&flown, self.photos, self.seed);
         let shots = flight
             .frames
@@ -131,7 +147,7 @@ impl WorldFlight {
             .collect::<Result<_, FlightError>>()?;
         Ok(Scene {
             name: self.name.clone(),
-            map: open_map(&path, &MapOptions::default())?,
+            map: open_map(map, &MapOptions::default())?,
             shots,
         })
     }
@@ -180,6 +196,12 @@ impl WorldFlight {
             footprint_width_m: None,
         })
     }
+}
+
+/// Where the worlds lie.
+fn placement() -> Result<Placement, WorldError> {
+    let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
+    Placement::at(lon_deg, lat_deg)
 }
 
 /// Turns a world's seed into that of another world.

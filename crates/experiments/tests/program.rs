@@ -48,6 +48,15 @@ fn a_sweep_writes_its_table_and_keeps_files_of_others() {
     assert!(run.status.success(), "{}", errors(&run));
     let table = ExperimentTable::read(&out.join("sweep-wrong-area.json")).unwrap();
     assert_eq!(table.rows.len(), 2);
+    let answered = table
+        .columns
+        .iter()
+        .position(|column| column.name == "paper's procedure: with a fix")
+        .expect("a column of the paper's procedure");
+    for row in &table.rows {
+        // It always answers, wherever the photos were taken.
+        assert_eq!(row.values[answered], Some(100.0), "{}", row.name);
+    }
     assert_eq!(table.conditions["frames"], "2");
     assert!(table.conditions["data"].starts_with("1 procedural worlds of 320 m"));
     let printed = String::from_utf8_lossy(&run.stdout).into_owned();

@@ -264,6 +264,7 @@ fn modules(
     })?;
     let matching = networks.get("matching alone", |config| config.weights.global = 0.0)?;
     let joint = networks.get(UNCHANGED, |_| {})?;
+    let trained_apart = [retrieval.as_slice(), matching.as_slice()].concat();
     let mut made = table(
         TrainedExperiment::Modules.id(),
         "Retrieval and matching trained apart and together",
@@ -293,9 +294,10 @@ fn modules(
             .collect::<Result<Vec<_>, BenchError>>()?;
         let together = over_networks(&joint, packs, scenes, variant)?;
         let called = variant.name(&joint[0].model);
-        for (name, trained, by_network) in
-            [("G + M", &matching, apart), ("G + M + L", &joint, together)]
-        {
+        for (name, trained, by_network) in [
+            ("G + M", &trained_apart, apart),
+            ("G + M + L", &joint, together),
+        ] {
             let name = format!("{name}, {called}");
             made.rows.push(scene_row(&name, &pooled(&by_network)));
             made.notes.push(reliability(&name, trained, &by_network));

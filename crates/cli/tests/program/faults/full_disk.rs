@@ -23,7 +23,7 @@ fn bash(script: &str, folder: &Path) -> Output {
         .unwrap()
 }
 
-/// Commands that write into `out` files of some 10 kB and more, with inputs in `inputs`; and a result of each.
+/// Commands that write into `out` files of at least 12 kB, with inputs in `inputs`; and a result of each.
 fn commands(inputs: &Path, out: &str) -> Vec<(String, &'static str)> {
     let map = inputs.join("map.png");
     let [option, place] = noise_map(&map, 1100, 1);
@@ -38,8 +38,8 @@ fn commands(inputs: &Path, out: &str) -> Vec<(String, &'static str)> {
         let file = |number| format!("{demo}/{stem}_{number:03}.jpg");
         numbers.map(file).collect::<Vec<_>>().join(" ")
     };
-    let photos = files(1..=5, "photos/flight");
-    let frames = files(1..=20, "flight/frame");
+    let photos = files(1..=8, "photos/flight");
+    let frames = files(1..=28, "flight/frame");
     vec![
         (
             format!("map build {map} {option} {place} --gsd 0.25 -o {out}/area.grim"),

@@ -10,7 +10,10 @@ fn with_checksums(bytes: &[u8]) -> Option<Vec<u8>> {
     let start = u64::from_le_bytes(bytes.get(16..24)?.try_into().ok()?) as usize;
     let mut manifest: serde_json::Value = serde_json::from_slice(bytes.get(start..)?).ok()?;
     let mut file = bytes[..start].to_vec();
-    if let Some(sections) = manifest["sections"].as_array_mut() {
+    if let Some(sections) = manifest
+        .get_mut("sections")
+        .and_then(|sections| sections.as_array_mut())
+    {
         for section in sections {
             let (at, len) = (section["offset"].as_u64()?, section["len"].as_u64()?);
             let end = at.checked_add(len)?;

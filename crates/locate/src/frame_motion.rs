@@ -184,6 +184,7 @@ fn matched(
         refine: true,
         max_scale: MOST_HEIGHT_CHANGE,
         max_rotation_rad: f64::INFINITY,
+        scale_prior: None,
     };
     let mut similarities =
         scratch

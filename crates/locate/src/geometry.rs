@@ -10,5 +10,6 @@ pub mod plain_homography;
 pub mod ransac;
 pub mod refine;
 pub mod sampler;
+pub mod scale_prior;
 pub mod similarity;
 pub mod transform;

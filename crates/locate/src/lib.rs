@@ -75,7 +75,7 @@ pub mod internals {
     pub use crate::{
         geometry::{
             correspondence, covariance, estimation, homography, plain_homography, ransac, refine,
-            sampler, similarity, transform,
+            sampler, scale_prior, similarity, transform,
         },
         search::matching,
     };

@@ -306,6 +306,7 @@ impl Options {
                 .gates
                 .map_or(f64::INFINITY, |gates| 1.0 + gates.max_scale_change),
             max_rotation_rad,
+            scale_prior: None,
         }
     }
 }

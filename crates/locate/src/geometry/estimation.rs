@@ -9,6 +9,7 @@ use crate::geometry::{
     ransac::{Estimate, Estimator, Ransac},
     refine::refine,
     sampler::Sampling,
+    scale_prior::ScalePrior,
     similarity::{Similarity, SimilarityEstimator},
     transform::Transform,
 };
@@ -45,6 +46,8 @@ pub struct EstimationOptions {
     pub max_scale: f64,
     /// Largest rotation of a similarity in either direction, radians. Infinite for no limit.
     pub max_rotation_rad: f64,
+    /// How probable the scales of a similarity are; `None` if all are alike.
+    pub scale_prior: Option<ScalePrior>,
 }
 
 /// A transform with the pairs that agree with it.
@@ -142,6 +145,7 @@ fn similarity_estimator(options: &EstimationOptions) -> SimilarityEstimator {
     SimilarityEstimator {
         scale_range: (1.0 / options.max_scale, options.max_scale),
         max_rotation_rad: options.max_rotation_rad,
+        scale_prior: options.scale_prior,
         ..SimilarityEstimator::default()
     }
 }

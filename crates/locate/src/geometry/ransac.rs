@@ -9,7 +9,7 @@
 //! that is mapped to. [`Ransac::threshold_px`] is compared with this distance; it is not squared and not normalised.
 //!
 //! # Stop
-//! With `w` the share of inliers of the best model so far, `s` the sample size and `p` [`Ransac::confidence`], the search ends
+//! With `w` the share of inliers of the best model so far (times [`Estimator::prior_weight`]), `s` the sample size and `p` [`Ransac::confidence`], the search ends
 //! after `N = ln(1 - p) / ln(1 - w^s)` scored samples, or after [`Ransac::max_iterations`].
 //!
 //! # Degenerate samples
@@ -33,6 +33,11 @@ pub trait Estimator: Sync {
 
     /// Squared residual of one pair, square pixels; infinite if the model cannot map the point.
     fn squared_error(&self, model: &Self::Model, pair: &Correspondence) -> f64;
+
+    /// Factor on the model's score, 0 to 1, by how probable the model is before any pair is looked at.
+    fn prior_weight(&self, _model: &Self::Model) -> f64 {
+        1.0
+    }
 }
 
 /// How two models are compared.
@@ -80,7 +85,7 @@ impl Ransac {
 pub struct ScoredModel<M> {
     /// The model.
     pub model: M,
-    /// Its score, see [`Score`].
+    /// Its score, see [`Score`] and [`Estimator::prior_weight`].
     pub score: f64,
     /// Number of pairs within the threshold.
     pub inlier_count: usize,
@@ -144,7 +149,9 @@ impl Ransac {
                 scored = self.optimise(estimator, scored, pairs);
             }
             best = Some(scored);
-            needed = self.iterations_needed(scored.inlier_count, pairs.len(), E::SAMPLE_SIZE);
+            // A model that is more probable wins with fewer inliers, and must have been drawn as well.
+            let enough = scored.inlier_count as f64 * estimator.prior_weight(&scored.model);
+            needed = self.iterations_needed(enough / pairs.len() as f64, E::SAMPLE_SIZE);
         }
         let best = best?;
         // A model always fits its own sample, so further inliers are needed as support.
@@ -195,7 +202,7 @@ impl Ransac {
         }
         ScoredModel {
             model: *model,
-            score,
+            score: score * estimator.prior_weight(model),
             inlier_count,
         }
     }
@@ -232,8 +239,8 @@ impl Ransac {
     }
 
     /// `ln(1 - p) / ln(1 - w^s)`, see the module documentation.
-    fn iterations_needed(&self, inliers: usize, pairs: usize, sample_size: usize) -> usize {
-        let all_good = (inliers as f64 / pairs as f64).powi(sample_size as i32);
+    fn iterations_needed(&self, share: f64, sample_size: usize) -> usize {
+        let all_good = share.powi(sample_size as i32);
         let needed = (1.0 - self.confidence).ln() / (-all_good).ln_1p();
         if needed.is_finite() {
             (needed.ceil() as usize).clamp(1, self.max_iterations)

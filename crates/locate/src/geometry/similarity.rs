@@ -6,6 +6,7 @@ use nalgebra::{Matrix2x4, Matrix3, Point2, Vector4};
 use crate::geometry::{
     correspondence::{Correspondence, Normalisation},
     ransac::Estimator,
+    scale_prior::ScalePrior,
     transform::Transform,
 };
 
@@ -130,6 +131,8 @@ pub struct SimilarityEstimator {
     pub min_distance_px: f64,
     /// Largest allowed rotation in either direction, radians.
     pub max_rotation_rad: f64,
+    /// How probable the scales are; `None` if all are alike.
+    pub scale_prior: Option<ScalePrior>,
 }
 
 impl Default for SimilarityEstimator {
@@ -138,6 +141,7 @@ impl Default for SimilarityEstimator {
             scale_range: (0.0, f64::INFINITY),
             min_distance_px: 8.0,
             max_rotation_rad: f64::INFINITY,
+            scale_prior: None,
         }
     }
 }
@@ -170,6 +174,11 @@ impl Estimator for SimilarityEstimator {
 
     fn squared_error(&self, model: &Similarity, pair: &Correspondence) -> f64 {
         model.squared_error(pair.from, pair.to)
+    }
+
+    fn prior_weight(&self, model: &Similarity) -> f64 {
+        self.scale_prior
+            .map_or(1.0, |prior| prior.inlier_weight(model.scale()))
     }
 }
 

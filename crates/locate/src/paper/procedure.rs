@@ -23,7 +23,7 @@ use crate::{
         ground_position::{en_m_from_level_px_jacobian, ground_position, matched_points},
         ranking::{best_candidate, runner_up_inliers},
         run::Located,
-        verification::{VerifiedCandidate, verify_with},
+        verification::{Expected, VerifiedCandidate, verify_with},
     },
     prior::Prior,
     query_features::QueryFeatures,
@@ -59,7 +59,7 @@ pub(crate) fn locate(
         .map(|&candidate| {
             context.scratch.with(|scratch| {
                 let options = context.options;
-                verify_with(level, query, candidate, f64::INFINITY, scratch, options)
+                verify_with(level, query, candidate, Expected::NOTHING, scratch, options)
             })
         })
         .collect::<Result<_>>()?;

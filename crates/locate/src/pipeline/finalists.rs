@@ -27,7 +27,7 @@ pub(crate) fn finalists<'a>(
         .flat_map(|result| RankedAnswer::distinct(result, options.finalists, options))
         .collect();
     // The sort is stable: of equal answers the one of the earlier round comes first.
-    answers.sort_by_key(|answer| std::cmp::Reverse(answer.rank()));
+    answers.sort_by(RankedAnswer::best_first);
     let is_clear = answers.first().is_some_and(|best| best.is_clear(options));
     let most = if is_clear { 1 } else { options.finalists };
     let mut finalists: Vec<RankedAnswer<'a>> = Vec::new();
@@ -83,7 +83,7 @@ pub(crate) fn best_finalist<'a>(
             answer.or_realigned(again, options)
         })
         .collect();
-    answers.sort_by_key(|answer| std::cmp::Reverse(answer.rank()));
+    answers.sort_by(RankedAnswer::best_first);
     let rivals: Vec<Rival<'a>> = answers.iter().skip(1).map(RankedAnswer::as_rival).collect();
     let best = answers.into_iter().next()?;
     Some(best.against(&rivals, options))

@@ -1,5 +1,7 @@
 //! Which of the verified candidates wins, and by how much.
 
+use std::cmp::Ordering;
+
 use nalgebra::Vector2;
 
 use crate::{
@@ -102,14 +104,14 @@ impl<'a> RankedAnswer<'a> {
         is_clear(self.verified, self.second(), options)
     }
 
-    /// The realigned answer if it passes the gates at the same position with at least as many inliers, else this one. The runner-up
+    /// The realigned answer if it passes the gates at the same position with inliers that count at least as much, else this one. The runner-up
     /// is kept, because realigning looks at one position only.
     pub fn or_realigned(self, realigned: Option<Self>, options: &Options) -> Self {
         let is_better = |realigned: &Self| {
             realigned.verified.rejection.is_none()
                 && same_position(realigned.verified, self.verified)
                 && (self.rejection.is_some()
-                    || realigned.verified.inliers.len() >= self.verified.inliers.len())
+                    || realigned.verified.weighted_inliers() >= self.verified.weighted_inliers())
         };
         let Some(realigned) = realigned.filter(is_better) else {
             return self;
@@ -125,9 +127,13 @@ impl<'a> RankedAnswer<'a> {
         }
     }
 
-    /// The key by which answers of several rounds are compared: passing the gates first, then the number of inliers.
-    pub fn rank(&self) -> (bool, usize) {
-        (self.rejection.is_none(), self.verified.inliers.len())
+    /// The order of answers of several rounds, best first: those that pass the gates, then by what their inliers count.
+    pub fn best_first(a: &Self, b: &Self) -> Ordering {
+        let passes = |answer: &Self| answer.rejection.is_none();
+        let inliers = |answer: &Self| answer.verified.weighted_inliers();
+        passes(b)
+            .cmp(&passes(a))
+            .then_with(|| inliers(b).total_cmp(&inliers(a)))
     }
 }
 
@@ -176,10 +182,11 @@ fn best_of<'a>(
     options: &Options,
 ) -> Option<&'a VerifiedCandidate> {
     let rank = |verified: &VerifiedCandidate| {
-        let inliers = verified.inliers.len() as f64;
         let score = match options.choice {
-            Choice::Inliers => inliers,
-            Choice::InlierRatio => inliers / (verified.pairs.len() as f64 + 1.0),
+            Choice::Inliers => verified.weighted_inliers(),
+            Choice::InlierRatio => {
+                verified.inliers.len() as f64 / (verified.pairs.len() as f64 + 1.0)
+            }
         };
         (verified.rejection.is_none(), score)
     };
@@ -229,6 +236,7 @@ mod tests {
             transform: None,
             covariance_px2: None,
             expected_inliers: 1.0,
+            inlier_weight: 1.0,
             centre_level_px: Some(LevelPx { x: x_px, y: 0.0 }),
             rejection: None,
         }
@@ -273,6 +281,24 @@ mod tests {
         assert_eq!(RankedAnswer::distinct(&result, 2, &options).len(), 2);
         let best = RankedAnswer::of(&result, &options).unwrap();
         assert_eq!(inliers(&best), (26, 24));
+    }
+
+    #[test]
+    fn inliers_of_an_improbable_scale_count_less() {
+        let roof = VerifiedCandidate {
+            inlier_weight: 0.6,
+            ..verified(20.0, 39)
+        };
+        let (told, nearer) = (
+            round(0, vec![verified(0.0, 33)]),
+            round(0, vec![roof.clone()]),
+        );
+        let options = Options::default();
+        let of = |result| RankedAnswer::of(result, &options).unwrap();
+        let order = RankedAnswer::best_first(&of(&told), &of(&nearer));
+        assert_eq!(order, Ordering::Less);
+        let both = round(0, vec![roof, verified(0.0, 33)]);
+        assert_eq!(inliers(&of(&both)), (33, 0), "a roof is no rival");
     }
 
     #[test]

@@ -11,14 +11,16 @@ use crate::{
     geometry::{
         correspondence::Correspondence,
         covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
-        estimation::{EstimatedTransform, estimate},
+        estimation::{EstimatedTransform, EstimationOptions, estimate},
         homography::Homography,
+        scale_prior::ScalePrior,
         transform::Transform,
     },
     options::Options,
     outcome::Rejection,
     pipeline::{
         chance::expected_inliers,
+        gates::Shape,
         guided_matching::{KeypointPair, match_guided},
         tile_frame::TileFrame,
     },
@@ -42,13 +44,39 @@ pub(crate) struct VerifiedCandidate {
     pub covariance_px2: Option<Matrix2<f64>>,
     /// Expected number of inliers if descriptors said nothing.
     pub expected_inliers: f64,
+    /// What an inlier counts as by how probable the transform's scale is, see [`ScalePrior::inlier_weight`].
+    pub inlier_weight: f64,
     /// The photo's centre.
     pub centre_level_px: Option<LevelPx>,
     /// The first gate that the candidate does not pass.
     pub rejection: Option<Rejection>,
 }
 
-/// Matches the candidate's query with its tile, with the rotation limited by its hypothesis.
+impl VerifiedCandidate {
+    /// Number of inliers, less for a transform of an improbable scale.
+    pub fn weighted_inliers(&self) -> f64 {
+        self.inlier_weight * self.inliers.len() as f64
+    }
+}
+
+/// What is known of a transform before any point is matched.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Expected {
+    /// Largest rotation in either direction, radians.
+    pub max_rotation_rad: f64,
+    /// How probable its scales are; `None` if all are alike.
+    pub scale_prior: Option<ScalePrior>,
+}
+
+impl Expected {
+    /// Nothing is known.
+    pub const NOTHING: Self = Self {
+        max_rotation_rad: f64::INFINITY,
+        scale_prior: None,
+    };
+}
+
+/// Matches the candidate's query with its tile, with rotation and scale as its hypothesis expects them.
 pub(crate) fn verify(
     context: Context<'_>,
     level: &Level,
@@ -56,18 +84,15 @@ pub(crate) fn verify(
     queries: &[QueryFeatures],
     candidate: Candidate,
 ) -> Result<VerifiedCandidate> {
-    let max_rotation_rad = hypotheses[candidate.query].heading_reach_deg.to_radians();
+    let hypothesis = &hypotheses[candidate.query];
+    let expected = Expected {
+        max_rotation_rad: hypothesis.heading_reach_deg.to_radians(),
+        scale_prior: hypothesis.scale_prior(),
+    };
     let query = &queries[candidate.query];
-    context.scratch.with(|scratch| {
-        verify_with(
-            level,
-            query,
-            candidate,
-            max_rotation_rad,
-            scratch,
-            context.options,
-        )
-    })
+    context
+        .scratch
+        .with(|scratch| verify_with(level, query, candidate, expected, scratch, context.options))
 }
 
 /// Matches `query` with the candidate's tile.
@@ -75,7 +100,7 @@ pub(crate) fn verify_with(
     level: &Level,
     query: &QueryFeatures,
     candidate: Candidate,
-    max_rotation_rad: f64,
+    expected: Expected,
     scratch: &mut Scratch,
     options: &Options,
 ) -> Result<VerifiedCandidate> {
@@ -85,7 +110,7 @@ pub(crate) fn verify_with(
         query,
         &frame,
         candidate.tile,
-        max_rotation_rad,
+        expected,
         scratch,
         options,
     )?;
@@ -96,6 +121,7 @@ pub(crate) fn verify_with(
         transform: None,
         covariance_px2: None,
         expected_inliers,
+        inlier_weight: 1.0,
         centre_level_px: None,
         rejection: None,
     };
@@ -105,6 +131,11 @@ pub(crate) fn verify_with(
             .homography
             .map(query.centre_px.into())
             .map(|centre| frame.level_px_from_tile_px(centre.into()));
+        let scale =
+            Shape::at(&estimated.homography, query.centre_px.into()).map(|shape| shape.scale);
+        if let (Some(prior), Ok(scale)) = (expected.scale_prior, scale) {
+            verified.inlier_weight = prior.inlier_weight(scale);
+        }
         verified.inliers = estimated.inliers;
         verified.transform = Some(estimated.homography);
     }
@@ -118,11 +149,14 @@ fn match_tile(
     query: &QueryFeatures,
     frame: &TileFrame,
     tile: usize,
-    max_rotation_rad: f64,
+    expected: Expected,
     scratch: &mut Scratch,
     options: &Options,
 ) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>, f64)> {
-    let estimation = options.estimation(max_rotation_rad);
+    let estimation = EstimationOptions {
+        scale_prior: expected.scale_prior,
+        ..options.estimation(expected.max_rotation_rad)
+    };
     let tile = level.features(tile)?;
     let tile_descriptors = Descriptors::from(&tile.descriptors);
     let tile_points: Vec<Point2<f64>> = tile

@@ -1,9 +1,9 @@
 //! Hypotheses of heading and scale: how a photo may lie on the map.
 
 use grimnet_pack::Pack;
-use grimnet_photo::View;
+use grimnet_photo::{Footprint, View};
 
-use crate::options::Options;
+use crate::{geometry::scale_prior::ScalePrior, options::Options};
 
 /// A heading and a ground width.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -16,6 +16,18 @@ pub(crate) struct Hypothesis {
     pub heading_deg: f64,
     /// Largest difference to the true heading, degrees.
     pub heading_reach_deg: f64,
+    /// The ground width that prior or metadata tell, if they do; `width_m` may be another.
+    pub told: Option<Footprint>,
+}
+
+impl Hypothesis {
+    /// How probable the scales of transforms of a query of this width are.
+    pub fn scale_prior(&self) -> Option<ScalePrior> {
+        self.told.map(|told| ScalePrior {
+            scale: told.width_m / self.width_m,
+            relative_sigma: told.relative_sigma,
+        })
+    }
 }
 
 /// Hypotheses that are tried together. A later round is tried if the rounds before it give no clear fix.
@@ -53,8 +65,9 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
                 width_m,
                 heading_deg: heading.heading_deg,
                 heading_reach_deg: (2.0 * heading.sigma_deg + HEADING_MARGIN_DEG).min(180.0),
+                told: view.footprint,
             }],
-            None => around_circle(level, width_m, options.headings, 0.0),
+            None => around_circle(assumed, view, options.headings, 0.0),
         };
         Round {
             hypotheses,
@@ -66,12 +79,7 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
         .heading
         .filter(|heading| heading.sigma_deg > DOUBTFUL_HEADING_DEG);
     if let (Some(heading), Some(first)) = (doubtful, widths.first()) {
-        let mut hypotheses = around_circle(
-            first.level,
-            first.width_m,
-            options.headings,
-            heading.heading_deg,
-        );
+        let mut hypotheses = around_circle(first, view, options.headings, heading.heading_deg);
         let others = hypotheses.split_off(1);
         if !others.is_empty() {
             rounds.push(Round {
@@ -84,15 +92,21 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
 }
 
 /// `count` evenly spaced headings, the first at `first_deg`.
-fn around_circle(level: usize, width_m: f64, count: usize, first_deg: f64) -> Vec<Hypothesis> {
+fn around_circle(
+    assumed: &AssumedWidth,
+    view: &View,
+    count: usize,
+    first_deg: f64,
+) -> Vec<Hypothesis> {
     let count = count.max(1);
     let step_deg = 360.0 / count as f64;
     (0..count)
         .map(|i| Hypothesis {
-            level,
-            width_m,
+            level: assumed.level,
+            width_m: assumed.width_m,
             heading_deg: (first_deg + i as f64 * step_deg).rem_euclid(360.0),
             heading_reach_deg: (step_deg / 2.0 + HEADING_MARGIN_DEG).min(180.0),
+            told: view.footprint,
         })
         .collect()
 }
@@ -144,7 +158,13 @@ mod tests {
 
     #[test]
     fn headings_are_evenly_spaced() {
-        let all = around_circle(0, 100.0, 12, 350.0);
+        let assumed = AssumedWidth {
+            level: 0,
+            width_m: 100.0,
+            about: String::new(),
+        };
+        let view = View::default();
+        let all = around_circle(&assumed, &view, 12, 350.0);
         assert_eq!(all.len(), 12);
         assert_eq!(all[0].heading_deg, 350.0);
         assert_eq!(all[1].heading_deg, 20.0);
@@ -152,6 +172,6 @@ mod tests {
             all.iter()
                 .all(|hypothesis| hypothesis.heading_reach_deg >= 15.0)
         );
-        assert_eq!(around_circle(0, 100.0, 0, 7.0).len(), 1);
+        assert_eq!(around_circle(&assumed, &view, 0, 7.0).len(), 1);
     }
 }

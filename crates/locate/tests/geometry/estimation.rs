@@ -31,6 +31,39 @@ where
     (estimate, refined.model)
 }
 
+/// The scale of the similarity found where 36 points lie on a roof, at 0.8 of the ground's scale of 1, and `on_ground` on the ground.
+fn scale_beside_a_roof(on_ground: usize, scale_prior: Option<ScalePrior>) -> f64 {
+    let plane = |scale: f64, shift: f64| Similarity {
+        a: scale,
+        b: 0.0,
+        tx: shift,
+        ty: shift,
+    };
+    let point = |i: usize| Point2::new((37 * i % 320) as f64, (91 * i % 240) as f64);
+    let on = |plane: Similarity, i| Correspondence::new(point(i), plane.map(point(i)).unwrap());
+    let pairs: Vec<Correspondence> = (0..36)
+        .map(|i| on(plane(0.8, 90.0), i))
+        .chain((36..36 + on_ground).map(|i| on(plane(1.0, 0.0), i)))
+        .collect();
+    let estimator = SimilarityEstimator {
+        scale_prior,
+        ..SimilarityEstimator::default()
+    };
+    let found = SEARCH.run(&estimator, &pairs, &mut Uniform::new(7));
+    found.unwrap().model.scale()
+}
+
+#[test]
+fn of_two_planes_the_one_at_the_told_scale_is_found_unless_it_has_far_fewer_points() {
+    let told = Some(ScalePrior {
+        scale: 1.0,
+        relative_sigma: 0.15,
+    });
+    assert!((scale_beside_a_roof(30, None) - 0.8).abs() < 1e-9);
+    assert!((scale_beside_a_roof(30, told) - 1.0).abs() < 1e-9);
+    assert!((scale_beside_a_roof(15, told) - 0.8).abs() < 1e-9);
+}
+
 #[test]
 fn least_squares_homography_is_opencvs() {
     for case in golden()

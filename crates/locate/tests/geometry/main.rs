@@ -12,6 +12,7 @@ use grimnet_locate::internals::{
     ransac::{Estimate, Estimator, Ransac, Score},
     refine::refine,
     sampler::{Progressive, Uniform},
+    scale_prior::ScalePrior,
     similarity::{Similarity, SimilarityEstimator},
     transform::Transform,
 };

@@ -202,7 +202,7 @@ impl Window<'_> {
         let picture_from_view = self.picture_from_level * level_from_view;
         let (mut image, seen) = warp(self.picture, &picture_from_view, self.side_px);
         if !plain {
-            image = change_look(&image, domain, &options.look, random);
+            image = change_look(&image, None, domain, &options.look, random);
         }
         let way = Relation {
             view_from_level: level_from_view.try_inverse()?,

@@ -8,6 +8,7 @@ use super::picture::Picture;
 use super::pictures::{HeldOut, Pictures};
 use super::resample::{pyramid_level, warp};
 use super::scene::Scene;
+use image::RgbImage;
 use nalgebra::Matrix3;
 use rand::Rng;
 use rand::seq::IndexedRandom;
@@ -66,7 +67,8 @@ fn group_of(
             random,
         );
         let scene = pictures.scene(index);
-        let Some(pair) = pair_at(&picture, window, scene, options, random) else {
+        let other = other_view(pictures, fold, options, random);
+        let Some(pair) = pair_at(&picture, window, scene, other, options, random) else {
             refused += 1;
             continue;
         };
@@ -79,6 +81,41 @@ fn group_of(
         }
     }
     out
+}
+
+/// A random view of a random picture, if looks need one.
+fn other_view(
+    pictures: &Pictures,
+    fold: Fold,
+    options: &PairOptions,
+    random: &mut ChaCha8Rng,
+) -> Option<RgbImage> {
+    if options.look.mixed == 0.0 {
+        return None;
+    }
+    let index = *pictures.fold(fold).choose(random)?;
+    let picture = pictures.load(index)?;
+    let place = choose_window(index, &picture, options.side_px, &[], random);
+    let picture_from_view = picture_from_window(&place, f64::from(options.side_px));
+    Some(warp(&picture, &picture_from_view, options.side_px).0)
+}
+
+/// Homography from the pixels of a view of a window to those of the picture.
+fn picture_from_window(place: &Place, side_px: f64) -> Matrix3<f64> {
+    let [left, top, right, _] = place.window;
+    let scale = (right - left) / side_px;
+    // Pixel centres: picture = (view + 0.5) * scale - 0.5 + corner.
+    Matrix3::new(
+        scale,
+        0.0,
+        left + 0.5 * scale - 0.5,
+        0.0,
+        scale,
+        top + 0.5 * scale - 0.5,
+        0.0,
+        0.0,
+        1.0,
+    )
 }
 
 /// A window of random scale; of several random windows, the one that overlaps least with those already taken.
@@ -142,25 +179,12 @@ pub(super) fn pair_at(
     picture: &Picture,
     place: Place,
     scene: Option<Scene>,
+    other: Option<RgbImage>,
     options: &PairOptions,
     random: &mut ChaCha8Rng,
 ) -> Option<Pair> {
     let side = f64::from(options.side_px);
-    let [left, top, right, _] = place.window;
-    let scale = (right - left) / side;
-    // Pixel centres: picture = (view + 0.5) * scale - 0.5 + corner.
-    let picture_from_window = Matrix3::new(
-        scale,
-        0.0,
-        left + 0.5 * scale - 0.5,
-        0.0,
-        scale,
-        top + 0.5 * scale - 0.5,
-        0.0,
-        0.0,
-        1.0,
-    );
-    let picture_from_sat = picture_from_window * random_turn(side, random);
+    let picture_from_sat = picture_from_window(&place, side) * random_turn(side, random);
     let (sat_plain, _) = warp(picture, &picture_from_sat, options.side_px);
     let uav_from_sat = random_homography(&options.homography, side, random);
     let sat_from_uav = uav_from_sat.try_inverse()?;
@@ -182,6 +206,7 @@ pub(super) fn pair_at(
         place,
         scene,
         keypoints,
+        other,
     }
     .finish(options, random)
 }
@@ -225,7 +250,6 @@ mod tests {
     use super::super::counterpart::Counterpart;
     use super::super::homography::HomographyRange;
     use super::*;
-    use image::RgbImage;
     use rand::SeedableRng;
 
     fn picture() -> Picture {
@@ -252,7 +276,7 @@ mod tests {
         let mut pairs = 0;
         for _ in 0..20 {
             let place = choose_window(0, &picture, 128, &[], &mut random);
-            let Some(pair) = pair_at(&picture, place, None, &options, &mut random) else {
+            let Some(pair) = pair_at(&picture, place, None, None, &options, &mut random) else {
                 continue;
             };
             pairs += 1;

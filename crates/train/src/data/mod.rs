@@ -24,6 +24,7 @@ mod pictures;
 mod rendered_place;
 mod resample;
 mod scene;
+mod sensor_change;
 mod shapes;
 mod stream;
 mod worlds;

@@ -126,6 +126,8 @@ pub(super) struct Views {
     pub(super) place: Place,
     pub(super) scene: Option<Scene>,
     pub(super) keypoints: Keypoints,
+    /// A view of another picture, for [`Look::mixed`].
+    pub(super) other: Option<RgbImage>,
 }
 
 /// For each 8 x 8 cell of a square view, whether all its pixels are marked.
@@ -181,8 +183,10 @@ impl Views {
         let uav_seen = seen_cells(&self.seen, self.side());
         let [sat_points, uav_points] = self.points(options.points, &uav_seen, random)?;
         let [sat_plain, uav_plain] = &self.plain;
-        let sat = change_look(sat_plain, Domain::Sat, &options.look, random);
-        let mut uav = change_look(uav_plain, Domain::Uav, &options.look, random);
+        let [sat, mut uav] =
+            [(sat_plain, Domain::Sat), (uav_plain, Domain::Uav)].map(|(plain, domain)| {
+                change_look(plain, self.other.as_ref(), domain, &options.look, random)
+            });
         let side = self.side();
         let [sat_labels, uav_labels] = match &self.keypoints {
             Keypoints::Corners => surviving_corners(

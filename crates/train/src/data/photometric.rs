@@ -2,6 +2,7 @@
 
 use super::date_change::{coarsen, rebuild, snow, uneven_light};
 use super::filters::{gaussian, sharpen};
+use super::sensor_change::{filter_randomly, mix_low_frequencies};
 use grimnet_net::Domain;
 use image::RgbImage;
 use rand::Rng;
@@ -35,6 +36,10 @@ pub struct Look {
     pub coarse: f64,
     /// Share of photos with pieces of ground that were rebuilt.
     pub rebuilt: f64,
+    /// Share of views with a random filter over space and colours.
+    pub filtered: f64,
+    /// Share of views with the low frequencies of another picture of the data.
+    pub mixed: f64,
 }
 
 impl Default for Look {
@@ -52,6 +57,8 @@ impl Default for Look {
             uneven_light: 0.0,
             coarse: 0.0,
             rebuilt: 0.0,
+            filtered: 0.0,
+            mixed: 0.0,
         }
     }
 }
@@ -67,9 +74,16 @@ fn between(random: &mut impl Rng, low: f32, high: f32) -> f32 {
     low + (high - low) * random.random::<f32>()
 }
 
-/// Applies random photometric changes to a view.
+/// Interleaved RGB in 0..1.
+fn floats_of(image: &RgbImage) -> Vec<f32> {
+    let values = image.as_raw().iter();
+    values.map(|v| f32::from(*v) / 255.0).collect()
+}
+
+/// Applies random photometric changes to a view. `other` is a view of the same size of another picture, for [`Look::mixed`].
 pub fn change_look(
     image: &RgbImage,
+    other: Option<&RgbImage>,
     domain: Domain,
     look: &Look,
     random: &mut impl Rng,
@@ -80,11 +94,7 @@ pub fn change_look(
         look.sat_strength
     };
     let (width, height) = (image.width() as usize, image.height() as usize);
-    let mut pixels: Vec<f32> = image
-        .as_raw()
-        .iter()
-        .map(|v| f32::from(*v) / 255.0)
-        .collect();
+    let mut pixels = floats_of(image);
     if domain == Domain::Uav && happens(look.rebuilt, random) {
         rebuild(&mut pixels, width, height, random);
     }
@@ -93,6 +103,14 @@ pub fn change_look(
     }
     if random.random_bool(look.season) {
         change_season(&mut pixels, k, random);
+    }
+    if happens(look.filtered, random) {
+        filter_randomly(&mut pixels, width, height, random);
+    }
+    if let Some(other) = other
+        && happens(look.mixed, random)
+    {
+        mix_low_frequencies(&mut pixels, &floats_of(other), width, height, random);
     }
     if random.random_bool(0.5) {
         change_saturation(&mut pixels, between(random, 1.0 - 0.6 * k, 1.0 + 0.5 * k));
@@ -363,8 +381,9 @@ mod tests {
         for seed in 0..8 {
             let mut a = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
             let mut b = a.clone();
-            let one = change_look(&image, Domain::Sat, &look, &mut a);
-            assert_eq!(one, change_look(&image, Domain::Sat, &look, &mut b));
+            let mut change = |random| change_look(&image, None, Domain::Sat, &look, random);
+            let one = change(&mut a);
+            assert_eq!(one, change(&mut b));
             assert_eq!(one.dimensions(), (64, 48));
             assert_ne!(one, image);
         }

@@ -210,6 +210,7 @@ impl Worlds {
             place,
             scene: None,
             keypoints: Keypoints::Corners,
+            other: None,
         }
         .finish(&options, random)
     }

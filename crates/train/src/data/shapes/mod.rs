@@ -110,7 +110,7 @@ impl Source for Shapes {
             let picture = Self::picture(side_px, random);
             let index = random.random::<u32>() as usize;
             let window = choose_window(index, &picture, options.side_px, &[], random);
-            pair_at(&picture, window, None, &options, random)
+            pair_at(&picture, window, None, None, &options, random)
         };
         (0..4 * count)
             .filter_map(|_| one(random))

@@ -271,8 +271,14 @@ fn recall(page: &mut String, runs: &Value) {
         let covers = &run["covers"];
         for (key, how) in [
             ("by_descriptor", "by descriptor"),
+            ("by_search", "by descriptor and map votes"),
             ("by_vote", "after the vote"),
         ] {
+            // Maps of few tiles are not voted over as a whole.
+            let is_other = key != "by_search" || covers[key] != covers["by_descriptor"];
+            if covers[key].is_null() || !is_other {
+                continue;
+            }
             let name = run["run"].as_str().unwrap_or("-");
             let tiles = &run["gallery_tiles"];
             put(page, format_args!("| {name}, {tiles} tiles, {how} |"));

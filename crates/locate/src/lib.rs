@@ -59,7 +59,8 @@ pub use grimnet_photo::{HeadingPrior, ViewPrior};
 pub use localizer::{Localizer, LocalizerBuilder};
 pub use needed_pixels::NeededPixels;
 pub use options::{
-    Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, Options, Recount, VoteOptions,
+    Adapt, Choice, Coordinates, DEFAULT_MAP_ERROR_M, Gates, MapVoteOptions, Options, Recount,
+    VoteOptions,
 };
 pub use outcome::{
     EvidenceUsed, Fix, MatchedPair, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp,

@@ -81,6 +81,41 @@ impl Default for VoteOptions {
     }
 }
 
+/// The vote over a whole map, by which candidates are found beside the tiles' descriptors where the pack has an index of its
+/// keypoints: on maps of many tiles.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct MapVoteOptions {
+    /// Stage of the cascade before which the map is voted over. It is the last one then: 1 for photos without a clear answer among the
+    /// most similar tiles, 0 for all.
+    pub stage: usize,
+    /// Number of strongest keypoints of the query that take part.
+    pub keypoints: usize,
+    /// Number of most similar keypoints of the map that each votes with.
+    pub neighbours: usize,
+    /// Lists of the index that are visited for each.
+    pub lists: usize,
+    /// Side of a bin of positions, level pixels. Votes are counted in squares of 2 x 2 bins.
+    pub bin_px: f64,
+    /// Number of places with the most votes that become candidates, per hypothesis of heading and scale.
+    pub places: usize,
+    /// Number of votes that a similarity of 1 of the global descriptors is worth when candidates are ordered.
+    pub similarity_votes: f64,
+}
+
+impl Default for MapVoteOptions {
+    fn default() -> Self {
+        Self {
+            stage: 1,
+            keypoints: 512,
+            neighbours: 64,
+            lists: 6,
+            bin_px: 32.0,
+            places: 200,
+            similarity_votes: 12.0,
+        }
+    }
+}
+
 /// Limits that a transform must keep to become a fix.
 ///
 /// With a calibrated model the confidence judges the support, and `min_inliers`, `min_places` and `min_margin` are not applied
@@ -166,6 +201,8 @@ pub struct Options {
     pub top_k: usize,
     /// How tile descriptors are searched; `None` for the index that the pack was built with.
     pub index: Option<Index>,
+    /// The vote of local descriptors over the whole map, if the pack has an index of its keypoints; `None` for none.
+    pub map_vote: Option<MapVoteOptions>,
     /// Minimum probability of the photo's keypoints.
     pub keypoint_threshold: f32,
     /// Maximum number of the photo's keypoints.
@@ -247,6 +284,7 @@ impl Default for Options {
             mode: Mode::Default,
             top_k: 1000,
             index: None,
+            map_vote: Some(MapVoteOptions::default()),
             keypoint_threshold: 0.005,
             max_keypoints: 1024,
             nms_radius_px: 2,

@@ -104,6 +104,16 @@ impl QueryFeatures {
         }
     }
 
+    /// Descriptors of the `most` strongest keypoints in single precision, n x dim.
+    pub fn strongest_in_f32(&self, most: usize) -> Vec<f32> {
+        match self.strongest(most) {
+            Descriptors::I8 { values, scale } => {
+                values.iter().map(|&v| f32::from(v) * scale).collect()
+            }
+            Descriptors::F32(values) => values.to_vec(),
+        }
+    }
+
     /// Descriptors of the `most` strongest keypoints.
     pub fn strongest(&self, most: usize) -> Descriptors<'_> {
         let count = self.points.len().min(most) * self.dim;

@@ -3,6 +3,7 @@
 pub mod candidates;
 pub mod cascade;
 pub mod hypotheses;
+pub mod map_vote;
 pub mod matching;
 mod nearest;
 pub mod scratch;

@@ -17,6 +17,8 @@ pub struct RoundTrace {
     pub level: usize,
     /// Tiles found by descriptor.
     pub by_descriptor: Vec<usize>,
+    /// These, and tiles found by votes over the whole map, in the order in which they enter the search.
+    pub by_search: Vec<usize>,
     /// The same tiles in the order of the cascade: first those that were matched, then the rest.
     pub by_vote: Vec<usize>,
     /// Tiles that were matched in full.

@@ -8,7 +8,7 @@ use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior};
 use crate::{
     error::{LocateError, Result},
     geometry::ransac::Ransac,
-    options::{Gates, Options, VoteOptions},
+    options::{Gates, MapVoteOptions, Options, VoteOptions},
     prior::Prior,
 };
 
@@ -91,6 +91,7 @@ impl Options {
         }
         require_not_negative("map_error_m", self.map_error_m)?;
         self.vote.as_ref().map_or(Ok(()), check_vote)?;
+        self.map_vote.as_ref().map_or(Ok(()), check_map_vote)?;
         check_ransac(&self.ransac)?;
         self.gates.as_ref().map_or(Ok(()), check_gates)
     }
@@ -106,6 +107,35 @@ fn check_vote(vote: &VoteOptions) -> Result<()> {
         let fewest = recount.candidates.min(recount.keypoints);
         require("vote.recount", fewest, fewest >= 1, COUNT)
     })
+}
+
+fn check_map_vote(vote: &MapVoteOptions) -> Result<()> {
+    let keypoints = vote.keypoints;
+    let holds = (1..=usize::from(u16::MAX)).contains(&keypoints);
+    require("map_vote.keypoints", keypoints, holds, "1 to 65535")?;
+    for (name, count) in [
+        ("map_vote.neighbours", vote.neighbours),
+        ("map_vote.lists", vote.lists),
+        ("map_vote.places", vote.places),
+    ] {
+        require(name, count, count >= 1, COUNT)?;
+    }
+    let bin_px = vote.bin_px;
+    let holds = bin_px.is_finite() && bin_px >= 1.0;
+    require(
+        "map_vote.bin_px",
+        bin_px,
+        holds,
+        "a finite number, at least 1",
+    )?;
+    let similarity_votes = vote.similarity_votes;
+    let holds = is_positive(similarity_votes);
+    require(
+        "map_vote.similarity_votes",
+        similarity_votes,
+        holds,
+        POSITIVE,
+    )
 }
 
 fn check_ransac(ransac: &Ransac) -> Result<()> {

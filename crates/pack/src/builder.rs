@@ -11,6 +11,7 @@ pub(crate) mod cost;
 pub(crate) mod frontier;
 pub(crate) mod index_build;
 pub(crate) mod journal;
+pub(crate) mod keypoint_index_build;
 pub(crate) mod level_build;
 pub(crate) mod level_plan;
 pub(crate) mod level_state;

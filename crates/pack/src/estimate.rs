@@ -64,12 +64,9 @@ pub fn estimate(
             tiles: plan.grid_tiles(),
         })
         .collect();
-    let units: u64 = plans
-        .iter()
-        .map(|plan| plan.layout.unit_grid.map(u64::from).iter().product::<u64>())
-        .sum();
-    Ok(BuildEstimate {
-        pack_bytes: units.saturating_mul(bytes_per_tile(spec, options, recipe)),
-        levels,
-    })
+    let pack_bytes = plans.iter().fold(0u64, |sum, plan| {
+        let units: u64 = plan.layout.unit_grid.map(u64::from).iter().product();
+        sum.saturating_add(units.saturating_mul(bytes_per_tile(plan, spec, options, recipe)))
+    });
+    Ok(BuildEstimate { levels, pack_bytes })
 }

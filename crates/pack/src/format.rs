@@ -17,6 +17,7 @@
 //! | `L/global_scales` | `f32 [tiles]`, the int8 quantisation scale of each row; paper mode: empty |
 //! | `L/statistics` | adapted normalisation statistics, if any |
 //! | `L/ivf.*` | the IVF-PQ index, if any |
+//! | `L/keypoints.*` | the index of the keypoints, if any: `centroids` `f32 [lists][dim]`, `list_starts` `u32 [lists + 1]`, `positions` `u16 [n][2]` (steps of 8 px from the corner of the units), `codes` `u64 [n][words]` |
 //!
 //! Checksums form a tree: header, manifest, sections, and for features their blocks, so that a part of the features can
 //! be verified without reading the rest.

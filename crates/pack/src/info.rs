@@ -6,6 +6,7 @@ use grimnet_net::Arithmetic;
 use serde::Serialize;
 
 use crate::index::Index;
+use crate::manifest::KeypointIndexShape;
 use crate::mode::Mode;
 use crate::pack::Pack;
 use crate::printable::Printable;
@@ -87,6 +88,9 @@ pub struct LevelInfo {
     pub index_note: String,
     /// Share of the ten nearest neighbours that an IVF-PQ index finds.
     pub index_recall_at_10: Option<f64>,
+    /// The index of the level's keypoints, if it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub keypoint_index: Option<KeypointIndexShape>,
 }
 
 impl Pack {
@@ -141,6 +145,7 @@ impl Pack {
                         index: m.index,
                         index_note: m.index_note.clone(),
                         index_recall_at_10: m.index_recall_at_10,
+                        keypoint_index: m.keypoint_index,
                     }
                 })
                 .collect(),
@@ -185,6 +190,9 @@ impl LevelInfo {
         }
         if let Some(recall) = self.index_recall_at_10 {
             write!(f, ", recall at 10 of {:.1} %", 100.0 * recall)?;
+        }
+        if let Some(shape) = self.keypoint_index {
+            write!(f, ", keypoints indexed in {} lists", shape.lists)?;
         }
         if !self.index_note.is_empty() {
             write!(f, " ({})", Printable(&self.index_note))?;

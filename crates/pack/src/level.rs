@@ -17,6 +17,7 @@ use crate::level_tables::{Tables, features_of};
 use crate::local_descriptors::DescriptorType;
 use crate::manifest::{LevelManifest, Manifest};
 use crate::search::ivf_pq::IvfPqView;
+use crate::search::keypoint_index::KeypointIndex;
 use grimnet_limits::PackLimits;
 
 /// Side of a cell, level pixels: half a tile.
@@ -192,6 +193,18 @@ impl Level {
             .ok()
     }
 
+    /// The tile whose centre is nearest to a point, if it has a descriptor.
+    pub fn tile_around(&self, point: LevelPx) -> Option<usize> {
+        let m = &self.manifest;
+        let half = f64::from(m.tile_px) / 2.0;
+        let step = |along: f64, a: usize| {
+            let steps = (along - m.origin_px[a] as f64 - half) / f64::from(m.stride_px);
+            // Negative numbers become 0.
+            (steps.round() as u32).min(m.tile_grid[a].saturating_sub(1))
+        };
+        self.tile_at([step(point.x, 0), step(point.y, 1)])
+    }
+
     /// Map pixel of a point of the level.
     pub fn map_px_from_level_px(&self, point: LevelPx) -> MapPx {
         self.manifest.frame.map_px_from_level_px(point)
@@ -336,5 +349,11 @@ impl Level {
     /// The IVF-PQ index, if the level has one.
     pub(crate) fn ivf_pq(&self) -> Option<IvfPqView<'_>> {
         self.tables.ivf_pq(self.manifest.index, self.global_dim)
+    }
+
+    /// The index of the level's keypoints, if it has one: if the pack was built in default mode and the level has many tiles.
+    pub fn keypoint_index(&self) -> Option<KeypointIndex<'_>> {
+        self.tables
+            .keypoint_index(&self.manifest, self.descriptor_dim)
     }
 }

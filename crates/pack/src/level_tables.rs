@@ -9,6 +9,7 @@ use crate::layout::copy_section;
 use crate::local_descriptors::DescriptorType;
 use crate::manifest::{LevelManifest, Manifest, Section};
 use crate::search::ivf_pq::IvfPqView;
+use crate::search::keypoint_index::KeypointIndex;
 
 /// The sections of a level that are copied into memory.
 #[derive(Debug)]
@@ -19,6 +20,7 @@ pub(crate) struct Tables {
     global_scales: AlignedBytes,
     statistics: Option<AlignedBytes>,
     ivf_lists: Option<IvfTables>,
+    keypoint_index: Option<KeypointTables>,
 }
 
 #[derive(Debug)]
@@ -27,6 +29,14 @@ struct IvfTables {
     codebooks: AlignedBytes,
     list_starts: AlignedBytes,
     ids: AlignedBytes,
+    codes: AlignedBytes,
+}
+
+#[derive(Debug)]
+struct KeypointTables {
+    centroids: AlignedBytes,
+    list_starts: AlignedBytes,
+    positions: AlignedBytes,
     codes: AlignedBytes,
 }
 
@@ -76,6 +86,15 @@ impl Tables {
                 codes: table("ivf.codes")?,
             }),
         };
+        let keypoint_index = match pack.levels[level].keypoint_index {
+            None => None,
+            Some(_) => Some(KeypointTables {
+                centroids: table("keypoints.centroids")?,
+                list_starts: table("keypoints.list_starts")?,
+                positions: table("keypoints.positions")?,
+                codes: table("keypoints.codes")?,
+            }),
+        };
         let has_statistics = pack.section(&format!("{level}/statistics")).is_some();
         Ok(Self {
             tiles: table("tiles")?,
@@ -84,6 +103,7 @@ impl Tables {
             global_scales: table("global_scales")?,
             statistics: has_statistics.then(|| table("statistics")).transpose()?,
             ivf_lists,
+            keypoint_index,
         })
     }
 
@@ -153,6 +173,9 @@ impl Tables {
         if self.ivf_lists.is_some() && self.ivf_pq(m.index, global_dim).is_none() {
             return wrong("the index does not fit the tiles");
         }
+        if self.keypoint_index.is_some() && self.keypoint_index(m, descriptor_dim).is_none() {
+            return wrong("the index of the keypoints does not fit them");
+        }
         Ok(())
     }
 
@@ -203,6 +226,27 @@ impl Tables {
             tables.list_starts.numbers(),
             tables.ids.numbers(),
             tables.codes.as_slice(),
+        )
+    }
+
+    /// The index of the keypoints. `None` if there is none or its parts do not fit.
+    pub fn keypoint_index(
+        &self,
+        m: &LevelManifest,
+        descriptor_dim: usize,
+    ) -> Option<KeypointIndex<'_>> {
+        let (shape, tables) = (m.keypoint_index?, self.keypoint_index.as_ref()?);
+        KeypointIndex::new(
+            (
+                descriptor_dim,
+                shape.lists as usize,
+                usize::try_from(m.keypoints).ok()?,
+            ),
+            m.origin_px,
+            tables.centroids.numbers(),
+            tables.list_starts.numbers(),
+            tables.positions.numbers(),
+            tables.codes.numbers(),
         )
     }
 }

@@ -55,6 +55,6 @@ pub use mode::Mode;
 pub use options::{BuildOptions, Levels};
 pub use pack::Pack;
 pub use paper::{PAPER_INDEX, resize_for_network};
-pub use search::{Filter, Hit};
+pub use search::{Filter, Hit, KeypointIndex, Neighbour, Reach};
 pub use verify::VerifyProgress;
 pub use writer::Writer;

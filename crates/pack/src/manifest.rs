@@ -112,6 +112,16 @@ pub struct LevelManifest {
     pub index_note: String,
     /// Share of the ten exact nearest neighbours (of sampled tiles, themselves left out) that an IVF-PQ index finds.
     pub index_recall_at_10: Option<f64>,
+    /// The index of the level's keypoints, if it has one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub keypoint_index: Option<KeypointIndexShape>,
+}
+
+/// The size of a keypoint index.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct KeypointIndexShape {
+    /// Number of lists.
+    pub lists: u32,
 }
 
 /// A part of the file.

@@ -41,6 +41,15 @@ pub struct BuildOptions {
     /// 100,000 tiles, then IVF-PQ re-ranked by full descriptors. Paper mode: [`crate::PAPER_INDEX`] if there are
     /// enough tiles to train it, else exact.
     pub index: Option<Index>,
+    /// Default mode: fewest tiles of a level that gets an index of its keypoints, with which a photo is searched by its local
+    /// descriptors, too. Among fewer tiles every likely one is compared anyway.
+    #[serde(default = "keypoint_index_tiles")]
+    pub keypoint_index_tiles: u32,
+}
+
+/// The default of [`BuildOptions::keypoint_index_tiles`].
+fn keypoint_index_tiles() -> u32 {
+    1000
 }
 
 impl BuildOptions {
@@ -56,6 +65,7 @@ impl BuildOptions {
             nms_radius_px: 2,
             max_keypoints: 256,
             index: None,
+            keypoint_index_tiles: keypoint_index_tiles(),
         }
     }
 }

@@ -2,9 +2,11 @@
 
 mod exact;
 pub(crate) mod ivf_pq;
+pub(crate) mod keypoint_index;
 pub(crate) mod top_k;
 
 pub use exact::Filter;
+pub use keypoint_index::{KeypointIndex, Neighbour, Reach};
 pub use top_k::Hit;
 
 use crate::error::{PackError, Result};

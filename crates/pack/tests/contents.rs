@@ -8,8 +8,8 @@ use grimnet_geo::{LevelPx, Raster, WindowPx};
 use grimnet_net::{Dense, Domain, ExtractOptions, Extractor};
 use grimnet_pack::quantise::descriptor_scale;
 use grimnet_pack::{
-    BuildOptions, CELL_PX, DescriptorType, Index, Level, Levels, Mode, PAPER_INDEX, TILE_PX, draw,
-    resize_for_network,
+    BuildOptions, CELL_PX, DescriptorType, Index, Level, Levels, Mode, PAPER_INDEX, Reach, TILE_PX,
+    draw, resize_for_network,
 };
 use image::GrayImage;
 use support::*;
@@ -351,6 +351,51 @@ fn search_filters_and_takes_several_queries() {
         .search_with(PAPER_INDEX, &queries, 4, None)
         .unwrap_err();
     assert!(error.to_string().contains("without IVF256"), "{error}");
+}
+
+#[test]
+fn keypoints_of_the_map_are_found_where_they_lie() {
+    let map = TestMap::new(1500, 1100);
+    let pack = make_and_open(&map, &indexed());
+    pack.verify(&mut |_| ()).unwrap();
+    let level = &pack.levels()[0];
+    let index = level.keypoint_index().unwrap();
+    let tile = level.tile(7);
+    let features = level.features(7).unwrap();
+    let mut lowest = vec![f64::INFINITY; features.len()];
+    let reach = Reach {
+        lists: 3,
+        neighbours: 5,
+    };
+    let descriptors = features.descriptors.to_f32();
+    index.search(&descriptors, reach, None, |neighbour| {
+        let [x, y] = features.xy_px[neighbour.descriptor].map(|along| f64::from(along) + 0.5);
+        let away = [
+            neighbour.position.x - tile.origin_px[0] as f64 - x,
+            neighbour.position.y - tile.origin_px[1] as f64 - y,
+        ];
+        let away = away[0].abs().max(away[1].abs());
+        let lowest = &mut lowest[neighbour.descriptor];
+        *lowest = lowest.min(away);
+    });
+    let found = lowest.iter().filter(|&&away| away <= 4.0).count();
+    assert!(
+        found * 100 >= lowest.len() * 99,
+        "{found} of {}",
+        lowest.len()
+    );
+    assert_eq!(level.tile_around(tile.centre_px), Some(7));
+    assert_eq!(
+        level.tile_around(LevelPx { x: -1e9, y: -1e9 }),
+        level.tile_at([0, 0])
+    );
+    assert!(
+        pack.info().to_string().contains("keypoints indexed"),
+        "{}",
+        pack.info()
+    );
+    let plain = make_and_open(&map, &one_level());
+    assert!(plain.levels()[0].keypoint_index().is_none());
 }
 
 #[test]

@@ -10,12 +10,12 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use grimnet_geo::{LevelPx, LonLat};
-use grimnet_pack::Pack;
+use grimnet_pack::{Pack, Reach};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use serde_json::Value;
 use support::forged::forged;
-use support::{TestMap, make, one_level, paper, tiny_model};
+use support::{TestMap, indexed, make, paper, tiny_model};
 
 /// Inputs of each test in a normal run.
 const CASES: u32 = 64;
@@ -24,7 +24,7 @@ const CASES: u32 = 64;
 fn packs() -> &'static [Vec<u8>; 2] {
     static PACKS: OnceLock<[Vec<u8>; 2]> = OnceLock::new();
     PACKS.get_or_init(|| {
-        [one_level(), paper()].map(|options| {
+        [indexed(), paper()].map(|options| {
             let folder = tempfile::tempdir().unwrap();
             let out = folder.path().join("area.grim");
             make(&TestMap::new(900, 700), &options, &out).unwrap();
@@ -65,6 +65,17 @@ fn check(path: &Path) {
             let _ = level.features(tile);
             let _ = level.strongest_features(tile, 10);
             assert_eq!(level.global(tile).len(), level.global_dim());
+        }
+        if let Some(index) = level.keypoint_index() {
+            let reach = Reach {
+                lists: 2,
+                neighbours: 3,
+            };
+            let descriptor = vec![0.1; level.descriptor_dim()];
+            index.search(&descriptor, reach, None, |found| {
+                assert!(found.position.x.is_finite());
+                let _ = level.tile_around(found.position);
+            });
         }
         let _ = level.statistics();
         let _ = level.unit_is_computed([0, 0]);

@@ -24,7 +24,7 @@ fn options() -> BuildOptions {
     BuildOptions {
         levels: Levels::Gsd(vec![0.25, 0.5]),
         adapt: true,
-        ..one_level()
+        ..indexed()
     }
 }
 

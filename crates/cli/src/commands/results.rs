@@ -141,6 +141,15 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
             r.covers.by_descriptor[i]
         })?;
     }
+    // The same without an index of the keypoints: on maps of few tiles.
+    if runs
+        .iter()
+        .any(|run| run.covers.by_search != run.covers.by_descriptor)
+    {
+        for (i, k) in RECALL_AT.iter().enumerate() {
+            row(&format!("R@{k} with map votes"), &|r| r.covers.by_search[i])?;
+        }
+    }
     for (i, k) in RECALL_AT.iter().enumerate() {
         row(&format!("R@{k} after the vote"), &|r| r.covers.by_vote[i])?;
     }

@@ -49,6 +49,8 @@ impl RightTile {
 pub struct FrameRecall {
     /// Rank by descriptor, from 1; `None` if no right tile was retrieved.
     pub rank_by_descriptor: Option<usize>,
+    /// Rank by descriptor and by the votes over the whole map, if the pack has an index of its keypoints.
+    pub rank_by_search: Option<usize>,
     /// Rank after the vote over translations.
     pub rank_by_vote: Option<usize>,
     /// Whether any right tile was matched in full.
@@ -73,6 +75,7 @@ impl FrameRecall {
         let first = trace.rounds.first();
         Self {
             rank_by_descriptor: first.and_then(|r| rank_of_right(&r.by_descriptor, is_right(r))),
+            rank_by_search: first.and_then(|r| rank_of_right(&r.by_search, is_right(r))),
             rank_by_vote: first.and_then(|r| rank_of_right(&r.by_vote, is_right(r))),
             matched: trace
                 .rounds
@@ -99,7 +102,9 @@ pub struct Recall {
     pub at: Vec<usize>,
     /// Share of frames with a right tile among the first K by descriptor.
     pub by_descriptor: Vec<f64>,
-    /// The same after the vote.
+    /// The same by descriptor and by the votes over the whole map.
+    pub by_search: Vec<f64>,
+    /// The same after the vote over translations.
     pub by_vote: Vec<f64>,
     /// Share of frames of which a right tile was matched in full.
     pub matched: f64,
@@ -126,6 +131,7 @@ impl Recall {
             frames: frames.len(),
             at: at.to_vec(),
             by_descriptor: within(|f| f.rank_by_descriptor),
+            by_search: within(|f| f.rank_by_search),
             by_vote: within(|f| f.rank_by_vote),
             matched: share(frames.iter().filter(|f| f.matched).count()),
         }
@@ -141,6 +147,7 @@ mod tests {
     fn figures_of_a_case_done_by_hand() {
         let frame = |descriptor, vote, matched| FrameRecall {
             rank_by_descriptor: descriptor,
+            rank_by_search: descriptor.map(|rank| rank.min(2)),
             rank_by_vote: vote,
             matched,
         };
@@ -152,6 +159,7 @@ mod tests {
         ];
         let recall = Recall::of(&frames, &[1, 5, 10]);
         assert_eq!(recall.by_descriptor, [0.25, 0.5, 0.75]);
+        assert_eq!(recall.by_search, [0.25, 0.75, 0.75]);
         assert_eq!(recall.by_vote, [0.5, 0.5, 0.5]);
         assert_relative_eq!(recall.matched, 0.5);
         assert_eq!(Recall::of(&[], &[1]).by_vote, [0.0]);

@@ -15,6 +15,7 @@ impl Options {
             mode: Mode::Paper,
             top_k: 5,
             index: None,
+            map_vote: None,
             keypoint_threshold: 0.015,
             max_keypoints: 1024,
             vote: None,

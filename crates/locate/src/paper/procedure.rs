@@ -71,6 +71,7 @@ pub(crate) fn locate(
             level: level_index,
             by_vote: by_descriptor.clone(),
             matched: by_descriptor.clone(),
+            by_search: by_descriptor.clone(),
             by_descriptor,
         }],
     };

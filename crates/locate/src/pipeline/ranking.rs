@@ -229,6 +229,7 @@ mod tests {
                 query: 0,
                 tile: 0,
                 similarity: 0.0,
+                score: 0.0,
                 peak: Peak::default(),
             },
             pairs: Vec::new(),

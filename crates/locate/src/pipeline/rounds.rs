@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use crate::{
     context::{Context, TimeBudget},
     error::Result,
-    options::Options,
+    options::{MapVoteOptions, Options},
     outcome::elapsed_ms,
     pipeline::{
         queries::{Queries, extract_queries, side_px},
@@ -16,10 +16,10 @@ use crate::{
         round_result::RoundResult,
         verification::{VerifiedCandidate, verify},
     },
-    prior::Prior,
+    prior::{Near, Prior},
     query_features::{MIN_KEYPOINTS, QueryFeatures},
     search::{
-        candidates::{Candidate, by_descriptor, distinct_tiles, evidence},
+        candidates::{Candidate, by_descriptor, distinct_tiles, evidence, join_map_votes},
         cascade::{Cascade, Voters},
         hypotheses::Round,
     },
@@ -42,6 +42,7 @@ pub(crate) struct Matched {
 pub(crate) struct OpenRound {
     result: RoundResult,
     cascade: Cascade,
+    near: Option<Near>,
 }
 
 impl OpenRound {
@@ -69,14 +70,11 @@ impl OpenRound {
         let mut candidates = Vec::new();
         if queries.iter().any(is_enough) {
             let since = Instant::now();
-            candidates = by_descriptor(
-                context.level(level),
-                &queries,
-                prior.near.as_ref(),
-                context.options,
-            )?;
-            time_ms.search = elapsed_ms(since);
+            let (level, near) = (context.level(level), prior.near.as_ref());
+            candidates = by_descriptor(level, &queries, near, context.options)?;
             trace.by_descriptor = distinct_tiles(&candidates);
+            trace.by_search = trace.by_descriptor.clone();
+            time_ms.search = elapsed_ms(since);
         }
         Ok(Self {
             result: RoundResult {
@@ -90,25 +88,56 @@ impl OpenRound {
                 time_ms,
             },
             cascade: Cascade::new(candidates),
+            near: prior.near,
         })
     }
 
     /// Lets the candidates of the next stage enter; false after the last stage.
     pub fn begin_stage(&mut self, context: Context<'_>) -> Result<bool> {
+        if let Some(options) = &context.options.map_vote
+            && options.stage == self.cascade.next_stage()
+        {
+            self.vote_over_map(context, options)?;
+        }
         self.let_enter(context, Cascade::begin_stage)
     }
 
-    /// Lets the candidates of at least this similarity enter.
-    pub fn enter_similar(&mut self, context: Context<'_>, least_similarity: f32) -> Result<()> {
+    /// Finds candidates by votes over the whole map, too, if the level has an index of its keypoints.
+    fn vote_over_map(&mut self, context: Context<'_>, options: &MapVoteOptions) -> Result<()> {
+        let since = Instant::now();
+        let RoundResult {
+            level,
+            queries,
+            verified,
+            trace,
+            time_ms,
+            ..
+        } = &mut self.result;
+        let level = context.level(*level);
+        if level.keypoint_index().is_none() {
+            return Ok(());
+        }
+        let matched: Vec<Candidate> = verified.iter().map(|v| v.candidate).collect();
+        let taken = matched.iter().chain(self.cascade.unmatched());
+        let (near, waiting) = (self.near.as_ref(), self.cascade.waiting());
+        let joined = join_map_votes(level, queries, near, waiting, taken, options)?;
+        trace.by_search = distinct_tiles(matched.iter().chain(&joined));
+        self.cascade.replace_waiting(joined);
+        time_ms.search += elapsed_ms(since);
+        Ok(())
+    }
+
+    /// Lets the candidates of at least this score enter.
+    pub fn enter_scored(&mut self, context: Context<'_>, least_score: f32) -> Result<()> {
         self.let_enter(context, |cascade, voters| {
-            cascade.enter_similar(least_similarity, voters)
+            cascade.enter_scored(least_score, voters)
         })
     }
 
-    /// The similarities of the candidates that have not entered.
-    pub fn waiting_similarities(&self) -> impl Iterator<Item = f32> {
+    /// The scores of the candidates that have not entered.
+    pub fn waiting_scores(&self) -> impl Iterator<Item = f32> {
         let waiting = self.cascade.waiting().iter();
-        waiting.map(|candidate| candidate.similarity)
+        waiting.map(|candidate| candidate.score)
     }
 
     fn let_enter<T>(

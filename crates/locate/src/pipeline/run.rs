@@ -120,7 +120,7 @@ fn search(
     }
     if open.len() > ROUNDS_IN_FULL {
         if !is_over {
-            enter_most_similar(context, &mut open)?;
+            enter_best(context, &mut open)?;
             match_best(context, &mut open, options.joint_matched, budget)?;
         }
     } else {
@@ -137,12 +137,12 @@ fn search(
     Ok(open.into_iter().map(OpenRound::finish).collect())
 }
 
-/// Lets the [`Options::joint_candidates`](crate::Options) that are the most similar of all rounds enter, each in its round.
-fn enter_most_similar(context: Context<'_>, open: &mut [OpenRound]) -> Result<()> {
-    let similarities = open.iter().flat_map(OpenRound::waiting_similarities);
-    let least = least_of_largest(similarities.collect(), context.options.joint_candidates);
+/// Lets the [`Options::joint_candidates`](crate::Options) with the best scores of all rounds enter, each in its round.
+fn enter_best(context: Context<'_>, open: &mut [OpenRound]) -> Result<()> {
+    let scores = open.iter().flat_map(OpenRound::waiting_scores);
+    let least = least_of_largest(scores.collect(), context.options.joint_candidates);
     open.iter_mut()
-        .try_for_each(|round| round.enter_similar(context, least))
+        .try_for_each(|round| round.enter_scored(context, least))
 }
 
 /// The least of the `count` largest values; minus infinity if there are no more.

@@ -1,17 +1,23 @@
-//! Candidates: tiles found by descriptor, and the translation vote over them.
+//! Candidates: tiles found by descriptor and by votes over the whole map, and the translation vote over them.
 
-use grimnet_geo::{LonLat, distance_m};
+use std::collections::{BTreeMap, HashSet};
+
+use grimnet_geo::{LevelPx, LonLat, distance_m};
 use grimnet_pack::Level;
 use nalgebra::Point2;
 use rayon::prelude::*;
 
 use crate::{
     error::Result,
-    options::{Options, VoteOptions},
+    options::{MapVoteOptions, Options, VoteOptions},
     prior::Near,
     query_features::QueryFeatures,
-    search::matching::Descriptors,
-    search::{scratch::ScratchPool, vote::Peak},
+    search::{
+        map_vote::{Place, map_vote},
+        matching::Descriptors,
+        scratch::ScratchPool,
+        vote::Peak,
+    },
 };
 
 /// A tile that may show one of the queries.
@@ -23,6 +29,8 @@ pub(crate) struct Candidate {
     pub tile: usize,
     /// Similarity of the global descriptors.
     pub similarity: f32,
+    /// By what candidates enter the search: the similarity, and the votes over the whole map as similarity ([`join_map_votes`]).
+    pub score: f32,
     /// The peak of the translation vote; without votes until [`vote`] was called.
     pub peak: Peak,
 }
@@ -53,16 +61,82 @@ pub(crate) fn by_descriptor(
                 query,
                 tile: hit.tile,
                 similarity: hit.similarity,
+                score: hit.similarity,
                 peak: Peak::default(),
             })
         })
         .collect();
+    sort_by_score(&mut candidates);
+    Ok(candidates)
+}
+
+fn sort_by_score(candidates: &mut [Candidate]) {
     candidates.sort_by(|a, b| {
-        b.similarity
-            .total_cmp(&a.similarity)
+        b.score
+            .total_cmp(&a.score)
             .then((a.query, a.tile).cmp(&(b.query, b.tile)))
     });
-    Ok(candidates)
+}
+
+/// Adds the tiles with the most votes over the whole map to candidates found by descriptor, and orders all by both. Candidates that are
+/// `taken` are left out.
+pub(crate) fn join_map_votes<'a>(
+    level: &Level,
+    queries: &[QueryFeatures],
+    near: Option<&Near>,
+    candidates: &[Candidate],
+    taken: impl Iterator<Item = &'a Candidate>,
+    options: &MapVoteOptions,
+) -> Result<Vec<Candidate>> {
+    let allowed = near.map(|near| allowed_tiles(level, near)).transpose()?;
+    let area = allowed.as_ref().map(|allowed| area_of(level, allowed));
+    let taken: HashSet<(usize, usize)> = taken.map(|c| (c.query, c.tile)).collect();
+    let waiting = candidates.iter().map(|c| ((c.query, c.tile), *c));
+    let mut joined: BTreeMap<(usize, usize), Candidate> = waiting.collect();
+    for (query, places) in map_vote(level, queries, area, options)
+        .into_iter()
+        .enumerate()
+    {
+        for Place { tile, votes } in places {
+            let is_allowed = allowed.as_ref().is_none_or(|allowed| allowed[tile]);
+            if !is_allowed || taken.contains(&(query, tile)) {
+                continue;
+            }
+            let candidate = joined.entry((query, tile)).or_insert_with(|| {
+                let similarity = similarity(&queries[query].global, &level.global(tile));
+                Candidate {
+                    query,
+                    tile,
+                    similarity,
+                    score: similarity,
+                    peak: Peak::default(),
+                }
+            });
+            candidate.score += votes / options.similarity_votes as f32;
+        }
+    }
+    let mut joined: Vec<Candidate> = joined.into_values().collect();
+    sort_by_score(&mut joined);
+    Ok(joined)
+}
+
+/// The product of two descriptors.
+fn similarity(a: &[f32], b: &[f32]) -> f32 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// The rectangle around the allowed tiles, as two corners; one without area if there are none.
+fn area_of(level: &Level, allowed: &[bool]) -> [LevelPx; 2] {
+    let tiles = (0..level.tile_count()).filter(|&tile| allowed[tile]);
+    let half = f64::from(level.tile_px()) / 2.0;
+    let none = [f64::INFINITY, f64::NEG_INFINITY];
+    let around =
+        |[low, high]: [f64; 2], along: f64| [low.min(along - half), high.max(along + half)];
+    let (x, y) = tiles.fold((none, none), |(x, y), tile| {
+        let centre = level.tile(tile).centre_px;
+        (around(x, centre.x), around(y, centre.y))
+    });
+    [0, 1].map(|i| LevelPx { x: x[i], y: y[i] })
 }
 
 /// For each tile, whether it may show a part of the area.
@@ -139,7 +213,7 @@ pub(crate) fn rank_by_votes(candidates: &mut [Candidate], options: &VoteOptions)
 pub(crate) fn distinct_tiles<'a>(
     candidates: impl IntoIterator<Item = &'a Candidate>,
 ) -> Vec<usize> {
-    let mut seen = std::collections::HashSet::new();
+    let mut seen = HashSet::new();
     candidates
         .into_iter()
         .map(|candidate| candidate.tile)
@@ -157,6 +231,7 @@ mod tests {
             query: 0,
             tile,
             similarity,
+            score: similarity,
             peak: Peak {
                 votes,
                 ..Peak::default()
@@ -188,6 +263,7 @@ mod tests {
             query,
             tile,
             similarity: 0.0,
+            score: 0.0,
             peak: Peak::default(),
         };
         let all = [(0, 7), (1, 7), (1, 3), (0, 3), (0, 9)].map(|(q, t)| candidate(q, t));

@@ -1,4 +1,4 @@
-//! The cascade of one round. Candidates enter in stages, best by descriptor first; those that have entered are ranked by the
+//! The cascade of one round. Candidates enter in stages, best by score first; those that have entered are ranked by the
 //! translation vote and are matched in full in that order. A clear answer in an early stage makes the later stages unnecessary.
 
 use grimnet_pack::Level;
@@ -29,22 +29,40 @@ pub(crate) struct Voters<'a> {
 /// The candidates of one round that were not matched yet.
 #[derive(Debug, Default)]
 pub(crate) struct Cascade {
-    /// Candidates that have not entered, best by descriptor first.
+    /// Candidates that have not entered, best by score first.
     waiting: std::vec::IntoIter<Candidate>,
     /// Candidates that have entered and were not matched yet, best by votes first.
     entered: Vec<Candidate>,
     /// Candidates that have entered and did not take part in the second vote, best of each stage first.
     passed_over: Vec<Candidate>,
     stages_begun: usize,
+    /// Whether candidates that are in no listed stage are left out.
+    is_limited: bool,
 }
 
 impl Cascade {
-    /// Starts with `candidates`, best by descriptor first.
+    /// Starts with `candidates`, best by score first.
     pub fn new(candidates: Vec<Candidate>) -> Self {
         Self {
             waiting: candidates.into_iter(),
             ..Self::default()
         }
+    }
+
+    /// Number of the next stage, from 0.
+    pub fn next_stage(&self) -> usize {
+        self.stages_begun
+    }
+
+    /// Replaces the candidates that have not entered by others, best by score first. Those that are in no listed stage then never enter.
+    pub fn replace_waiting(&mut self, candidates: Vec<Candidate>) {
+        self.waiting = candidates.into_iter();
+        self.is_limited = true;
+    }
+
+    /// The candidates that have entered and were not matched yet.
+    pub fn unmatched(&self) -> impl Iterator<Item = &Candidate> {
+        self.entered.iter().chain(&self.passed_over)
     }
 
     /// Lets the candidates of the next stage enter and vote; false after the last stage.
@@ -60,17 +78,17 @@ impl Cascade {
         Ok(true)
     }
 
-    /// Lets the candidates of at least this similarity enter and vote.
+    /// Lets the candidates of at least this score enter and vote.
     ///
     /// # Errors
     /// As [`Self::begin_stage`].
-    pub fn enter_similar(&mut self, least_similarity: f32, voters: Voters<'_>) -> Result<()> {
+    pub fn enter_scored(&mut self, least_score: f32, voters: Voters<'_>) -> Result<()> {
         let waiting = self.waiting.as_slice();
-        let size = waiting.partition_point(|candidate| candidate.similarity >= least_similarity);
+        let size = waiting.partition_point(|candidate| candidate.score >= least_score);
         self.enter(size, voters)
     }
 
-    /// The candidates that have not entered, best by descriptor first.
+    /// The candidates that have not entered, best by score first.
     pub fn waiting(&self) -> &[Candidate] {
         self.waiting.as_slice()
     }
@@ -139,8 +157,10 @@ impl Cascade {
 
     /// Number of candidates that enter in the next stage; `None` if all have entered.
     fn stage_size(&self, options: &Options) -> Option<usize> {
+        if self.waiting.as_slice().is_empty() {
+            return None;
+        }
         let listed = options.stages.get(self.stages_begun).copied();
-        let all_entered = self.waiting.as_slice().is_empty();
-        (!all_entered).then(|| listed.unwrap_or(usize::MAX))
+        listed.or_else(|| (!self.is_limited).then_some(usize::MAX))
     }
 }

@@ -35,6 +35,10 @@ fn changed_gates(change: impl Fn(&mut Gates)) -> Options {
     changed(|options| change(options.gates.as_mut().unwrap()))
 }
 
+fn changed_map_vote(change: impl Fn(&mut MapVoteOptions)) -> Options {
+    changed(|options| change(options.map_vote.as_mut().unwrap()))
+}
+
 fn changed_vote(change: impl Fn(&mut VoteOptions)) -> Options {
     changed(|options| change(options.vote.as_mut().unwrap()))
 }
@@ -80,6 +84,16 @@ fn every_setting_out_of_range_is_named() {
         ("budget_ms", changed(|o| o.budget_ms = Some(0.0))),
         ("vote.keypoints", changed_vote(|v| v.keypoints = 0)),
         ("vote.bin_px", changed_vote(|v| v.bin_px = 0.5)),
+        (
+            "map_vote.keypoints",
+            changed_map_vote(|v| v.keypoints = 1 << 16),
+        ),
+        ("map_vote.lists", changed_map_vote(|v| v.lists = 0)),
+        ("map_vote.bin_px", changed_map_vote(|v| v.bin_px = 0.0)),
+        (
+            "map_vote.similarity_votes",
+            changed_map_vote(|v| v.similarity_votes = 0.0),
+        ),
         (
             "vote.recount",
             changed_vote(|v| v.recount.as_mut().unwrap().keypoints = 0),

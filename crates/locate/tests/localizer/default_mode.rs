@@ -215,3 +215,51 @@ fn every_scale_is_tried_with_few_candidates_before_any_with_all() {
     assert!(!found);
     assert!(counts.iter().any(|&count| count > FIRST), "{counts:?}");
 }
+
+/// Without any tile found by descriptor, the votes of local descriptors over the whole map find the right one.
+#[test]
+fn a_place_is_found_by_votes_over_the_map() {
+    let options = |map_vote| Options {
+        top_k: 1,
+        stages: vec![1],
+        map_vote,
+        ..Options::default()
+    };
+    let votes = MapVoteOptions {
+        stage: 0,
+        places: 3,
+        ..MapVoteOptions::default()
+    };
+    let with = localizer_of(&scene().indexed_pack, options(Some(votes)));
+    let without = localizer_of(&scene().indexed_pack, options(None));
+    let covers = |tiles: &[usize], place: MapPx| {
+        let level = &with.pack().levels()[0];
+        let truth = level.level_px_from_map_px(place);
+        tiles.iter().position(|&tile| {
+            let centre = level.tile(tile).centre_px;
+            let half = f64::from(level.tile_px()) / 2.0;
+            (centre.x - truth.x).abs() <= half && (centre.y - truth.y).abs() <= half
+        })
+    };
+    for (place, heading_deg) in PLACES {
+        let photo = photo(&scene().picture, place, heading_deg);
+        let prior = Prior::none().with_gsd_m(PHOTO_GSD_M);
+        let (outcome, trace) = with.locate_traced(&photo, &prior).unwrap();
+        assert!(error_m(&outcome, place) < 2.0);
+        assert_eq!(covers(&trace.rounds[0].by_search, place), Some(0));
+        let (_, trace) = without.locate_traced(&photo, &prior).unwrap();
+        assert_eq!(trace.rounds[0].by_search, trace.rounds[0].by_descriptor);
+        // The votes stay within a given area.
+        let elsewhere = MapPx::new(1500.0 - place.x, 1300.0 - place.y);
+        let (_, trace) = with
+            .locate_traced(&photo, &prior.near(truth(elsewhere), 20.0))
+            .unwrap();
+        let level = &with.pack().levels()[0];
+        for &tile in &trace.rounds[0].by_search {
+            let centre = level
+                .lonlat_from_level_px(level.tile(tile).centre_px)
+                .unwrap();
+            assert!(distance_m(centre, truth(elsewhere)) < 20.0 + level.tile_m());
+        }
+    }
+}

@@ -4,11 +4,15 @@
 
 mod default_mode;
 mod paper_mode;
-use std::{path::PathBuf, sync::OnceLock};
+use std::{
+    path::{Path, PathBuf},
+    sync::OnceLock,
+};
 
 use grimnet_geo::{LonLat, MapOptions, MapPx, Raster, distance_m, open_map, turn_deg};
 use grimnet_locate::{
-    Adapt, Coordinates, Localizer, LocateError, Options, Outcome, Prior, Reason, TimeMs,
+    Adapt, Coordinates, Localizer, LocateError, MapVoteOptions, Options, Outcome, Prior, Reason,
+    TimeMs,
     draw::{DrawOptions, draw},
     internals::ransac::Ransac,
 };
@@ -95,6 +99,7 @@ struct Scene {
     map: Box<dyn Raster>,
     default_pack: PathBuf,
     paper_pack: PathBuf,
+    indexed_pack: PathBuf,
     _folder: tempfile::TempDir,
 }
 
@@ -128,11 +133,16 @@ fn scene() -> &'static Scene {
             .unwrap();
             out
         };
-        let default_pack = build_pack(
-            "default.grim",
+        let two_levels = BuildOptions {
+            levels: Levels::Gsd(vec![0.3, 0.6]),
+            ..BuildOptions::standard()
+        };
+        let default_pack = build_pack("default.grim", &two_levels);
+        let indexed_pack = build_pack(
+            "indexed.grim",
             &BuildOptions {
-                levels: Levels::Gsd(vec![0.3, 0.6]),
-                ..BuildOptions::standard()
+                keypoint_index_tiles: 1,
+                ..two_levels
             },
         );
         let paper_pack = build_pack("paper.grim", &BuildOptions::paper());
@@ -141,13 +151,18 @@ fn scene() -> &'static Scene {
             map,
             default_pack,
             paper_pack,
+            indexed_pack,
             _folder: folder,
         }
     })
 }
 
 fn localizer(options: Options) -> Localizer {
-    let pack = Pack::open(&scene().default_pack).unwrap();
+    localizer_of(&scene().default_pack, options)
+}
+
+fn localizer_of(pack: &Path, options: Options) -> Localizer {
+    let pack = Pack::open(pack).unwrap();
     Localizer::new(Model::bundled().unwrap(), pack)
         .unwrap()
         .with_options(options)

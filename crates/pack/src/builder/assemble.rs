@@ -4,9 +4,10 @@ use std::path::Path;
 
 use crate::builder::index_build::{BuiltIndex, write_index};
 use crate::builder::journal::{Journal, Place};
+use crate::builder::keypoint_index_build::write_keypoint_index;
 use crate::builder::level_plan::{Item, LevelPlan};
 use crate::builder::recipe::Recipe;
-use crate::builder::record::Record;
+use crate::builder::record::{Record, UnitHead};
 use crate::builder::tile_descriptors::TileDescriptors;
 use crate::error::{PackError, Result};
 use crate::format::{TileEntry, UnitEntry};
@@ -84,7 +85,6 @@ fn write_level(
     recipe: &dyn Recipe,
 ) -> Result<LevelManifest> {
     level.tiles.sort_by_key(|(tile, _)| (tile.row, tile.column));
-    let plan = &level.plan;
     let units = write_features(writer, journal, &level, number)?;
     writer.section(
         format!("{number}/units"),
@@ -117,6 +117,16 @@ fn write_level(
         manifest.options.index,
         recipe,
     )?;
+    let keypoint_index = write_keypoint_index(
+        writer,
+        journal,
+        &level,
+        number,
+        (units.keypoints, manifest.model.descriptor_dim),
+        &manifest.options,
+        recipe,
+    )?;
+    let plan = &level.plan;
     let tiles = places.len() as u64;
     let unit_places = u64::from(plan.layout.unit_grid[0]) * u64::from(plan.layout.unit_grid[1]);
     Ok(LevelManifest {
@@ -140,6 +150,7 @@ fn write_level(
         index,
         index_note,
         index_recall_at_10,
+        keypoint_index,
     })
 }
 
@@ -162,30 +173,47 @@ fn write_features(
         computed: 0,
         keypoints: 0,
     };
-    let mut bytes = Vec::new();
     writer.begin_blocks(format!("{number}/features"))?;
-    for (item, place) in &level.items {
-        journal.read(place.offset, place.len as usize, &mut bytes)?;
-        let record = Record::from_bytes(&bytes)
-            .ok_or_else(|| PackError::Options("the journal changed while it was read".into()))?;
-        let mut blobs = record.blobs.as_slice();
-        for (i, head) in record.units.iter().enumerate() {
-            let (blob, rest) = blobs
-                .split_at_checked(head.blob_len as usize)
-                .unwrap_or((&[], &[]));
-            blobs = rest;
-            let at = [i as u32 % item.count[0], i as u32 / item.count[0]];
-            let unit = (item.first[1] + at[1]) as usize * grid[0] as usize
-                + (item.first[0] + at[0]) as usize;
-            units.entries[unit] = UnitEntry {
-                offset: writer.section_len(),
-                keypoints: head.keypoints,
-                state: head.state,
-            };
-            units.computed += u64::from(head.state);
-            units.keypoints += u64::from(head.keypoints);
-            writer.write(blob)?;
-        }
-    }
+    level.for_each_unit(journal, |[column, row], head, blob| {
+        let unit = row as usize * grid[0] as usize + column as usize;
+        units.entries[unit] = UnitEntry {
+            offset: writer.section_len(),
+            keypoints: head.keypoints,
+            state: head.state,
+        };
+        units.computed += u64::from(head.state);
+        units.keypoints += u64::from(head.keypoints);
+        writer.write(blob)
+    })?;
     Ok(units)
+}
+
+impl FinishedLevel {
+    /// Calls `each` with column and row, counts and feature blob of each unit that is in the journal.
+    ///
+    /// # Errors
+    /// Returns an error if the journal cannot be read, or the one that `each` returns.
+    pub fn for_each_unit(
+        &self,
+        journal: &mut Journal,
+        mut each: impl FnMut([u32; 2], &UnitHead, &[u8]) -> Result<()>,
+    ) -> Result<()> {
+        let mut bytes = Vec::new();
+        for (item, place) in &self.items {
+            journal.read(place.offset, place.len as usize, &mut bytes)?;
+            let record = Record::from_bytes(&bytes).ok_or_else(|| {
+                PackError::Options("the journal changed while it was read".into())
+            })?;
+            let mut blobs = record.blobs.as_slice();
+            for (i, head) in record.units.iter().enumerate() {
+                let (blob, rest) = blobs
+                    .split_at_checked(head.blob_len as usize)
+                    .unwrap_or((&[], &[]));
+                blobs = rest;
+                let at = [i as u32 % item.count[0], i as u32 / item.count[0]];
+                each([item.first[0] + at[0], item.first[1] + at[1]], head, blob)?;
+            }
+        }
+        Ok(())
+    }
 }

@@ -3,6 +3,7 @@
 use grimnet_geo::Raster;
 use grimnet_net::NetSpec;
 
+use crate::builder::keypoint_index_build::{bytes_per_indexed_keypoint, has_keypoint_index};
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
@@ -59,7 +60,10 @@ pub fn check_cost(
             what: format!("{tiles} tiles, more than the limit of {}", limits.max_tiles),
         });
     }
-    let bytes = tiles.saturating_mul(bytes_per_tile(spec, options, recipe));
+    let bytes = plans.iter().fold(0u64, |sum, plan| {
+        let bytes = bytes_per_tile(plan, spec, options, recipe);
+        sum.saturating_add(plan.grid_tiles().saturating_mul(bytes))
+    });
     if bytes > limits.max_pack_bytes {
         return Err(PackError::TooCostly {
             what: format!(
@@ -71,10 +75,20 @@ pub fn check_cost(
     Ok(())
 }
 
-/// Largest size of a tile in the pack, bytes.
-pub fn bytes_per_tile(spec: &NetSpec, options: &BuildOptions, recipe: &dyn Recipe) -> u64 {
+/// Largest size of a tile of a level in the pack, bytes.
+pub fn bytes_per_tile(
+    plan: &LevelPlan,
+    spec: &NetSpec,
+    options: &BuildOptions,
+    recipe: &dyn Recipe,
+) -> u64 {
     let number_len = recipe.descriptor_type().number_len() as u64;
-    let bytes_per_keypoint = spec.descriptor_dim as u64 * number_len + 6;
+    let indexed = if has_keypoint_index(plan, plan.grid_tiles(), options, recipe) {
+        bytes_per_indexed_keypoint(spec.descriptor_dim) as u64
+    } else {
+        0
+    };
+    let bytes_per_keypoint = spec.descriptor_dim as u64 * number_len + 6 + indexed;
     u64::from(recipe.max_keypoints(spec, options)) * bytes_per_keypoint
         + spec.global_len() as u64 * number_len
 }

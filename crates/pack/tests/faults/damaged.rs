@@ -133,7 +133,19 @@ fn a_consistent_file_with_impossible_references_is_refused() {
         });
         assert!(open(&path, &file).is_err(), "{keypoints} keypoints");
     }
+    // Lists that do not end where the keypoints do.
+    let (_folder, path, bytes) = good_of(&indexed());
+    for name in ["list_starts", "centroids"] {
+        let file = forged(&bytes, &|_| {}, &|m, file| {
+            let at = section_of(m, &format!("0/keypoints.{name}"));
+            file[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());
+        });
+        assert!(open(&path, &file).is_err(), "{name}");
+    }
+    let fewer = |m: &mut serde_json::Value| m["levels"][0]["keypoint_index"]["lists"] = 1.into();
+    assert!(open(&path, &forged(&bytes, &fewer, &|_, _| {})).is_err());
     // A scale that is not a number, in the table of scales.
+    let (_folder, path, bytes) = good();
     let file = forged(&bytes, &|_| {}, &|m, file| {
         let at = section_of(m, "0/global_scales");
         file[at..at + 4].copy_from_slice(&f32::NAN.to_le_bytes());

@@ -17,9 +17,13 @@ use support::forged::forged;
 use support::*;
 
 fn good() -> (tempfile::TempDir, PathBuf, Vec<u8>) {
+    good_of(&one_level())
+}
+
+fn good_of(options: &BuildOptions) -> (tempfile::TempDir, PathBuf, Vec<u8>) {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("area.grim");
-    make(&TestMap::new(900, 700), &one_level(), &out).unwrap();
+    make(&TestMap::new(900, 700), options, &out).unwrap();
     let bytes = std::fs::read(&out).unwrap();
     (folder, out, bytes)
 }

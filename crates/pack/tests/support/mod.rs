@@ -156,6 +156,14 @@ pub fn one_level() -> BuildOptions {
     }
 }
 
+/// The same with an index of its keypoints.
+pub fn indexed() -> BuildOptions {
+    BuildOptions {
+        keypoint_index_tiles: 1,
+        ..one_level()
+    }
+}
+
 pub fn paper() -> BuildOptions {
     BuildOptions {
         keypoint_threshold: 0.001,

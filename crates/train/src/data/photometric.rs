@@ -381,7 +381,7 @@ mod tests {
         for seed in 0..8 {
             let mut a = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
             let mut b = a.clone();
-            let mut change = |random| change_look(&image, None, Domain::Sat, &look, random);
+            let change = |random| change_look(&image, None, Domain::Sat, &look, random);
             let one = change(&mut a);
             assert_eq!(one, change(&mut b));
             assert_eq!(one.dimensions(), (64, 48));

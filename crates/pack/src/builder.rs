@@ -8,6 +8,7 @@ pub(crate) mod adapt;
 pub(crate) mod assemble;
 pub(crate) mod cells;
 pub(crate) mod cost;
+pub(crate) mod finished_level;
 pub(crate) mod frontier;
 pub(crate) mod index_build;
 pub(crate) mod journal;

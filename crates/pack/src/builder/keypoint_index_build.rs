@@ -1,6 +1,6 @@
 //! Builds and writes the keypoint index of a level.
 
-use crate::builder::assemble::FinishedLevel;
+use crate::builder::finished_level::FinishedLevel;
 use crate::builder::journal::Journal;
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;

@@ -6,7 +6,7 @@ use grimnet_geo::{Raster, RasterPatch};
 use grimnet_net::{Domain, ExtractOptions, Extractor, Model, Statistics};
 
 use crate::builder::adapt::adapted_statistics;
-use crate::builder::assemble::FinishedLevel;
+use crate::builder::finished_level::FinishedLevel;
 use crate::builder::journal::{Journal, Kind};
 use crate::builder::level_plan::{Item, LevelPlan};
 use crate::builder::level_state::LevelState;

@@ -165,7 +165,7 @@ pub struct Reach {
 pub struct Neighbour {
     /// Index of the descriptor.
     pub descriptor: usize,
-    /// Where the keypoint lies, to within half a [`POSITION_STEP_PX`].
+    /// Where the keypoint lies, to within half a step of stored positions (4 level pixels).
     pub position: LevelPx,
     /// Number of keypoints that are more similar, among those in the lists that were visited.
     pub rank: usize,

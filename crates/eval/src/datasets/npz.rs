@@ -195,6 +195,9 @@ impl Npz {
 /// Longest header that is read, bytes: NumPy writes 128, a structured type a few thousand.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
+/// Deepest nesting of brackets in a header. Plain types have 2 levels, structured ones 4; the time to parse them doubles with each.
+const MAX_NESTING: usize = 6;
+
 /// The bytes of an array before its values: magic, version, length of the description, description (`numpy.lib.format`).
 fn header(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let mut bytes = vec![0; 8];
@@ -213,7 +216,25 @@ fn header(reader: &mut impl Read) -> std::io::Result<Vec<u8>> {
     let start = bytes.len();
     bytes.resize(start + length, 0);
     reader.read_exact(&mut bytes[start..])?;
+    if nesting(&bytes[start..]) > MAX_NESTING {
+        return Err(std::io::Error::other("its header is nested too deeply"));
+    }
     Ok(bytes)
+}
+
+/// How deep the brackets of a description are nested.
+fn nesting(description: &[u8]) -> usize {
+    let (_, deepest) = description
+        .iter()
+        .fold((0usize, 0), |(depth, deepest), byte| {
+            let depth = match byte {
+                b'(' | b'[' | b'{' => depth + 1,
+                b')' | b']' | b'}' => depth.saturating_sub(1),
+                _ => depth,
+            };
+            (depth, deepest.max(depth))
+        });
+    deepest
 }
 
 /// Number of elements that a header declares; `None` if it does not fit 64 bits, which the reader below does not check.
@@ -291,6 +312,14 @@ mod tests {
         let picture = "{'descr': '|u1', 'fortran_order': False, 'shape': (3,), }\n";
         let read = archive(&npy(picture, &[7, 8, 9])).1.bytes("a");
         assert_eq!(read.unwrap().values, [7, 8, 9]);
+    }
+
+    #[test]
+    fn brackets_nested_deeply_are_refused_before_they_are_parsed() {
+        let shape = "(".repeat(40);
+        let deep = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': {shape}1\n");
+        let error = archive(&npy(&deep, &[0; 8])).1.floats("a").unwrap_err();
+        assert!(error.to_string().contains("nested too deeply"), "{error}");
     }
 
     #[test]

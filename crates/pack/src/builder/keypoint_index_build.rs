@@ -11,6 +11,7 @@ use crate::local_descriptors::DescriptorType;
 use crate::manifest::KeypointIndexShape;
 use crate::options::BuildOptions;
 use crate::quantise::descriptor_scale;
+use crate::search::inverted_lists::sort_by_list;
 use crate::search::keypoint_index::{
     KeypointPosition, code_words, encode, lists_for, train, training_points,
 };
@@ -115,15 +116,7 @@ fn write_entries(
     number: usize,
     dim: usize,
 ) -> Result<()> {
-    let mut order: Vec<u32> = (0..entries.lists.len() as u32).collect();
-    order.sort_by_key(|&i| entries.lists[i as usize]);
-    let mut starts = vec![0u32; centroids.len() / dim + 1];
-    for &list in &entries.lists {
-        starts[list as usize + 1] += 1;
-    }
-    for list in 1..starts.len() {
-        starts[list] += starts[list - 1];
-    }
+    let (order, starts) = sort_by_list(&entries.lists, centroids.len() / dim);
     let name = |part: &str| format!("{number}/keypoints.{part}");
     writer.section(name("centroids"), bytemuck::cast_slice(centroids))?;
     writer.section(name("list_starts"), bytemuck::cast_slice(&starts))?;

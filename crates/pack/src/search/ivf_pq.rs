@@ -8,6 +8,7 @@ use grimnet_net::{KMeans, nearest_by_distance, nearest_by_product};
 use rayon::prelude::*;
 
 use super::exact::Filter;
+use super::inverted_lists::{are_starts, sort_by_list};
 use super::top_k::{Hit, TopK};
 use crate::error::{PackError, Result};
 
@@ -151,15 +152,7 @@ impl IvfPqCodec {
     /// Sorts encoded vectors by list.
     pub fn lists(&self, lists: &[u32], codes: &[u8]) -> IvfPqLists {
         let nlist = self.centroids.len() / self.dim;
-        let mut list_starts = vec![0u32; nlist + 1];
-        for &list in lists {
-            list_starts[list as usize + 1] += 1;
-        }
-        for list in 0..nlist {
-            list_starts[list + 1] += list_starts[list];
-        }
-        let mut ids: Vec<u32> = (0..lists.len() as u32).collect();
-        ids.sort_by_key(|&i| lists[i as usize]);
+        let (ids, list_starts) = sort_by_list(lists, nlist);
         let m = self.subquantisers;
         let codes = ids
             .iter()
@@ -220,10 +213,7 @@ impl<'a> IvfPqView<'a> {
             && dim.is_multiple_of(subquantisers)
             && centroids.len() == nlist.checked_mul(dim)?
             && codebooks.len() == CODEWORDS * dim
-            && list_starts.len() == nlist + 1
-            && list_starts[0] == 0
-            && list_starts.is_sorted()
-            && list_starts[nlist] as usize == vectors
+            && are_starts(list_starts, nlist, vectors)
             && ids.len() == vectors
             && ids.iter().all(|&id| (id as usize) < vectors)
             && codes.len() == vectors.checked_mul(subquantisers)?;

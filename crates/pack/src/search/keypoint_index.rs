@@ -10,6 +10,7 @@ use grimnet_geo::LevelPx;
 use grimnet_kernels::{Isa, MatMut, MatRef, PlainKernel, matmul_nt};
 use grimnet_net::{KMeans, nearest_by_product};
 
+use super::inverted_lists::are_starts;
 use super::top_k::{Hit, TopK};
 
 /// Step of stored positions, level pixels: the vote over them has coarser bins.
@@ -184,10 +185,7 @@ impl<'a> KeypointIndex<'a> {
         let fits = lists > 0
             && centroids.len() == lists.checked_mul(dim)?
             && centroids.iter().all(|v| v.is_finite())
-            && list_starts.len() == lists + 1
-            && list_starts[0] == 0
-            && list_starts.is_sorted()
-            && list_starts[lists] as usize == keypoints
+            && are_starts(list_starts, lists, keypoints)
             && positions.len() == keypoints
             && codes.len() == keypoints.checked_mul(code_words(dim))?;
         fits.then_some(Self {

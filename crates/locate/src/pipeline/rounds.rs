@@ -114,13 +114,13 @@ impl OpenRound {
             ..
         } = &mut self.result;
         let level = context.level(*level);
-        if level.keypoint_index().is_none() {
+        let Some(index) = level.keypoint_index() else {
             return Ok(());
-        }
+        };
         let matched: Vec<Candidate> = verified.iter().map(|v| v.candidate).collect();
         let taken = matched.iter().chain(self.cascade.unmatched());
         let (near, waiting) = (self.near.as_ref(), self.cascade.waiting());
-        let joined = join_map_votes(level, queries, near, waiting, taken, options)?;
+        let joined = join_map_votes((level, index), queries, near, waiting, taken, options)?;
         trace.by_search = distinct_tiles(matched.iter().chain(&joined));
         self.cascade.replace_waiting(joined);
         time_ms.search += elapsed_ms(since);

@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashSet};
 
 use grimnet_geo::{LevelPx, LonLat, distance_m};
-use grimnet_pack::Level;
+use grimnet_pack::{KeypointIndex, Level};
 use nalgebra::Point2;
 use rayon::prelude::*;
 
@@ -81,7 +81,7 @@ fn sort_by_score(candidates: &mut [Candidate]) {
 /// Adds the tiles with the most votes over the whole map to candidates found by descriptor, and orders all by both. Candidates that are
 /// `taken` are left out.
 pub(crate) fn join_map_votes<'a>(
-    level: &Level,
+    (level, index): (&Level, KeypointIndex<'_>),
     queries: &[QueryFeatures],
     near: Option<&Near>,
     candidates: &[Candidate],
@@ -93,7 +93,7 @@ pub(crate) fn join_map_votes<'a>(
     let taken: HashSet<(usize, usize)> = taken.map(|c| (c.query, c.tile)).collect();
     let waiting = candidates.iter().map(|c| ((c.query, c.tile), *c));
     let mut joined: BTreeMap<(usize, usize), Candidate> = waiting.collect();
-    for (query, places) in map_vote(level, queries, area, options)
+    for (query, places) in map_vote(level, index, queries, area, options)
         .into_iter()
         .enumerate()
     {

@@ -18,16 +18,14 @@ pub(crate) struct Place {
 }
 
 /// The places with the most votes of each query, at most one for each tile, with the keypoints of a rectangle of the map only if one is
-/// given (two opposite corners); no queries if the level has no index of its keypoints.
+/// given (two opposite corners).
 pub(crate) fn map_vote(
     level: &Level,
+    index: KeypointIndex<'_>,
     queries: &[QueryFeatures],
     area: Option<[LevelPx; 2]>,
     options: &MapVoteOptions,
 ) -> Vec<Vec<Place>> {
-    let Some(index) = level.keypoint_index() else {
-        return Vec::new();
-    };
     queries
         .par_iter()
         .map(|query| {

@@ -195,7 +195,7 @@ impl Npz {
 /// Longest header that is read, bytes: NumPy writes 128, a structured type a few thousand.
 const MAX_HEADER_BYTES: usize = 1 << 16;
 
-/// Deepest nesting of brackets in a header. Plain types have 2 levels, structured ones 4; the time to parse them doubles with each.
+/// Deepest nesting of brackets in a header. Plain types have 2 levels, structured ones 4; the time to parse them grows exponentially.
 const MAX_NESTING: usize = 6;
 
 /// The bytes of an array before its values: magic, version, length of the description, description (`numpy.lib.format`).

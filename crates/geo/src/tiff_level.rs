@@ -11,9 +11,9 @@ use crate::tiff_images::{TiffImage, TiffLevel};
 
 /// Number of rows that thin strips are combined to.
 const BAND_ROWS: u64 = 64;
-/// Maximum size of combined strips as RGB, bytes.
+/// Maximum size of combined strips, and of blocks of uncompressed ones, with all samples, bytes.
 const MAX_BAND_BYTES: u64 = 32 << 20;
-/// Side of the blocks in which uncompressed strips are read.
+/// Side of the blocks in which uncompressed strips are read, if pixels have few samples.
 const DIRECT_BLOCK_PX: u64 = 512;
 
 /// How the pixels of an image are taken out of its file.
@@ -102,13 +102,14 @@ impl Level {
     pub fn layout(&self) -> BlockLayout {
         let ifd = &self.image.ifd;
         let (width, height) = self.image.size();
+        let pixel_bytes = (self.bands.count * self.kind.bytes()) as u64;
         let (block_w, block_h) = match (ifd.tile_width(), ifd.tile_height()) {
             (Some(w), Some(h)) if ifd.is_tiled() => (u64::from(w.max(1)), u64::from(h.max(1))),
-            _ if self.access == Access::Direct => (DIRECT_BLOCK_PX, DIRECT_BLOCK_PX),
+            _ if self.access == Access::Direct => direct_block_px(pixel_bytes),
             _ => {
                 let strip = u64::from(ifd.rows_per_strip().max(1)).min(height);
                 let strips = (BAND_ROWS / strip).max(1);
-                let affordable = MAX_BAND_BYTES / (strip * width * 3).max(1);
+                let affordable = MAX_BAND_BYTES / (strip * width * pixel_bytes.max(3)).max(1);
                 (width, strip * strips.min(affordable.max(1)))
             }
         };
@@ -119,6 +120,13 @@ impl Level {
             block_h,
         }
     }
+}
+
+/// Width and height of the blocks in which uncompressed strips are read: a pixel may have 65,535 samples.
+fn direct_block_px(pixel_bytes: u64) -> (u64, u64) {
+    let affordable = (MAX_BAND_BYTES / pixel_bytes.max(1)).max(1);
+    let width = affordable.min(DIRECT_BLOCK_PX);
+    (width, (affordable / width).min(DIRECT_BLOCK_PX))
 }
 
 fn bands_of(model: &ColorModel, count: usize, access: Access) -> Bands {

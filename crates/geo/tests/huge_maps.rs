@@ -1,11 +1,11 @@
-//! Maps of 100,000 x 100,000 pixels: sparse files, read by windows, in bounded memory.
+//! Maps of 100,000 x 100,000 pixels, and of thousands of samples a pixel: sparse files, read by windows, in bounded memory.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 mod support;
 
 use grimnet_geo::{MapOptions, Raster, WindowPx, open_map};
-use support::{Tag, geo_tags, long, long8, rgb_tags, write_at, write_bigtiff};
+use support::{Tag, geo_tags, long, long8, rgb_tags, short, write_at, write_bigtiff};
 
 const SIDE: u64 = 100_000;
 
@@ -83,11 +83,32 @@ fn striped_and_tiled_maps_are_read_in_bounded_memory() {
     let in_tile = (50_000 - row * 512) * 512 + (70_000 - column * 512);
     write_at(&tiled, (4 << 20) + in_tile * 3, &[200, 100, 50]);
 
+    // Uncompressed strips of 8,000 samples a pixel: 2 GB within 512 x 512 pixels.
+    let deep = folder.path().join("deep.tif");
+    let samples: u16 = 8000;
+    let mut blocks = rgb_tags(512, 512);
+    blocks.retain(|tag| !matches!(tag.0, 258 | 262 | 277));
+    blocks.extend([
+        short(258, &vec![8; usize::from(samples)]),
+        short(262, &[1]),
+        short(277, &[samples]),
+        long8(273, &[1 << 20]),
+        long(278, &[512]),
+        long8(279, &[512 * 512 * u64::from(samples)]),
+    ]);
+    blocks.extend(geo_tags(32651));
+    write_bigtiff(&deep, blocks, (1 << 20) + 512 * 512 * u64::from(samples));
+
     let before = peak_mib();
     for file in [&striped, &tiled] {
         let map = open_map(file, &MapOptions::default()).unwrap();
         sweep(map.as_ref());
     }
+    let map = open_map(&deep, &MapOptions::default()).unwrap();
+    let patch = map
+        .read(WindowPx::new(250.0, 250.0, 8.0, 8.0), 8, 8)
+        .unwrap();
+    assert!(patch.valid.iter().all(|&v| v == 255));
     // Where a tile was never written, there is no data.
     let map = open_map(&tiled, &MapOptions::default()).unwrap();
     let patch = map

@@ -65,7 +65,7 @@ impl Decoder {
         };
         let sets: Vec<&[u8]> = sets.iter().map(Vec::as_slice).collect();
         decoder.check_sizes(&sets)?;
-        decoder.decode(0, &sets, &mut Vec::new())?;
+        decoder.decode_safely(0, &sets, &mut Vec::new())?;
         Ok(decoder)
     }
 
@@ -89,9 +89,7 @@ impl Decoder {
             ));
         }
         let before = out.len();
-        // The decoders are young: what they did not expect must not end a flight.
-        catch_unwind(AssertUnwindSafe(|| self.decode(sample, &units, out)))
-            .unwrap_or_else(|_| Err(Fault::damaged("the decoder failed")))?;
+        self.decode_safely(sample, &units, out)?;
         let is_h264 = matches!(self.inner, Inner::H264(_));
         if is_h264 && is_wanted && out.len() == before {
             return Err(Fault::damaged("the coded frame is incomplete"));
@@ -102,10 +100,11 @@ impl Decoder {
     /// Finishes the pictures that wait for others.
     pub(crate) fn flush(&mut self, out: &mut Vec<Decoded>) {
         if let Inner::H265(decoder) = &mut self.inner {
-            let finished = catch_unwind(AssertUnwindSafe(|| decoder.flush()));
-            if finished.is_ok() {
+            // Pictures that came before a panic are kept.
+            let _ = catch_unwind(AssertUnwindSafe(|| {
+                decoder.flush();
                 take_finished(decoder, out);
-            }
+            }));
         }
     }
 
@@ -199,6 +198,17 @@ impl Decoder {
             self.size = Some(size);
         }
         Ok(())
+    }
+
+    /// As [`Self::decode`]. The decoders are young: what they did not expect must not end a flight.
+    fn decode_safely(
+        &mut self,
+        sample: usize,
+        units: &[&[u8]],
+        out: &mut Vec<Decoded>,
+    ) -> Result<(), Fault> {
+        catch_unwind(AssertUnwindSafe(|| self.decode(sample, units, out)))
+            .unwrap_or_else(|_| Err(Fault::damaged("the decoder failed")))
     }
 
     fn decode(

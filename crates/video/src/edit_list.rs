@@ -1,6 +1,10 @@
 //! When a sample is shown: the edit list of a track (`elst`; ISO/IEC 14496-12, 8.6.6).
 
+use crate::error::Fault;
 use crate::fields::{Fields, find};
+
+/// Cameras write one or two parts, editors one for each cut. Each frame is compared with all of them.
+const MAX_EDITS: usize = 1000;
 
 /// A stretch of the track that is shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,15 +27,27 @@ pub(crate) struct EditList {
 
 impl EditList {
     /// The edit list of a `trak`.
-    pub(crate) fn read(trak: &[u8], movie_units_per_s: u32, units_per_s: u32) -> Self {
+    pub(crate) fn read(
+        trak: &[u8],
+        movie_units_per_s: u32,
+        units_per_s: u32,
+    ) -> Result<Self, Fault> {
         let edits = find(trak, b"edts")
             .and_then(|edts| find(edts, b"elst"))
             .and_then(|elst| edits(elst, f64::from(movie_units_per_s.max(1))))
             .filter(|edits| !edits.is_empty());
-        Self {
+        if let Some(count) = edits
+            .as_ref()
+            .map(Vec::len)
+            .filter(|&count| count > MAX_EDITS)
+        {
+            let found = format!("a video of {count} cuts, more than {MAX_EDITS}");
+            return Err(Fault::Unsupported(found));
+        }
+        Ok(Self {
             edits,
             units_per_s: f64::from(units_per_s.max(1)),
-        }
+        })
     }
 
     /// When samples with these composition times are shown, seconds; `None` for one that is only there for others.
@@ -88,6 +104,10 @@ mod tests {
     use super::*;
 
     fn list(entries: &[(u32, i32)]) -> EditList {
+        read(entries).unwrap()
+    }
+
+    fn read(entries: &[(u32, i32)]) -> Result<EditList, Fault> {
         let mut elst = vec![0; 4];
         elst.extend((entries.len() as u32).to_be_bytes());
         for (length, from) in entries {
@@ -123,7 +143,7 @@ mod tests {
 
     #[test]
     fn without_edits_the_first_frame_shown_is_at_zero() {
-        let list = EditList::read(&[], 1000, 30);
+        let list = EditList::read(&[], 1000, 30).unwrap();
         assert_eq!(
             list.shown_s(&[2, 6, 4]),
             [Some(0.0), Some(4.0 / 30.0), Some(2.0 / 30.0)]
@@ -133,5 +153,12 @@ mod tests {
     #[test]
     fn a_length_of_zero_goes_to_the_end() {
         assert_eq!(list(&[(0, 2)]).shown_s(&[2, 32]), [Some(0.0), Some(1.0)]);
+    }
+
+    #[test]
+    fn more_edits_than_a_cut_video_has_are_refused() {
+        assert!(read(&[(1, 0); MAX_EDITS]).is_ok());
+        let fault = read(&[(1, 0); MAX_EDITS + 1]).unwrap_err();
+        assert!(fault.to_string().contains("1001 cuts"), "{fault}");
     }
 }

@@ -4,6 +4,9 @@
 use crate::fields::{Fields, boxes, find};
 use crate::sample::Sample;
 
+/// `trun` says duration, size, flags or composition time of each sample.
+const EACH_SAMPLE: u32 = 0xf00;
+
 /// What a fragment says of a sample if it says nothing else.
 #[derive(Debug, Clone, Copy, Default)]
 struct Defaults {
@@ -123,6 +126,12 @@ impl Fragments {
         if flags & 0x01 != 0 {
             *data_end = base.checked_add_signed(i64::from(fields.i32()?))?;
         }
+        // Nothing is said of each of them, and they are not ours: there may be thousands of millions.
+        if !is_ours && flags & EACH_SAMPLE == 0 {
+            let bytes = u64::from(count) * u64::from(defaults.bytes);
+            *data_end = data_end.checked_add(bytes)?;
+            return Some(());
+        }
         let mut first_flags = None;
         if flags & 0x04 != 0 {
             first_flags = Some(fields.u32()?);
@@ -160,5 +169,39 @@ impl Fragments {
             self.next_time = self.next_time.saturating_add(i64::from(duration));
         }
         Some(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn boxed(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
+        let bytes = (body.len() as u32 + 8).to_be_bytes();
+        [&bytes[..], kind, body].concat()
+    }
+
+    fn numbers(values: &[u32]) -> Vec<u8> {
+        values.iter().flat_map(|n| n.to_be_bytes()).collect()
+    }
+
+    #[test]
+    fn runs_of_other_tracks_cost_nothing_however_many_samples_they_claim() {
+        // Track 2, whose samples have no bytes (0x10), and a thousand runs of it that say nothing of each sample.
+        let tfhd = boxed(b"tfhd", &numbers(&[0x10, 2, 0]));
+        let trun = boxed(b"trun", &numbers(&[0, u32::MAX]));
+        let other = boxed(b"traf", &[tfhd, trun.repeat(1000)].concat());
+        // Then ten bytes of track 2, and track 1, which begins where they end: three samples of five bytes.
+        let tfhd = boxed(b"tfhd", &numbers(&[0x10, 2, 10]));
+        let trun = boxed(b"trun", &numbers(&[0, 1]));
+        let before = boxed(b"traf", &[tfhd, trun].concat());
+        let tfhd = boxed(b"tfhd", &numbers(&[0x10, 1, 5]));
+        let trun = boxed(b"trun", &numbers(&[0, 3]));
+        let ours = boxed(b"traf", &[tfhd, trun].concat());
+        let mut samples = Vec::new();
+        let moof = [other, before, ours].concat();
+        Fragments::new(&[], 1).add(&moof, 100, 1000, &mut samples);
+        let offsets: Vec<u64> = samples.iter().map(|sample| sample.offset).collect();
+        assert_eq!(offsets, [110, 115, 120]);
     }
 }

@@ -14,7 +14,7 @@ use crate::fields::{Fields, boxes, find};
 use crate::fragments::Fragments;
 use crate::pixel_aspect::PixelAspect;
 use crate::rotation::Rotation;
-use crate::sample::Sample;
+use crate::sample::{SAMPLE_MEMORY_BYTES, Sample};
 use crate::sample_entry::{Codec, SampleEntry};
 use crate::sample_table;
 
@@ -107,7 +107,7 @@ impl TopLevel {
                 break;
             }
             if &kind == b"moov" || &kind == b"moof" {
-                index_bytes += size;
+                index_bytes += size + size_of::<(u64, Vec<u8>)>() as u64;
                 if index_bytes > limit_bytes {
                     let what = "its index".to_owned();
                     let needed_bytes = index_bytes;
@@ -151,7 +151,7 @@ impl TopLevel {
         let (track, rotation) = track_header(trak).ok_or_else(|| needed("tkhd"))?;
         let entry = SampleEntry::read(find(stbl, b"stsd").ok_or_else(|| needed("stsd"))?)?;
 
-        let limit = limit_bytes / size_of::<Sample>() as u64;
+        let limit = limit_bytes / SAMPLE_MEMORY_BYTES;
         let mut samples = if self.moofs.is_empty() {
             sample_table::samples(stbl, limit)?
         } else {
@@ -162,7 +162,7 @@ impl TopLevel {
             fragments.add(moof, *start, limit, &mut samples);
         }
         let compositions: Vec<i64> = samples.iter().map(|sample| sample.composition).collect();
-        let edits = EditList::read(trak, header.units_per_s, units_per_s);
+        let edits = EditList::read(trak, header.units_per_s, units_per_s)?;
         let mut shown_s = edits.shown_s(&compositions);
         let truncated_at_s = self.leave_out_missing(&mut samples, &mut shown_s);
         if shown_s.iter().all(Option::is_none) {

@@ -1,5 +1,8 @@
 //! One coded frame in the file.
 
+/// Memory that the index takes for each sample: the sample, when it is shown, and its place among those that are taken.
+pub(crate) const SAMPLE_MEMORY_BYTES: u64 = 128;
+
 /// Where a coded frame is, and when it is shown.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Sample {

@@ -64,13 +64,23 @@ impl SampleEntry {
     }
 }
 
+/// ITU-T H.264: 32 SPS and 256 PPS; H.265 has fewer, and other units beside them.
+const MAX_PARAMETER_SETS: usize = 512;
+/// Size of all parameter sets together: each start of decoding reads them. Those of cameras have some hundred bytes.
+const MAX_PARAMETER_BYTES: usize = 64 << 10;
+
 /// Length of the NAL units' lengths, and parameter sets.
 type Configuration = (usize, Vec<Vec<u8>>);
 
+/// `None` if the table ends early or has more than a stream can use.
 fn nal_units(fields: &mut Fields<'_>, count: usize, sets: &mut Vec<Vec<u8>>) -> Option<()> {
     for _ in 0..count {
         let bytes = fields.u16()?;
         sets.push(fields.take(usize::from(bytes))?.to_vec());
+        let all_bytes: usize = sets.iter().map(Vec::len).sum();
+        if sets.len() > MAX_PARAMETER_SETS || all_bytes > MAX_PARAMETER_BYTES {
+            return None;
+        }
     }
     Some(())
 }
@@ -122,4 +132,34 @@ fn colour(colr: &[u8]) -> Option<ColourDescription> {
         matrix: u8::try_from(matrix).ok(),
         is_full_range,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `avcC` of so many SPS of so many bytes, and no PPS.
+    fn avcc(count: u8, bytes: u16) -> Vec<u8> {
+        let mut avcc = vec![1, 100, 0, 31, 0xff, 0xe0 | count];
+        for _ in 0..count {
+            avcc.extend(bytes.to_be_bytes());
+            avcc.extend(vec![0x67; usize::from(bytes)]);
+        }
+        avcc.push(0);
+        avcc
+    }
+
+    #[test]
+    fn parameter_sets_are_read_unless_they_are_more_than_a_stream_uses() {
+        let (length_bytes, sets) = avc_configuration(&avcc(3, 20)).unwrap();
+        assert_eq!((length_bytes, sets.len()), (4, 3));
+        assert!(avc_configuration(&avcc(1, 60_000)).is_some());
+        assert!(avc_configuration(&avcc(31, 60_000)).is_none());
+        // Thousands of empty ones, each with a vector of its own.
+        let mut hvcc = vec![0; 22];
+        hvcc.extend([1, 0x20]);
+        hvcc.extend(60_000_u16.to_be_bytes());
+        hvcc.extend(vec![0; 120_000]);
+        assert!(hevc_configuration(&hvcc).is_none());
+    }
 }

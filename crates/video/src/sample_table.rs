@@ -2,7 +2,7 @@
 
 use crate::error::Fault;
 use crate::fields::{Fields, find};
-use crate::sample::Sample;
+use crate::sample::{SAMPLE_MEMORY_BYTES, Sample};
 
 /// Reads the tables; `limit` is the largest number of samples.
 pub(crate) fn samples(stbl: &[u8], limit: u64) -> Result<Vec<Sample>, Fault> {
@@ -11,7 +11,7 @@ pub(crate) fn samples(stbl: &[u8], limit: u64) -> Result<Vec<Sample>, Fault> {
     if u64::from(count) > limit {
         return Err(Fault::TooLarge {
             what: format!("the index of {count} frames"),
-            needed_bytes: u64::from(count) * size_of::<Sample>() as u64,
+            needed_bytes: u64::from(count) * SAMPLE_MEMORY_BYTES,
         });
     }
     if count == 0 {

@@ -35,8 +35,8 @@ pub struct VideoFrames {
     inside: BTreeSet<usize>,
     /// The next sample to decode.
     at: usize,
-    /// A sample that the container says decoding can start at, and that it cannot.
-    no_start: Option<usize>,
+    /// The sample that a start was last looked for to reach.
+    sought: Option<usize>,
     /// By place.
     ready: BTreeMap<usize, VideoFrame>,
     ready_bytes: u64,
@@ -65,7 +65,7 @@ impl VideoFrames {
             wanted: taken.into_iter().collect(),
             inside: BTreeSet::new(),
             at: 0,
-            no_start: None,
+            sought: None,
             ready: BTreeMap::new(),
             ready_bytes: 0,
             next_place: 0,
@@ -74,12 +74,11 @@ impl VideoFrames {
 
     /// Decodes towards the next sample that is taken.
     fn advance(&mut self, target: usize) {
-        let start = self.start_of(target);
-        if start > self.at && self.no_start != Some(start) {
-            if self.can_start(start) {
+        // Once for each: looking again and again costs the square of the distance.
+        if self.sought.replace(target) != Some(target) {
+            let start = self.start_of(target);
+            if start > self.at && self.can_start(start) {
                 self.restart(start);
-            } else {
-                self.no_start = Some(start);
             }
         }
         let sample = self.at;
@@ -240,3 +239,44 @@ impl Iterator for VideoFrames {
 }
 
 impl ExactSizeIterator for VideoFrames {}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+
+    use grimnet_limits::PhotoLimits;
+
+    use super::*;
+    use crate::sample::Sample;
+
+    #[test]
+    fn a_start_is_looked_for_once_on_the_long_way_to_a_frame() {
+        let path = std::path::PathBuf::from(concat!(
+            env!("CARGO_MANIFEST_DIR"),
+            "/tests/golden/h264_b_frames.mp4"
+        ));
+        let mut file = File::open(&path).unwrap();
+        let limits = PhotoLimits::DEFAULT;
+        let mut movie = Movie::read(&path, &mut file, &limits).unwrap();
+        // One frame that decoding can start at, and two million empty ones after it.
+        movie.samples.truncate(1);
+        movie.shown_s.truncate(1);
+        let first = movie.samples[0];
+        let last = 2_000_000;
+        for number in 1..=last {
+            movie.samples.push(Sample {
+                bytes: 0,
+                is_sync: false,
+                composition: first.composition + number,
+                ..first
+            });
+            movie.shown_s.push(Some(number as f64));
+        }
+        let source = SampleSource::new(path, file, limits.max_memory_bytes);
+        let frames = VideoFrames::new(source, movie, vec![0, last as usize]).unwrap();
+        let decoded: Vec<(f64, bool)> = frames
+            .map(|frame| (frame.time_s, frame.picture.is_ok()))
+            .collect();
+        assert_eq!(decoded, [(0.0, true), (last as f64, false)]);
+    }
+}

@@ -152,8 +152,11 @@ impl DirectoryReader<'_> {
                 "its directories are nested more than {MAX_DEPTH} deep, or in a circle"
             ));
         }
-        let bytes = self.read(section)?;
-        for entry in entries_of(&bytes)? {
+        let entries = entries_of(&self.read(section)?, self.bytes_left)?;
+        // They are in memory while the directories below them are read.
+        let held_bytes = size_of_val(entries.as_slice()) as u64;
+        self.bytes_left -= held_bytes;
+        for entry in entries {
             if entry.run_length == 0 {
                 let leaf =
                     within(self.header.leaves, entry.offset, entry.length).ok_or_else(|| {
@@ -183,6 +186,7 @@ impl DirectoryReader<'_> {
                 data,
             });
         }
+        self.bytes_left += held_bytes;
         Ok(())
     }
 
@@ -250,13 +254,16 @@ struct Entry {
     offset: u64,
 }
 
-/// The four columns of a directory.
-fn entries_of(bytes: &[u8]) -> Result<Vec<Entry>, Problem> {
+/// The four columns of a directory; its entries may take so many bytes of memory, six times what they take in the file.
+fn entries_of(bytes: &[u8], limit_bytes: u64) -> Result<Vec<Entry>, Problem> {
     let mut rest = bytes;
     let count = varint(&mut rest)?;
     // Each entry takes four bytes at least.
     if count > bytes.len() as u64 / 4 {
         return damaged("a directory has fewer entries than it says");
+    }
+    if count * size_of::<Entry>() as u64 > limit_bytes {
+        return damaged("its directories are larger than a map can need");
     }
     let mut entries = vec![
         Entry {
@@ -318,4 +325,24 @@ fn varint(rest: &mut &[u8]) -> Result<u64, Problem> {
         }
     }
     damaged("a number has more than 64 bits")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_count_with_the_memory_that_they_take() {
+        // A thousand tiles of one byte each, one after the other: count, then steps, run lengths, lengths and offsets.
+        let mut bytes = vec![0xe8, 0x07];
+        bytes.extend(vec![1; 3000]);
+        bytes.push(1);
+        bytes.extend(vec![0; 999]);
+        let needed_bytes = 1000 * size_of::<Entry>() as u64;
+        let entries = entries_of(&bytes, needed_bytes).unwrap();
+        assert_eq!(entries.len(), 1000);
+        assert_eq!((entries[999].number, entries[999].offset), (1000, 999));
+        let problem = entries_of(&bytes, needed_bytes - 1).unwrap_err();
+        assert!(matches!(problem, Problem::Damaged(text) if text.contains("larger")));
+    }
 }

@@ -91,7 +91,7 @@ pub struct MapLimits {
     pub max_tile_bytes: u64,
     /// Maximum side of one such tile, pixels. Default: 2^12.
     pub max_tile_side_px: u32,
-    /// Maximum size of the directories of a PMTiles file, decompressed. Default: 1 GiB.
+    /// Maximum size of the directories of a PMTiles file, decompressed, and of their entries in memory. Default: 1 GiB.
     pub max_directory_bytes: u64,
     /// Maximum number of pictures that a VRT, a list or a folder puts together. Default: 2^16.
     pub max_mosaic_pictures: u64,
@@ -215,7 +215,7 @@ impl Limits {
                 format!("{} pixels", power(u64::from(self.map.max_tile_side_px))),
             ),
             (
-                "map of tiles: directories of PMTiles, decompressed",
+                "map of tiles: directories of PMTiles, decompressed, and their entries in memory",
                 size(self.map.max_directory_bytes),
             ),
             (

@@ -102,6 +102,7 @@ fn edits(elst: &[u8], movie_units_per_s: f64) -> Option<Vec<Edit>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::fields::boxed;
 
     fn list(entries: &[(u32, i32)]) -> EditList {
         read(entries).unwrap()
@@ -115,12 +116,6 @@ mod tests {
             elst.extend(from.to_be_bytes());
             elst.extend(0x1_0000u32.to_be_bytes());
         }
-        let boxed = |kind: &[u8; 4], body: &[u8]| {
-            let mut bytes = (body.len() as u32 + 8).to_be_bytes().to_vec();
-            bytes.extend(kind);
-            bytes.extend(body);
-            bytes
-        };
         EditList::read(&boxed(b"edts", &boxed(b"elst", &elst)), 1000, 30)
     }
 

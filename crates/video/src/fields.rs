@@ -32,6 +32,13 @@ pub(crate) fn find<'a>(bytes: &'a [u8], kind: &[u8; 4]) -> Option<&'a [u8]> {
         .map(|one| one.body)
 }
 
+/// A box of this kind, for tests.
+#[cfg(test)]
+pub(crate) fn boxed(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
+    let bytes = (body.len() as u32 + 8).to_be_bytes();
+    [&bytes[..], kind, body].concat()
+}
+
 /// Big-endian numbers one after the other.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Fields<'a>(pub &'a [u8]);

@@ -175,11 +175,7 @@ impl Fragments {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn boxed(kind: &[u8; 4], body: &[u8]) -> Vec<u8> {
-        let bytes = (body.len() as u32 + 8).to_be_bytes();
-        [&bytes[..], kind, body].concat()
-    }
+    use crate::fields::boxed;
 
     fn numbers(values: &[u32]) -> Vec<u8> {
         values.iter().flat_map(|n| n.to_be_bytes()).collect()

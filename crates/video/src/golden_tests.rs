@@ -1,7 +1,7 @@
 //! Decoding compared with ffmpeg's (`tests/golden/make_golden.py`).
 
 #[path = "../tests/golden/videos.rs"]
-mod videos;
+pub(crate) mod videos;
 
 use std::fs::File;
 

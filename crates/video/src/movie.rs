@@ -107,6 +107,7 @@ impl TopLevel {
                 break;
             }
             if &kind == b"moov" || &kind == b"moof" {
+                // With its entry among the fragments: a box may be empty.
                 index_bytes += size + size_of::<(u64, Vec<u8>)>() as u64;
                 if index_bytes > limit_bytes {
                     let what = "its index".to_owned();

@@ -247,14 +247,12 @@ mod tests {
     use grimnet_limits::PhotoLimits;
 
     use super::*;
+    use crate::golden_tests::videos::golden;
     use crate::sample::Sample;
 
     #[test]
     fn a_start_is_looked_for_once_on_the_long_way_to_a_frame() {
-        let path = std::path::PathBuf::from(concat!(
-            env!("CARGO_MANIFEST_DIR"),
-            "/tests/golden/h264_b_frames.mp4"
-        ));
+        let path = golden("h264_b_frames.mp4");
         let mut file = File::open(&path).unwrap();
         let limits = PhotoLimits::DEFAULT;
         let mut movie = Movie::read(&path, &mut file, &limits).unwrap();

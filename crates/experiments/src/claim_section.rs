@@ -108,7 +108,7 @@ fn conditions(page: &mut String, claim: &Claim, about: &Value) {
         other => other.to_string(),
     };
     put(format_args!(
-        "`{}`\n\nMode {}, model {} ({}), program {} at commit {}, map error in the radii {} m, error of the truth {}.\n\n",
+        "`{}`\n\nMode {}, model {} ({}){}, program {} at commit {}, map error in the radii {} m, error of the truth {}.\n\n",
         claim.command,
         text("mode"),
         text("model_hash"),
@@ -117,6 +117,10 @@ fn conditions(page: &mut String, claim: &Claim, about: &Value) {
         } else {
             "not calibrated"
         },
+        about["arithmetic"]
+            .as_str()
+            .map(|arithmetic| format!(" in {arithmetic}"))
+            .unwrap_or_default(),
         text("version"),
         text("commit"),
         text("map_error_m"),

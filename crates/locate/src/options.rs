@@ -291,7 +291,7 @@ impl Default for Options {
             vote: Some(VoteOptions::default()),
             stages: vec![64, 1000],
             max_matched: 64,
-            first_matched: 16,
+            first_matched: 8,
             joint_candidates: 6000,
             joint_matched: 128,
             min_matched: 3,

@@ -1,6 +1,6 @@
 //! The features of a query: keypoints, descriptors, and the position of the photo's centre.
 
-use grimnet_net::{Dense, ExtractOptions, Extractor, Features};
+use grimnet_net::{Dense, ExtractOptions, Extractor, Features, Purpose};
 use grimnet_pack::quantise::{descriptor_scale, quantise_descriptors};
 use grimnet_pack::{DescriptorType, LocalDescriptors};
 use grimnet_photo::QueryPx;
@@ -41,10 +41,10 @@ pub(crate) const PIXEL_CENTRE: f32 = 0.5;
 pub(crate) const MIN_KEYPOINTS: usize = 8;
 
 impl QueryFeatures {
-    /// Runs the network over a query and returns the network's output, too. The query's descriptors become `descriptor_type`, that
+    /// Runs the network over a query for this purpose and returns the network's output, too. The query's descriptors become `descriptor_type`, that
     /// of the level they are compared with.
     pub fn extract(
-        extractor: &Extractor,
+        (extractor, purpose): (&Extractor, Purpose),
         image: &RgbImage,
         mask: Option<&GrayImage>,
         photo_px_from_query_px: Matrix3<f64>,
@@ -58,7 +58,7 @@ impl QueryFeatures {
         };
         let dense = match options.adapt {
             Adapt::Photo => extractor.dense_instance(image, mask)?.0,
-            Adapt::None | Adapt::Flight => extractor.dense(image, mask)?,
+            Adapt::None | Adapt::Flight => extractor.dense_for(purpose, image, mask)?,
         };
         let features = extractor.features_of(&dense, mask, &extract);
         let seen_px = mask.map_or(image.width() as usize * image.height() as usize, |mask| {

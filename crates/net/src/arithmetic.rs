@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Decoder, Downsample, KeypointHead, NetSpec, VladInput};
 
-/// The arithmetic of a network's convolutions ([`crate::Model::with_arithmetic`]).
+/// The arithmetic of a network's convolutions ([`crate::Model::with_arithmetic`]). What is stored without one was computed in single
+/// precision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Arithmetic {
@@ -17,21 +18,53 @@ pub enum Arithmetic {
     /// Activations and weights of encoder, decoder and the layers on top are rounded to bytes; keypoints are those of
     /// [`Arithmetic::F32`]. For networks of the form of [`NetSpec::compact`].
     Int8,
+    /// [`Arithmetic::Int8`] for [`Purpose::Search`] and [`Arithmetic::F32`] for [`Purpose::Answer`].
+    Mixed,
+}
+
+/// What a pass of a network is for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Purpose {
+    /// To find what is looked at again: one of many views, most of which are turned or scaled wrongly.
+    Search,
+    /// To be stored, or to give an answer.
+    Answer,
 }
 
 impl Arithmetic {
-    /// All, the default first.
-    pub const ALL: [Arithmetic; 2] = [Arithmetic::F32, Arithmetic::Int8];
+    /// All.
+    pub const ALL: [Arithmetic; 3] = [Arithmetic::Mixed, Arithmetic::F32, Arithmetic::Int8];
 
-    /// The name: `f32` or `int8`.
+    /// The one that a model of this description has unless another is chosen: mixed, or single precision where the network cannot be
+    /// computed in bytes.
+    pub fn usual(spec: &NetSpec) -> Self {
+        if Arithmetic::Mixed.supports(spec) {
+            Arithmetic::Mixed
+        } else {
+            Arithmetic::F32
+        }
+    }
+
+    /// The arithmetic of passes for this purpose, which is not mixed.
+    #[must_use]
+    pub fn of(self, purpose: Purpose) -> Self {
+        match (self, purpose) {
+            (Arithmetic::Mixed, Purpose::Search) => Arithmetic::Int8,
+            (Arithmetic::Mixed, Purpose::Answer) => Arithmetic::F32,
+            (pure, _) => pure,
+        }
+    }
+
+    /// The name: `mixed`, `f32` or `int8`.
     pub fn name(self) -> &'static str {
         match self {
             Arithmetic::F32 => "f32",
             Arithmetic::Int8 => "int8",
+            Arithmetic::Mixed => "mixed",
         }
     }
 
-    /// Whether it is the default.
+    /// Whether it is single precision for every purpose.
     pub fn is_f32(&self) -> bool {
         *self == Arithmetic::F32
     }
@@ -59,9 +92,9 @@ impl fmt::Display for Arithmetic {
     }
 }
 
-/// The name is neither `f32` nor `int8`.
+/// No arithmetic has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("unknown arithmetic '{0}', expected f32 or int8")]
+#[error("unknown arithmetic '{0}', expected mixed, f32 or int8")]
 pub struct UnknownArithmetic(pub String);
 
 impl FromStr for Arithmetic {
@@ -93,8 +126,14 @@ mod tests {
     #[test]
     fn only_networks_of_the_form_of_compact_are_computed_in_int8() {
         for spec in NetSpec::presets() {
+            let is_compact = spec.preset == "compact";
             assert!(Arithmetic::F32.supports(&spec));
-            assert_eq!(Arithmetic::Int8.supports(&spec), spec.preset == "compact");
+            assert_eq!(Arithmetic::Int8.supports(&spec), is_compact);
+            let usual = match is_compact {
+                true => Arithmetic::Mixed,
+                false => Arithmetic::F32,
+            };
+            assert_eq!(Arithmetic::usual(&spec), usual);
         }
     }
 }

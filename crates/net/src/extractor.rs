@@ -13,7 +13,8 @@ use crate::seen::{Seen, check_mask};
 use crate::spec::SIZE_MULTIPLE_PX;
 use crate::vlad::{VladLayer, VladScratch};
 use crate::{
-    Arithmetic, Dense, Domain, ExtractOptions, Features, Model, NetError, Statistics, VladInput,
+    Arithmetic, Dense, Domain, ExtractOptions, Features, Model, NetError, Purpose, Statistics,
+    VladInput,
 };
 
 /// The network for one domain, with the normalisation folded into the weights, in the model's [`Arithmetic`]. It may be used by several threads at once.
@@ -22,24 +23,13 @@ pub struct Extractor {
     model: Model,
     domain: Domain,
     statistics: Statistics,
-    folded: Folded,
+    /// In single precision, with these statistics.
+    floats: OnceLock<Network>,
+    /// In bytes, with these statistics.
+    bytes: OnceLock<ByteNetwork>,
+    /// In single precision, normalised with the image's own statistics.
     instance: OnceLock<Network>,
     shared: Arc<Shared>,
-}
-
-/// The network with stored or adapted statistics, in the model's arithmetic.
-enum Folded {
-    Floats(Box<Network>),
-    Bytes(Box<ByteNetwork>),
-}
-
-impl Folded {
-    fn new(source: &LayerSource) -> Result<Self, NetError> {
-        Ok(match source.model.arithmetic() {
-            Arithmetic::F32 => Self::Floats(Box::new(Network::new(source)?)),
-            Arithmetic::Int8 => Self::Bytes(Box::new(ByteNetwork::new(source)?)),
-        })
-    }
 }
 
 /// What an extractor shares with its results.
@@ -101,13 +91,6 @@ impl Extractor {
         if !statistics.same_layers(&Statistics::of_model(model, domain)?) {
             return Err(NetError::Statistics(StatisticsError::OtherModel));
         }
-        let folded = Folded::new(&LayerSource {
-            isa,
-            model,
-            domain,
-            statistics,
-            instance: false,
-        })?;
         let shared = Shared {
             isa,
             vlad: VladLayer::new(model)?,
@@ -118,14 +101,43 @@ impl Extractor {
             vlad_scratches: Pool::default(),
         };
         let (model, statistics) = (model.clone(), statistics.clone());
-        Ok(Self {
+        let extractor = Self {
             model,
             domain,
             statistics,
-            folded,
+            floats: OnceLock::new(),
+            bytes: OnceLock::new(),
             instance: OnceLock::new(),
             shared: Arc::new(shared),
-        })
+        };
+        extractor.prepare(Purpose::Answer)?;
+        Ok(extractor)
+    }
+
+    /// Prepares the layers for passes of this purpose, which the first of them would do.
+    fn prepare(&self, purpose: Purpose) -> Result<(), NetError> {
+        match self.model.arithmetic().of(purpose) {
+            Arithmetic::Int8 => self.bytes().map(|_| ()),
+            Arithmetic::F32 | Arithmetic::Mixed => self.floats().map(|_| ()),
+        }
+    }
+
+    fn floats(&self) -> Result<&Network, NetError> {
+        made_once(&self.floats, || Network::new(&self.source(false)))
+    }
+
+    fn bytes(&self) -> Result<&ByteNetwork, NetError> {
+        made_once(&self.bytes, || ByteNetwork::new(&self.source(false)))
+    }
+
+    fn source(&self, instance: bool) -> LayerSource<'_> {
+        LayerSource {
+            isa: self.shared.isa,
+            model: &self.model,
+            domain: self.domain,
+            statistics: &self.statistics,
+            instance,
+        }
     }
 
     /// The model.
@@ -143,19 +155,32 @@ impl Extractor {
         &self.statistics
     }
 
+    /// [`Extractor::dense_for`] an answer.
+    ///
+    /// # Errors
+    /// As [`Extractor::dense_for`].
+    pub fn dense(&self, image: &RgbImage, mask: Option<&GrayImage>) -> Result<Dense, NetError> {
+        self.dense_for(Purpose::Answer, image, mask)
+    }
+
     /// Runs the network on an image whose sides are multiples of 32 px. Pixels that are 0 in the mask (of the same size) are
     /// replaced by the mean colour, so their values have no influence.
     ///
     /// # Errors
     /// [`NetError::ImageSize`], [`NetError::MaskSize`].
-    pub fn dense(&self, image: &RgbImage, mask: Option<&GrayImage>) -> Result<Dense, NetError> {
+    pub fn dense_for(
+        &self,
+        purpose: Purpose,
+        image: &RgbImage,
+        mask: Option<&GrayImage>,
+    ) -> Result<Dense, NetError> {
         check_size(image, mask)?;
-        match &self.folded {
-            Folded::Floats(network) => {
-                Ok(self.run(network, image, mask, &mut Gathering::default()))
+        Ok(match self.model.arithmetic().of(purpose) {
+            Arithmetic::Int8 => self.run_bytes(self.bytes()?, image, mask),
+            Arithmetic::F32 | Arithmetic::Mixed => {
+                self.run(self.floats()?, image, mask, &mut Gathering::default())
             }
-            Folded::Bytes(network) => Ok(self.run_bytes(network, image, mask)),
-        }
+        })
     }
 
     /// Runs the network normalised with the image's own statistics, over the visible positions, and returns these statistics, always in
@@ -170,27 +195,7 @@ impl Extractor {
         mask: Option<&GrayImage>,
     ) -> Result<(Dense, Statistics), NetError> {
         check_size(image, mask)?;
-        let network = match self.instance.get() {
-            Some(network) => network,
-            None => {
-                let Self {
-                    model,
-                    domain,
-                    statistics,
-                    shared,
-                    ..
-                } = self;
-                let source = LayerSource {
-                    isa: shared.isa,
-                    model,
-                    domain: *domain,
-                    statistics,
-                    instance: true,
-                };
-                let network = Network::new(&source)?;
-                self.instance.get_or_init(|| network)
-            }
-        };
+        let network = made_once(&self.instance, || Network::new(&self.source(true)))?;
         let seen = mask.map(Seen::new);
         let mut gathering = Gathering {
             seen: seen.as_ref(),
@@ -287,6 +292,18 @@ impl std::fmt::Debug for Extractor {
             .field("domain", &self.domain)
             .finish_non_exhaustive()
     }
+}
+
+/// What the cell holds, made first if it is empty.
+fn made_once<T>(
+    cell: &OnceLock<T>,
+    make: impl FnOnce() -> Result<T, NetError>,
+) -> Result<&T, NetError> {
+    if let Some(made) = cell.get() {
+        return Ok(made);
+    }
+    let made = make()?;
+    Ok(cell.get_or_init(|| made))
 }
 
 fn check_size(image: &RgbImage, mask: Option<&GrayImage>) -> Result<(), NetError> {

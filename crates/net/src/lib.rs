@@ -54,7 +54,7 @@ mod statistics;
 mod vlad;
 mod whitening;
 
-pub use arithmetic::{Arithmetic, UnknownArithmetic};
+pub use arithmetic::{Arithmetic, Purpose, UnknownArithmetic};
 pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
 pub use card::Card;
 pub use dense::Dense;

@@ -68,6 +68,7 @@ impl Model {
         spec.validate()?;
         check(&spec, &parameters).map_err(NetError::Parameters)?;
         let hash = hash(&spec, &parameters)?;
+        let arithmetic = Arithmetic::usual(&spec);
         Ok(Self {
             inner: Arc::new(Inner {
                 spec,
@@ -76,7 +77,7 @@ impl Model {
                 parameters,
                 hash,
                 isa: Isa::detect(),
-                arithmetic: Arithmetic::default(),
+                arithmetic,
             }),
         })
     }

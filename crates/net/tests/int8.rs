@@ -4,7 +4,7 @@
 
 use grimnet_kernels::Isa;
 use grimnet_net::{
-    Arithmetic, Domain, ExtractOptions, Extractor, Model, NetError, NetSpec, Statistics,
+    Arithmetic, Domain, ExtractOptions, Extractor, Model, NetError, NetSpec, Purpose, Statistics,
 };
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
@@ -20,6 +20,8 @@ fn picture(width: u32, height: u32) -> RgbImage {
         Rgb([of(0), of(20), of(5)])
     })
 }
+
+const FLOATS_AND_BYTES: [Arithmetic; 2] = [Arithmetic::F32, Arithmetic::Int8];
 
 fn bundled(arithmetic: Arithmetic) -> Model {
     Model::bundled()
@@ -39,7 +41,7 @@ fn keypoints_are_the_same_and_descriptors_nearly() {
     // A corner is not seen, as where a photo was turned.
     let mask = GrayImage::from_fn(256, 192, |x, y| Luma([if x + y < 90 { 0 } else { 255 }]));
     for domain in Domain::ALL {
-        let [floats, bytes] = Arithmetic::ALL.map(|arithmetic| {
+        let [floats, bytes] = FLOATS_AND_BYTES.map(|arithmetic| {
             let extractor = Extractor::new(&bundled(arithmetic), domain).unwrap();
             extractor
                 .extract(&image, Some(&mask), &ExtractOptions::default())
@@ -57,6 +59,24 @@ fn keypoints_are_the_same_and_descriptors_nearly() {
         assert!(cosine > 0.995, "{domain:?}: global {cosine}");
         assert_ne!(floats.global, bytes.global);
     }
+}
+
+#[test]
+fn mixed_arithmetic_searches_in_bytes_and_answers_in_single_precision() {
+    let image = picture(96, 64);
+    let field = |arithmetic, purpose| {
+        let extractor = Extractor::new(&bundled(arithmetic), Domain::Uav).unwrap();
+        let dense = extractor.dense_for(purpose, &image, None).unwrap();
+        dense.descriptors().to_hwc()
+    };
+    let [floats, bytes] = FLOATS_AND_BYTES.map(|pure| field(pure, Purpose::Answer));
+    assert_ne!(floats, bytes);
+    for (pure, expected) in FLOATS_AND_BYTES.into_iter().zip([&floats, &bytes]) {
+        assert_eq!(&field(pure, Purpose::Search), expected);
+    }
+    assert_eq!(field(Arithmetic::Mixed, Purpose::Answer), floats);
+    assert_eq!(field(Arithmetic::Mixed, Purpose::Search), bytes);
+    assert_eq!(Model::bundled().unwrap().arithmetic(), Arithmetic::Mixed);
 }
 
 #[test]
@@ -108,11 +128,11 @@ fn values_behind_the_mask_have_no_influence() {
 #[test]
 fn statistics_are_computed_in_single_precision_and_adapted_ones_are_used() {
     let image = picture(128, 128);
-    let [floats, bytes] = Arithmetic::ALL
+    let [floats, bytes] = FLOATS_AND_BYTES
         .map(|arithmetic| Extractor::new(&bundled(arithmetic), Domain::Uav).unwrap());
     let own = floats.dense_instance(&image, None).unwrap().1;
     assert_eq!(own, bytes.dense_instance(&image, None).unwrap().1);
-    let adapted = Arithmetic::ALL.map(|arithmetic| {
+    let adapted = FLOATS_AND_BYTES.map(|arithmetic| {
         let model = bundled(arithmetic);
         let extractor = Extractor::with_statistics(&model, Domain::Uav, &own).unwrap();
         extractor

@@ -13,10 +13,12 @@ pub struct ModelChoice {
     /// Model file [default: the bundled one]
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// Arithmetic of the network: f32, or int8, which changes descriptors by 2 to 4 % and takes about half the time on processors
-    /// with VNNI, no less on others. Both work with packs of either
-    #[arg(long, value_name = "f32|int8", default_value_t)]
-    pub precision: Arithmetic,
+    /// Arithmetic of the network [default: mixed, or f32 where the network has no int8 form]
+    ///
+    /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI, a tenth more on others. mixed is int8
+    /// while several headings are searched, and f32 for packs and for answers. All work with packs of any.
+    #[arg(long, value_name = "mixed|f32|int8")]
+    pub precision: Option<Arithmetic>,
 }
 
 impl ModelChoice {
@@ -32,6 +34,9 @@ impl ModelChoice {
             }
             None => Model::bundled()?,
         };
-        Ok(model.with_arithmetic(self.precision)?)
+        Ok(match self.precision {
+            Some(arithmetic) => model.with_arithmetic(arithmetic)?,
+            None => model,
+        })
     }
 }

@@ -43,11 +43,11 @@ pub struct Features {
 #[pymethods]
 impl FeatureExtractor {
     #[new]
-    #[pyo3(signature = (*, model=None, precision="f32", domain="uav"))]
+    #[pyo3(signature = (*, model=None, precision=None, domain="uav"))]
     fn new(
         py: Python<'_>,
         model: Option<PathBuf>,
-        precision: &str,
+        precision: Option<&str>,
         domain: &str,
     ) -> PyResult<Self> {
         let domain = match domain {

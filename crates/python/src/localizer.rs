@@ -24,13 +24,13 @@ pub struct Localizer {
 impl Localizer {
     #[new]
     #[pyo3(signature = (
-        pack, *, model=None, precision="f32", map_error_m=None, min_confidence=None, budget_ms=None
+        pack, *, model=None, precision=None, map_error_m=None, min_confidence=None, budget_ms=None
     ))]
     fn new(
         py: Python<'_>,
         pack: PathBuf,
         model: Option<PathBuf>,
-        precision: &str,
+        precision: Option<&str>,
         map_error_m: Option<f64>,
         min_confidence: Option<f64>,
         budget_ms: Option<f64>,

@@ -83,7 +83,7 @@ pub enum Resolutions {
 /// call continues it.
 #[pyfunction]
 #[pyo3(signature = (
-    map, out, *, gsd_m=None, adapt=false, crs=None, corners=None, model=None, precision="f32", overwrite=false, progress=None
+    map, out, *, gsd_m=None, adapt=false, crs=None, corners=None, model=None, precision=None, overwrite=false, progress=None
 ))]
 #[allow(
     clippy::too_many_arguments,
@@ -98,7 +98,7 @@ pub fn build_pack(
     crs: Option<String>,
     corners: Option<[f64; 4]>,
     model: Option<PathBuf>,
-    precision: &str,
+    precision: Option<&str>,
     overwrite: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<BuildReport> {

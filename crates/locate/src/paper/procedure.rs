@@ -5,6 +5,7 @@
 use std::time::Instant;
 
 use grimnet_geo::{LevelPx, LonLat};
+use grimnet_net::Purpose;
 use grimnet_pack::resize_for_network;
 use grimnet_pack::{Level, Mode};
 use grimnet_photo::{Evidence, Photo, QueryOptions, View};
@@ -157,7 +158,7 @@ fn extract_query(
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
     let (query, _) = QueryFeatures::extract(
-        context.extractor,
+        (context.extractor, Purpose::Answer),
         &image,
         None,
         photo_px_from_query_px,
@@ -194,7 +195,7 @@ fn extract_turned_query(
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
     let (query, _) = QueryFeatures::extract(
-        context.extractor,
+        (context.extractor, Purpose::Answer),
         &image,
         Some(&mask),
         turned.photo_px_from_query_px * turned_from_query,

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use grimnet_net::Purpose;
 use grimnet_photo::{Photo, QueryMaker, QueryOptions, View};
 use rayon::prelude::*;
 
@@ -59,11 +60,15 @@ pub(crate) fn extract_queries(
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
     let is_single = made.len() == 1;
+    let purpose = match is_single {
+        true => Purpose::Answer,
+        false => Purpose::Search,
+    };
     let made: Vec<(QueryFeatures, Option<DenseQuery>)> = made
         .into_par_iter()
         .map(|query| {
             let (features, dense) = QueryFeatures::extract(
-                context.extractor,
+                (context.extractor, purpose),
                 &query.image,
                 Some(&query.mask),
                 query.photo_px_from_query_px,

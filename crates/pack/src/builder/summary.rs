@@ -1,7 +1,7 @@
 //! The manifest of a pack before it has levels.
 
 use grimnet_geo::Raster;
-use grimnet_net::Model;
+use grimnet_net::{Model, Purpose};
 
 use crate::error::{PackError, Result};
 use crate::format::FORMAT_VERSION;
@@ -36,7 +36,7 @@ pub fn new_manifest(
             card: serde_json::to_value(model.card()).map_err(json)?,
             descriptor_dim: spec.descriptor_dim,
             global_dim: spec.global_len(),
-            arithmetic: model.arithmetic(),
+            arithmetic: model.arithmetic().of(Purpose::Answer),
         },
         map: MapSummary {
             hash: hex(raster.content_hash()?),

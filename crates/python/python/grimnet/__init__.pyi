@@ -41,7 +41,7 @@ _Photo = _Path | bytes | bytearray | memoryview | npt.NDArray[np.uint8] | _Array
 _Heading = float | Literal["exif", "unknown"]
 _Domain = Literal["uav", "sat"]
 # Arithmetic of the network; int8 takes about half the time on processors with VNNI, no less on others.
-_Precision = Literal["f32", "int8"]
+_Precision = Literal["mixed", "f32", "int8"]
 
 class GrimnetError(Exception): ...
 class PhotoError(GrimnetError): ...
@@ -133,7 +133,7 @@ class Localizer:
         pack: _Path,
         *,
         model: _Path | None = None,
-        precision: _Precision = "f32",
+        precision: _Precision | None = None,
         map_error_m: float | None = None,
         min_confidence: float | None = None,
         budget_ms: float | None = None,
@@ -238,7 +238,7 @@ class Features:
 @final
 class FeatureExtractor:
     def __new__(
-        cls, *, model: _Path | None = None, precision: _Precision = "f32", domain: _Domain = "uav"
+        cls, *, model: _Path | None = None, precision: _Precision | None = None, domain: _Domain = "uav"
     ) -> FeatureExtractor: ...
     def features(
         self,
@@ -297,7 +297,7 @@ def build_pack(
     crs: str | None = None,
     corners: tuple[float, float, float, float] | None = None,
     model: _Path | None = None,
-    precision: _Precision = "f32",
+    precision: _Precision | None = None,
     overwrite: bool = False,
     progress: Callable[[BuildProgress], object] | None = None,
 ) -> BuildReport: ...

@@ -72,6 +72,13 @@ impl Isa {
         })
     }
 
+    /// Whether convolutions of bytes are faster than those of floats: with AVX-512 VNNI, AVX-VNNI or Arm's `sdot`. Without them they take
+    /// longer.
+    #[must_use]
+    pub fn has_byte_products(self) -> bool {
+        crate::quantised::has_byte_products(self)
+    }
+
     /// Makes this the instruction set of the process, for tests and benchmarks. Call it before anything else of this crate.
     ///
     /// # Errors

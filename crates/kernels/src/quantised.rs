@@ -19,3 +19,8 @@ pub use conv::QuantisedConv2d;
 pub use tensor::ByteTensor;
 pub use upsample::{UpsampledSum, upsample_add_exact};
 pub use weights::{ByteScale, QuantisedWeights};
+
+/// See [`crate::Isa::has_byte_products`].
+pub(crate) fn has_byte_products(isa: crate::Isa) -> bool {
+    dots::Dots::of(isa).is_native()
+}

@@ -58,7 +58,7 @@ impl LocalizerBuilder {
         }
     }
 
-    /// The arithmetic of the network; that of the model if this is not called. Packs that were built in either can be used.
+    /// The arithmetic of the network; that of the model if this is not called. Packs that were built in any can be used.
     pub fn arithmetic(self, arithmetic: Arithmetic) -> Self {
         Self {
             arithmetic: Some(arithmetic),

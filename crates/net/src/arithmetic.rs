@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use grimnet_kernels::Isa;
 use serde::{Deserialize, Serialize};
 
 use crate::{Decoder, Downsample, KeypointHead, NetSpec, VladInput};
@@ -36,9 +37,9 @@ impl Arithmetic {
     pub const ALL: [Arithmetic; 3] = [Arithmetic::Mixed, Arithmetic::F32, Arithmetic::Int8];
 
     /// The one that a model of this description has unless another is chosen: mixed, or single precision where the network cannot be
-    /// computed in bytes.
-    pub fn usual(spec: &NetSpec) -> Self {
-        if Arithmetic::Mixed.supports(spec) {
+    /// computed in bytes or it would take longer ([`Isa::has_byte_products`]).
+    pub fn usual(spec: &NetSpec, isa: Isa) -> Self {
+        if Arithmetic::Mixed.supports(spec) && isa.has_byte_products() {
             Arithmetic::Mixed
         } else {
             Arithmetic::F32
@@ -129,11 +130,11 @@ mod tests {
             let is_compact = spec.preset == "compact";
             assert!(Arithmetic::F32.supports(&spec));
             assert_eq!(Arithmetic::Int8.supports(&spec), is_compact);
-            let usual = match is_compact {
-                true => Arithmetic::Mixed,
-                false => Arithmetic::F32,
-            };
-            assert_eq!(Arithmetic::usual(&spec), usual);
+            for isa in Isa::available() {
+                let is_mixed = Arithmetic::usual(&spec, isa) == Arithmetic::Mixed;
+                assert_eq!(is_mixed, is_compact && isa.has_byte_products());
+            }
+            assert_eq!(Arithmetic::usual(&spec, Isa::Portable), Arithmetic::F32);
         }
     }
 }

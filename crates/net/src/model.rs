@@ -68,7 +68,8 @@ impl Model {
         spec.validate()?;
         check(&spec, &parameters).map_err(NetError::Parameters)?;
         let hash = hash(&spec, &parameters)?;
-        let arithmetic = Arithmetic::usual(&spec);
+        let isa = Isa::detect();
+        let arithmetic = Arithmetic::usual(&spec, isa);
         Ok(Self {
             inner: Arc::new(Inner {
                 spec,
@@ -76,7 +77,7 @@ impl Model {
                 calibration: Calibration::default(),
                 parameters,
                 hash,
-                isa: Isa::detect(),
+                isa,
                 arithmetic,
             }),
         })

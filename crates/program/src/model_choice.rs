@@ -13,10 +13,10 @@ pub struct ModelChoice {
     /// Model file [default: the bundled one]
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// Arithmetic of the network [default: mixed, or f32 where the network has no int8 form]
+    /// Arithmetic of the network [default: mixed if network and processor have int8, else f32]
     ///
-    /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI, a tenth more on others. mixed is int8
-    /// while several headings are searched, and f32 for packs and for answers. All work with packs of any.
+    /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI (AVX-512 or AVX) or Arm's dot product, more
+    /// than f32 on others. mixed is int8 while several headings are searched, and f32 for packs and for answers. All work with packs of any.
     #[arg(long, value_name = "mixed|f32|int8")]
     pub precision: Option<Arithmetic>,
 }

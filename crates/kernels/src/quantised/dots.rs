@@ -109,6 +109,19 @@ impl Dots {
         }
     }
 
+    /// Whether they multiply and add bytes as they are. The others widen them first, which takes longer than products of floats.
+    pub fn is_native(self) -> bool {
+        match self {
+            Self::Portable => false,
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => false,
+            #[cfg(target_arch = "x86_64")]
+            Self::AvxVnni | Self::Avx512Vnni => true,
+            #[cfg(target_arch = "aarch64")]
+            Self::Sdot => true,
+        }
+    }
+
     /// Runs a kernel, with the portable code if the processor does not have the instructions.
     pub fn run<K: DotKernel>(self, kernel: K) -> K::Output {
         match self {

@@ -311,7 +311,8 @@ impl Localizer {
             return Ok(Vec::new());
         };
         let side_px = side_px(context, &round.hypotheses);
-        let queries = extract_queries(context, photo, &view, &round.hypotheses, side_px)?.features;
+        let wanted = (&round.hypotheses[..], round.purpose);
+        let queries = extract_queries(context, photo, &view, wanted, side_px)?.features;
         let mut tiles = distinct_tiles(&by_descriptor(
             context.level(first.level),
             &queries,

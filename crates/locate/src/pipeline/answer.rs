@@ -1,7 +1,7 @@
 //! From the best answer of a search to a fix, or to the reason why there is none.
 
 use grimnet_geo::distance_m;
-use grimnet_net::Calibration;
+use grimnet_net::{Calibration, Purpose};
 use grimnet_pack::Level;
 use grimnet_photo::{Photo, View};
 
@@ -200,7 +200,8 @@ fn held_back(
     // The network's output of one of several hypotheses was not kept.
     let side_px = side_px(context, &best.round.hypotheses);
     let hypothesis = best.round.hypotheses[number];
-    let again = extract_queries(context, photo, view, &[hypothesis], side_px)?;
+    let wanted = (&[hypothesis][..], Purpose::Answer);
+    let again = extract_queries(context, photo, view, wanted, side_px)?;
     again.dense.map_or_else(
         || Ok(HeldBack::default()),
         |query| HeldBack::of(&query, level, best.verified),

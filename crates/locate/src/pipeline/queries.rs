@@ -36,12 +36,12 @@ pub(crate) struct Queries {
     pub time_ms: TimeMs,
 }
 
-/// Queries of the photo under each hypothesis. The hypotheses differ in heading only.
+/// Queries of the photo under each hypothesis, for this purpose. The hypotheses differ in heading only.
 pub(crate) fn extract_queries(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
-    hypotheses: &[Hypothesis],
+    (hypotheses, purpose): (&[Hypothesis], Purpose),
     max_side_px: u32,
 ) -> Result<Queries> {
     let mut time_ms = TimeMs::default();
@@ -60,10 +60,6 @@ pub(crate) fn extract_queries(
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
     let is_single = made.len() == 1;
-    let purpose = match is_single {
-        true => Purpose::Answer,
-        false => Purpose::Search,
-    };
     let made: Vec<(QueryFeatures, Option<DenseQuery>)> = made
         .into_par_iter()
         .map(|query| {

@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use grimnet_net::Purpose;
 use grimnet_pack::Level;
 use grimnet_photo::{Photo, View};
 use nalgebra::Vector2;
@@ -42,7 +43,13 @@ pub(crate) fn realign(
         features: queries,
         dense,
         mut time_ms,
-    } = extract_queries(context, photo, view, &[hypothesis], side_px)?;
+    } = extract_queries(
+        context,
+        photo,
+        view,
+        (&[hypothesis], Purpose::Answer),
+        side_px,
+    )?;
     let since = Instant::now();
     let level = context.level(round.level);
     let verified = tiles_around(level, best.verified)

@@ -54,14 +54,18 @@ impl OpenRound {
         prior: &Prior,
         round: Round,
     ) -> Result<Self> {
-        let Round { hypotheses, about } = round;
+        let Round {
+            hypotheses,
+            about,
+            purpose,
+        } = round;
         let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
         let side_px = side_px(context, &hypotheses);
         let Queries {
             features: queries,
             dense,
             mut time_ms,
-        } = extract_queries(context, photo, view, &hypotheses, side_px)?;
+        } = extract_queries(context, photo, view, (&hypotheses, purpose), side_px)?;
         let mut trace = RoundTrace {
             level,
             ..RoundTrace::default()

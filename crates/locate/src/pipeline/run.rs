@@ -17,13 +17,9 @@ use crate::{
     },
     prior::Prior,
     query_features::{MIN_KEYPOINTS, QueryFeatures},
-    search::hypotheses::rounds,
+    search::hypotheses::{ROUNDS_IN_FULL, rounds},
     trace::Trace,
 };
-
-/// With more rounds than these, which differ in ground width and of which one can be right, the rounds are searched together after the
-/// first look.
-const ROUNDS_IN_FULL: usize = 3;
 
 /// An outcome with the steps of its search and the wall time of its stages.
 #[derive(Debug)]

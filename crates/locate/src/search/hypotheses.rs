@@ -1,5 +1,6 @@
 //! Hypotheses of heading and scale: how a photo may lie on the map.
 
+use grimnet_net::Purpose;
 use grimnet_pack::Pack;
 use grimnet_photo::{Footprint, View};
 
@@ -37,7 +38,13 @@ pub(crate) struct Round {
     pub hypotheses: Vec<Hypothesis>,
     /// What this round assumes, for the answer's evidence.
     pub about: String,
+    /// What its queries are for: to search, where they are so many that most must be wrong, or to answer.
+    pub purpose: Purpose,
 }
+
+/// With more rounds than these, which differ in ground width and of which one can be right, the rounds are searched together after the
+/// first look.
+pub(crate) const ROUNDS_IN_FULL: usize = 3;
 
 /// A heading may be wrong by twice its sigma plus this, degrees: descriptors tolerate about that much.
 const HEADING_MARGIN_DEG: f64 = 15.0;
@@ -69,9 +76,14 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
             }],
             None => around_circle(assumed, view, options.headings, 0.0),
         };
+        let purpose = match widths.len() > ROUNDS_IN_FULL && hypotheses.len() > 1 {
+            true => Purpose::Search,
+            false => Purpose::Answer,
+        };
         Round {
             hypotheses,
             about: assumed.about.clone(),
+            purpose,
         }
     };
     let mut rounds: Vec<Round> = widths.iter().map(round).collect();
@@ -85,6 +97,7 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
             rounds.push(Round {
                 hypotheses: others,
                 about: "other headings than the doubtful one".into(),
+                purpose: Purpose::Answer,
             });
         }
     }

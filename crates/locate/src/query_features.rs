@@ -41,8 +41,8 @@ pub(crate) const PIXEL_CENTRE: f32 = 0.5;
 pub(crate) const MIN_KEYPOINTS: usize = 8;
 
 impl QueryFeatures {
-    /// Runs the network over a query for this purpose and returns the network's output, too. The query's descriptors become `descriptor_type`, that
-    /// of the level they are compared with.
+    /// Runs the network over a query for this purpose and returns the network's output, too. The query's descriptors become
+    /// `descriptor_type`, that of the level they are compared with.
     pub fn extract(
         (extractor, purpose): (&Extractor, Purpose),
         image: &RgbImage,

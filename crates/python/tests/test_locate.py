@@ -185,7 +185,7 @@ def test_precision_is_that_of_the_program(localizer, pack, photos, json_lines):
     f32 = localizer.locate(photos[0])
     assert without(answer.to_dict()) != without(f32.to_dict()), "int8 changes descriptors"
     assert without(grimnet.Localizer(pack, precision="f32").locate(photos[0]).to_dict()) == without(f32.to_dict())
-    with pytest.raises(grimnet.InvalidValueError, match='precision is "f16"; expected "f32" or "int8"'):
+    with pytest.raises(grimnet.InvalidValueError, match='precision is "f16"; expected "mixed" or "f32" or "int8"'):
         grimnet.Localizer(pack, precision="f16")
 
 

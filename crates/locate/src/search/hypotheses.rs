@@ -76,14 +76,10 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
             }],
             None => around_circle(assumed, view, options.headings, 0.0),
         };
-        let purpose = match widths.len() > ROUNDS_IN_FULL && hypotheses.len() > 1 {
-            true => Purpose::Search,
-            false => Purpose::Answer,
-        };
         Round {
+            purpose: purpose(widths.len(), hypotheses.len()),
             hypotheses,
             about: assumed.about.clone(),
-            purpose,
         }
     };
     let mut rounds: Vec<Round> = widths.iter().map(round).collect();
@@ -102,6 +98,15 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
         }
     }
     rounds
+}
+
+/// What queries under so many ground widths and headings are for.
+fn purpose(widths: usize, headings: usize) -> Purpose {
+    if widths > ROUNDS_IN_FULL && headings > 1 {
+        Purpose::Search
+    } else {
+        Purpose::Answer
+    }
 }
 
 /// `count` evenly spaced headings, the first at `first_deg`.
@@ -168,6 +173,15 @@ fn assumed_widths(view: &View, pack: &Pack, options: &Options) -> Vec<AssumedWid
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn only_queries_of_many_widths_and_headings_search() {
+        assert_eq!(purpose(8, 12), Purpose::Search);
+        // The ground width told; doubtful; the heading told.
+        for (widths, headings) in [(1, 12), (3, 12), (8, 1), (1, 1)] {
+            assert_eq!(purpose(widths, headings), Purpose::Answer);
+        }
+    }
 
     #[test]
     fn headings_are_evenly_spaced() {

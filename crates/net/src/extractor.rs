@@ -32,6 +32,12 @@ pub struct Extractor {
     shared: Arc<Shared>,
 }
 
+/// A network with stored or adapted statistics.
+enum Folded<'a> {
+    Floats(&'a Network),
+    Bytes(&'a ByteNetwork),
+}
+
 /// What an extractor shares with its results.
 pub(crate) struct Shared {
     pub isa: Isa,
@@ -110,24 +116,22 @@ impl Extractor {
             instance: OnceLock::new(),
             shared: Arc::new(shared),
         };
-        extractor.prepare(Purpose::Answer)?;
+        // Unlike the other networks, this one is sure to be used: that it cannot be built is told here.
+        extractor.folded(Purpose::Answer)?;
         Ok(extractor)
     }
 
-    /// Prepares the layers for passes of this purpose, which the first of them would do.
-    fn prepare(&self, purpose: Purpose) -> Result<(), NetError> {
-        match self.model.arithmetic().of(purpose) {
-            Arithmetic::Int8 => self.bytes().map(|_| ()),
-            Arithmetic::F32 | Arithmetic::Mixed => self.floats().map(|_| ()),
-        }
-    }
-
-    fn floats(&self) -> Result<&Network, NetError> {
-        made_once(&self.floats, || Network::new(&self.source(false)))
-    }
-
-    fn bytes(&self) -> Result<&ByteNetwork, NetError> {
-        made_once(&self.bytes, || ByteNetwork::new(&self.source(false)))
+    /// The network for passes of this purpose.
+    fn folded(&self, purpose: Purpose) -> Result<Folded<'_>, NetError> {
+        let source = || self.source(false);
+        Ok(match self.model.arithmetic().of(purpose) {
+            Arithmetic::Int8 => {
+                Folded::Bytes(made_once(&self.bytes, || ByteNetwork::new(&source()))?)
+            }
+            Arithmetic::F32 | Arithmetic::Mixed => {
+                Folded::Floats(made_once(&self.floats, || Network::new(&source()))?)
+            }
+        })
     }
 
     fn source(&self, instance: bool) -> LayerSource<'_> {
@@ -175,11 +179,9 @@ impl Extractor {
         mask: Option<&GrayImage>,
     ) -> Result<Dense, NetError> {
         check_size(image, mask)?;
-        Ok(match self.model.arithmetic().of(purpose) {
-            Arithmetic::Int8 => self.run_bytes(self.bytes()?, image, mask),
-            Arithmetic::F32 | Arithmetic::Mixed => {
-                self.run(self.floats()?, image, mask, &mut Gathering::default())
-            }
+        Ok(match self.folded(purpose)? {
+            Folded::Floats(network) => self.run(network, image, mask, &mut Gathering::default()),
+            Folded::Bytes(network) => self.run_bytes(network, image, mask),
         })
     }
 

@@ -39,7 +39,7 @@ mod tests {
             serde_json::to_value(about).unwrap()
         };
         assert_eq!(json(Arithmetic::Int8)["arithmetic"], "int8");
-        // The usual one is not told, so that stored figures stay as they are.
+        // Single precision is not told, so that stored figures stay as they are.
         assert_eq!(json(Arithmetic::F32).get("arithmetic"), None);
     }
 }

@@ -18,7 +18,7 @@ impl Conditions {
     /// The table with its conditions; a table that compares trained networks has no one model.
     pub fn added_to(&self, mut table: ExperimentTable, model: Option<&Model>) -> ExperimentTable {
         let hash = model.map(|m| m.hash().to_string().chars().take(HASH_DIGITS).collect());
-        // As in the summaries of `grim eval`: not where it is the usual one.
+        // As in the summaries of `grim eval`: not where it is single precision.
         let arithmetic = model.map(Model::arithmetic).filter(|one| !one.is_f32());
         let all = [
             ("data", Some(self.data.clone())),
@@ -46,7 +46,7 @@ mod tests {
     use grimnet_net::Arithmetic;
 
     #[test]
-    fn arithmetic_is_told_if_it_is_not_the_usual_one() {
+    fn arithmetic_is_told_if_it_is_not_single_precision() {
         let conditions = Conditions {
             data: "5 procedural worlds".to_owned(),
             frames: 5,

@@ -5,6 +5,8 @@ into messages. Nothing of ROS is needed to make them.
 
 Conventions:
 - REP 103: x east, y north, z up; yaw is 0 towards the east and grows counterclockwise. Metres, radians, m^2, rad^2.
+- REP 105: both messages are of the aircraft, `base_link`. A position of the ground at the photo's centre is that of another point, tens of
+  metres away, and is not made into one.
 - REP 105: the pose is in a world-fixed frame, `map`, whose origin the caller chooses.
 - `PoseWithCovariance.covariance` is 6 x 6, row by row: x, y, z, rotation about x, y, z. It has no value for "unknown": what is not
   measured has the variance UNKNOWN_VARIANCE, so that a filter gives it no weight. Zero would say that it is exact.
@@ -54,13 +56,18 @@ def is_aircraft(line):
     return str(line.get("position_of")).startswith("aircraft")
 
 
+def has_aircraft_position(line):
+    """Whether the line has a position of the aircraft that may be used."""
+    return has_position(line) and is_aircraft(line)
+
+
 def nav_sat_fix(line, frame_id="base_link", geoid_height_m=None):
-    """`sensor_msgs/NavSatFix`. A line without a position becomes a message with STATUS_NO_FIX.
+    """`sensor_msgs/NavSatFix`. A line without a position of the aircraft becomes a message with STATUS_NO_FIX.
 
     `geoid_height_m` is the height of the geoid above the ellipsoid; with it an altitude above mean sea level becomes one above the
     ellipsoid.
     """
-    found = has_position(line)
+    found = has_aircraft_position(line)
     altitude_m = math.nan
     if found and geoid_height_m is not None and line.get("altitude_amsl_m") is not None:
         altitude_m = line["altitude_amsl_m"] + geoid_height_m
@@ -79,11 +86,11 @@ def nav_sat_fix(line, frame_id="base_link", geoid_height_m=None):
 
 def pose_with_covariance_stamped(line, origin, frame_id="map"):
     """`geometry_msgs/PoseWithCovarianceStamped` in the frame whose origin is at `origin`: latitude, longitude (degrees) and, if it
-    is known, altitude above mean sea level (metres). `None` for a line without a position.
+    is known, altitude above mean sea level (metres). `None` for a line without a position of the aircraft.
 
     The yaw is that of the camera's frame: of the photo's top, or of the gimbal. Roll and pitch are not estimated.
     """
-    if not has_position(line):
+    if not has_aircraft_position(line):
         return None
     east_m, north_m = east_north_m(line["lat_deg"], line["lon_deg"], *origin[:2])
     z_m, z_variance = 0.0, UNKNOWN_VARIANCE

@@ -3,8 +3,8 @@
 
     grim track --pack town.grim incoming/ --follow --format jsonl | python3 publish.py --origin 24.26,120.72
 
-Topics: `grimnet/fix` (sensor_msgs/NavSatFix, every line), `grimnet/pose` (geometry_msgs/PoseWithCovarianceStamped, lines whose
-position is the aircraft's). Needs rclpy and the message packages of a ROS 2 installation.
+Topics: `grimnet/fix` (sensor_msgs/NavSatFix, every line; without a fix where the position is not the aircraft's), `grimnet/pose`
+(geometry_msgs/PoseWithCovarianceStamped, lines whose position is the aircraft's). Needs rclpy and the message packages of a ROS 2 installation.
 """
 
 import argparse
@@ -25,9 +25,7 @@ def messages(lines, origin, geoid_height_m=None):
     """For each line the values of a NavSatFix, and of a pose or `None`."""
     for text in lines:
         line = json.loads(text)
-        pose = None
-        if grimnet_ros2.is_aircraft(line):
-            pose = grimnet_ros2.pose_with_covariance_stamped(line, origin)
+        pose = grimnet_ros2.pose_with_covariance_stamped(line, origin)
         yield grimnet_ros2.nav_sat_fix(line, geoid_height_m=geoid_height_m), pose
 
 

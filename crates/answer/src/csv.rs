@@ -3,6 +3,7 @@
 use crate::answer::{Answer, State};
 use crate::error::{AnswerError, Result};
 use crate::format::AnswerFormat;
+use crate::printable::printable_text;
 
 const HEADER: &[&str] = &[
     "photo",
@@ -37,7 +38,7 @@ impl AnswerFormat for Csv {
         let covariance = |i: usize| text(answer.covariance_en_m2.map(|c| c[i]), 4);
         let mut writer = ::csv::Writer::from_writer(Vec::new());
         writer.write_record([
-            answer.photo.clone(),
+            printable_text(&answer.photo).into_owned(),
             match answer.state {
                 State::Fix => "fix".to_owned(),
                 State::NoFix => "no_fix".to_owned(),
@@ -51,7 +52,7 @@ impl AnswerFormat for Csv {
             covariance(1),
             covariance(2),
             answer.inliers.map(|i| i.to_string()).unwrap_or_default(),
-            answer.reason.clone().unwrap_or_default(),
+            printable_text(answer.reason.as_deref().unwrap_or_default()).into_owned(),
             text(answer.time_ms.get("total").copied(), 2),
             answer.damaged.to_string(),
         ])?;

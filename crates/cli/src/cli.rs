@@ -10,14 +10,15 @@ use crate::commands::{
     calibrate, completions, demo, eval, link, locate, man, map, model, serve, track, train,
 };
 use crate::exit::Exit;
+use crate::standard_output::StandardOutput;
 
 /// Printed by `grim` without a command.
 const BEGIN: &str = "\
 grim says where on a map a drone photo was taken. Three commands to begin with:
 
-  grim demo                                      a procedural town, a flight over it, every photo located
-  grim map build town.tif -o town.grim           once for each map: compute its features
-  grim locate --pack town.grim flight/*.jpg      latitude and longitude of each photo
+  grim demo                                      # a procedural town, a flight over it, every photo located
+  grim map build town.tif -o town.grim           # once for each map: compute its features
+  grim locate --pack town.grim flight/*.jpg      # latitude and longitude of each photo
 
 `grim serve --pack town.grim` opens a page for photos and the map. `grim --help` lists all commands, `grim COMMAND --help` explains one.
 ";
@@ -89,9 +90,9 @@ enum Command {
 
 const EVAL_EXAMPLES: &str = "\
 Examples:
-  grim eval flight --out results                 flight/ holds map.tif, photos/ and truth.csv
-  grim eval photos --map town.tif --out results  true positions from the photos' EXIF
-  grim eval --world 3 --out results              a procedural world";
+  grim eval flight --out results                 # flight/ holds map.tif, photos/ and truth.csv
+  grim eval photos --map town.tif --out results  # true positions from the photos' EXIF
+  grim eval --world 3 --out results              # a procedural world";
 
 const CALIBRATE_EXAMPLES: &str = "\
 Example:
@@ -112,7 +113,7 @@ impl Cli {
     /// As the command.
     pub fn run(self) -> Result<Exit> {
         let Some(command) = self.command else {
-            std::io::stdout().write_all(BEGIN.as_bytes())?;
+            StandardOutput.write_all(BEGIN.as_bytes())?;
             return Ok(Exit::Done);
         };
         match command {
@@ -163,6 +164,40 @@ mod tests {
             let help = command.clone().render_long_help().to_string();
             insta::assert_snapshot!(name, help);
         });
+    }
+
+    /// The words of the first `grim` in a line of an example, as a shell has them: without comment, redirection and other programs.
+    fn words_of_grim(line: &str) -> Option<Vec<&str>> {
+        let words = line
+            .split_whitespace()
+            .take_while(|word| !word.starts_with('#'));
+        let mut words = words.skip_while(|word| *word != "grim");
+        let grim = words.next()?;
+        let arguments = words.take_while(|word| !["|", ">"].contains(word));
+        Some(std::iter::once(grim).chain(arguments).collect())
+    }
+
+    #[test]
+    fn examples_run_as_they_are_printed() {
+        let mut found = 0;
+        visit(&program(), &mut |name, command| {
+            let text = command.get_after_help().map(ToString::to_string);
+            let lines = text.iter().flat_map(|text| text.lines());
+            for line in lines.filter(|line| line.starts_with("  ")) {
+                let Some(words) = words_of_grim(line) else {
+                    continue;
+                };
+                found += 1;
+                if let Err(error) = Cli::try_parse_from(&words) {
+                    panic!("{name}: {line}\n{error}");
+                }
+            }
+        });
+        for line in BEGIN.lines().filter(|line| line.starts_with("  ")) {
+            let words = words_of_grim(line).unwrap();
+            assert!(Cli::try_parse_from(words).is_ok(), "{line}");
+        }
+        assert!(found > 30, "{found}");
     }
 
     #[test]

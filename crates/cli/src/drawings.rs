@@ -3,7 +3,7 @@
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use grimnet_geo::Raster;
 use grimnet_locate::Outcome;
 use grimnet_locate::draw::{DrawOptions, draw_matches};
@@ -27,7 +27,8 @@ impl Drawings {
     /// Opens the folder, and checks every file name before the work begins.
     ///
     /// # Errors
-    /// A drawing would replace a file that it may not replace, or the folder cannot be written.
+    /// The folder holds a photo of the run, a drawing would replace a file that it may not replace, or the folder cannot be
+    /// written.
     pub fn open(
         folder: &Path,
         policy: &OutputPolicy,
@@ -38,6 +39,14 @@ impl Drawings {
             .into_iter()
             .map(|name| name + ".jpg")
             .collect();
+        if let Some(photo) = photos.iter().find(|photo| is_directly_in(photo, folder)) {
+            bail!(
+                "{}: {} is in this folder, and the next run would take the drawings for photos; choose another folder than \
+                 that of the photos",
+                folder.display(),
+                photo.display()
+            );
+        }
         let folder = OutputFolder::open(folder, policy)?;
         folder.check(&names)?;
         Ok(Self {
@@ -60,6 +69,17 @@ impl Drawings {
             tracing::error!("no drawing {name}: {}", errors::message(&error));
         }
     }
+}
+
+/// Whether a folder that is there holds a file, by whatever names they are given.
+fn is_directly_in(file: &Path, folder: &Path) -> bool {
+    let parent = match file.parent() {
+        Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
+        Some(parent) => parent,
+        None => return false,
+    };
+    // What cannot be resolved is not there: `locate` says so of a photo, and the folder is made.
+    matches!((parent.canonicalize(), folder.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// A JPEG of one answer's matches; `None` if nothing was matched.

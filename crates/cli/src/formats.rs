@@ -5,6 +5,8 @@ mod row_output;
 mod stream;
 mod table;
 
+use std::path::Path;
+
 use anyhow::{Context, Result};
 use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
@@ -51,17 +53,19 @@ impl Format {
         })
     }
 
-    /// The format that a file's name asks for, where only one can be meant.
-    pub fn of_name(path: &std::path::Path) -> Option<Self> {
-        #[cfg(feature = "sqlite")]
-        if path
-            .extension()
-            .is_some_and(|e| e.eq_ignore_ascii_case("gpkg"))
-        {
-            return Some(Self::Gpkg);
+    /// The format that the ending of a file's name tells.
+    pub fn of_name(path: &Path) -> Option<Self> {
+        match path.extension()?.to_str()?.to_lowercase().as_str() {
+            "txt" => Some(Self::Table),
+            "jsonl" | "ndjson" | "json" => Some(Self::Jsonl),
+            "csv" => Some(Self::Csv),
+            "geojson" => Some(Self::Geojson),
+            "kml" => Some(Self::Kml),
+            "gpx" => Some(Self::Gpx),
+            #[cfg(feature = "sqlite")]
+            "gpkg" => Some(Self::Gpkg),
+            _ => None,
         }
-        let _ = path;
-        None
     }
 
     /// All answers as one text.
@@ -92,6 +96,26 @@ mod tests {
             ..Answer::default()
         };
         [fix, Answer::no_fix("c\x1b[2J.jpg", "too few matches")]
+    }
+
+    #[test]
+    fn the_ending_of_a_name_tells_the_format() {
+        let of = |name: &str| Format::of_name(Path::new(name));
+        for (name, format) in [
+            ("a.geojson", Format::Geojson),
+            ("a.GeoJSON", Format::Geojson),
+            ("a.csv", Format::Csv),
+            ("a.kml", Format::Kml),
+            ("a.gpx", Format::Gpx),
+            ("a.txt", Format::Table),
+            ("a.json", Format::Jsonl),
+            ("a.jsonl", Format::Jsonl),
+        ] {
+            assert_eq!(of(name), Some(format), "{name}");
+        }
+        for name in ["fixes", "a.out", "csv", "/dev/stdout"] {
+            assert_eq!(of(name), None, "{name}");
+        }
     }
 
     #[test]

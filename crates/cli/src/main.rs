@@ -7,6 +7,7 @@ mod formats;
 mod localise;
 mod photos;
 mod procedural_flight;
+mod standard_output;
 mod tracking;
 
 use clap::Parser as _;

@@ -3,6 +3,7 @@
 pub mod ffmpeg;
 pub mod following;
 pub mod formats;
+pub mod frame_clock;
 pub mod frame_time;
 pub mod frames;
 pub mod jpeg_stream;

@@ -2,13 +2,14 @@
 //!
 //! Pictures come from [`Source`]s. A photo with a ground width in its metadata is tried at that width and at drawn ones; a picture
 //! without is tried at drawn ones only. Widths are drawn log-uniformly as a share of the map's width, and every second trial has
-//! an unknown heading. A picture that is tried again is cropped at random, so that no trial repeats another. All draws depend on
-//! the seed, the source and the number of the trial alone.
+//! an unknown heading. Trials with nothing given have neither a width nor a heading, whatever the metadata say. A picture that is
+//! tried again is cropped at random, so that no trial repeats another. All draws depend on the seed, the source and the number of
+//! the trial alone.
 
 use std::path::PathBuf;
 
 use grimnet_locate::{Outcome, Prior, Support};
-use grimnet_photo::{Photo, PhotoLimits, QUERY_LONG_SIDE_PX};
+use grimnet_photo::{Metadata, Photo, PhotoLimits, QUERY_LONG_SIDE_PX};
 use rand::seq::SliceRandom;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -44,6 +45,8 @@ pub struct ElsewhereOptions {
     pub seed: u64,
     /// Width of the map, metres.
     pub map_width_m: f64,
+    /// The localiser is given neither a ground width nor a heading.
+    pub nothing_given: bool,
     /// Limits within which pictures are read.
     pub photo_limits: PhotoLimits,
 }
@@ -56,6 +59,8 @@ pub enum Scale {
     Metadata,
     /// Drawn at random.
     Drawn,
+    /// None was given.
+    NotGiven,
 }
 
 /// One trial.
@@ -70,9 +75,9 @@ pub struct ElsewhereTrial {
     /// How the ground width was chosen.
     pub scale: Scale,
     /// Ground width that the localiser was given, metres.
-    pub footprint_width_m: f64,
+    pub footprint_width_m: Option<f64>,
     /// The same as a share of the map's width.
-    pub map_share: f64,
+    pub map_share: Option<f64>,
     /// Whether the localiser was given a (random) heading.
     pub heading_known: bool,
     /// Whether it gave a fix, which is wrong.
@@ -103,6 +108,10 @@ pub fn run(
         for (number, path) in order.iter().enumerate().take(options.trials) {
             let photo =
                 match Photo::open_with(path, Some(QUERY_LONG_SIDE_PX), &options.photo_limits) {
+                    Ok(photo) if options.nothing_given => Photo {
+                        metadata: Metadata::default(),
+                        ..photo
+                    },
                     Ok(photo) => photo,
                     Err(error) => {
                         tracing::warn!("{error}; left out");
@@ -139,7 +148,7 @@ fn one(
     is_again: bool,
     rng: &mut ChaCha8Rng,
 ) -> ElsewhereTrial {
-    let heading_known = round.is_multiple_of(2);
+    let heading_known = !options.nothing_given && round.is_multiple_of(2);
     let [low, high] = WIDTH_SHARES.map(f64::ln);
     let drawn_m = options.map_width_m * rng.random_range(low..high).exp();
     let heading_deg = rng.random_range(0.0..360.0);
@@ -154,10 +163,14 @@ fn one(
         })
         .filter(|_| (round / 2).is_multiple_of(2));
     let (scale, footprint_width_m) = match stated_m {
-        Some(width_m) => (Scale::Metadata, width_m),
-        None => (Scale::Drawn, drawn_m),
+        _ if options.nothing_given => (Scale::NotGiven, None),
+        Some(width_m) => (Scale::Metadata, Some(width_m)),
+        None => (Scale::Drawn, Some(drawn_m)),
     };
-    let prior = Prior::none().with_gsd_m(footprint_width_m / f64::from(tried.full_size_px.0));
+    let prior = match footprint_width_m {
+        Some(width_m) => Prior::none().with_gsd_m(width_m / f64::from(tried.full_size_px.0)),
+        None => Prior::none(),
+    };
     let prior = if heading_known {
         prior.with_heading(heading_deg, TRUE_HEADING_SIGMA_DEG)
     } else {
@@ -171,7 +184,7 @@ fn one(
         picture: file_name(&photo.path),
         scale,
         footprint_width_m,
-        map_share: footprint_width_m / options.map_width_m,
+        map_share: footprint_width_m.map(|width_m| width_m / options.map_width_m),
         heading_known,
         fixed: answer.is_some_and(|found| found.fix.is_some()),
         confidence: answer.and_then(|found| found.confidence),
@@ -212,6 +225,7 @@ mod tests {
 
     use grimnet_geo::LonLat;
     use grimnet_locate::HeadingPrior;
+    use grimnet_world::{PhotoTags, write_jpeg_with_exif};
     use image::{Rgb, RgbImage};
 
     use super::*;
@@ -224,7 +238,10 @@ mod tests {
 
     impl Method for Gullible {
         fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-            let width_m = prior.view.gsd_m.unwrap() * f64::from(photo.full_size_px.0);
+            let width_m = match prior.view.gsd_m {
+                Some(gsd_m) => gsd_m * f64::from(photo.full_size_px.0),
+                None => f64::INFINITY,
+            };
             let known = matches!(prior.view.heading, HeadingPrior::Known { .. });
             let fix = ScoredFix {
                 position: LonLat {
@@ -284,6 +301,7 @@ mod tests {
             trials: 40,
             seed: 7,
             map_width_m: 1000.0,
+            nothing_given: false,
             photo_limits: PhotoLimits::DEFAULT,
         };
         let mut seen = 0;
@@ -291,8 +309,10 @@ mod tests {
         assert_eq!((trials.len(), seen), (80, 80));
         let known = trials.iter().filter(|t| t.heading_known).count();
         assert!((36..=44).contains(&known), "{known}");
-        assert!(trials.iter().all(|t| (0.1..2.0).contains(&t.map_share)));
-        let below = trials.iter().filter(|t| t.map_share < 0.447).count();
+        let shares: Vec<f64> = trials.iter().filter_map(|t| t.map_share).collect();
+        assert_eq!(shares.len(), trials.len());
+        assert!(shares.iter().all(|share| (0.1..2.0).contains(share)));
+        let below = shares.iter().filter(|&&share| share < 0.447).count();
         assert!(
             (28..=52).contains(&below),
             "half lies below the geometric mean: {below}"
@@ -318,7 +338,7 @@ mod tests {
         let summary = ElsewhereSummary::of(&trials);
         let expected = trials
             .iter()
-            .filter(|t| t.heading_known && t.footprint_width_m < 500.0)
+            .filter(|t| t.heading_known && t.footprint_width_m < Some(500.0))
             .count();
         assert!(expected > 0);
         assert_eq!((summary.all.trials, summary.all.fixes), (80, expected));
@@ -349,6 +369,71 @@ mod tests {
         assert_eq!(names, ["sources not trained on", "sources trained on"]);
     }
 
+    /// Says in its reason whether anything is known of the view.
+    struct Telling;
+
+    impl Method for Telling {
+        fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
+            let view = photo.view(&prior.view);
+            let is_known = view.footprint.is_some() || view.heading.is_some();
+            Ok(Found {
+                reason: Some(if is_known { "known" } else { "nothing known" }.to_owned()),
+                ..Found::default()
+            })
+        }
+    }
+
+    #[test]
+    fn with_nothing_given_metadata_are_ignored() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut coast = source(folder.path(), "coast", 2, false);
+        for path in &mut coast.pictures {
+            path.set_extension("jpg");
+            let picture = RgbImage::from_pixel(96, 80, Rgb([40, 90, 120]));
+            write_jpeg_with_exif(path, &picture, 90, &tags()).unwrap();
+        }
+        let mut options = ElsewhereOptions {
+            trials: 6,
+            seed: 1,
+            map_width_m: 1000.0,
+            nothing_given: false,
+            photo_limits: PhotoLimits::DEFAULT,
+        };
+        let given = run(&Telling, &[coast.clone()], &options, &mut |_| ());
+        assert!(given.iter().any(|t| t.scale == Scale::Metadata));
+        assert!(given.iter().all(|t| t.reason.as_deref() == Some("known")));
+
+        options.nothing_given = true;
+        let trials = run(&Telling, &[coast], &options, &mut |_| ());
+        assert_eq!(trials.len(), 6);
+        for trial in &trials {
+            assert_eq!(trial.reason.as_deref(), Some("nothing known"));
+            assert_eq!((trial.scale, trial.map_share), (Scale::NotGiven, None));
+        }
+        let settings = ElsewhereSummary::of(&trials).by_setting;
+        assert_eq!(settings.len(), 1);
+        assert_eq!(settings[0].name, "scale not given, heading unknown");
+    }
+
+    fn tags() -> PhotoTags {
+        PhotoTags {
+            lat_deg: 24.2,
+            lon_deg: 120.7,
+            gps_altitude_m: 150.0,
+            relative_altitude_m: 120.0,
+            gimbal_yaw_deg: 30.0,
+            gimbal_pitch_deg: -90.0,
+            gimbal_roll_deg: 0.0,
+            flight_yaw_deg: 30.0,
+            focal_length_mm: 4.5,
+            focal_35mm: 24.0,
+            calibrated_focal_px: 64.0,
+            make: "DJI".to_owned(),
+            model: "FC6310".to_owned(),
+            taken: "2024:05:01 10:00:00".to_owned(),
+        }
+    }
+
     #[test]
     fn unreadable_pictures_are_left_out() {
         let folder = tempfile::tempdir().unwrap();
@@ -359,6 +444,7 @@ mod tests {
             trials: 9,
             seed: 1,
             map_width_m: 1000.0,
+            nothing_given: false,
             photo_limits: PhotoLimits::DEFAULT,
         };
         assert_eq!(run(&Gullible, &[one], &options, &mut |_| ()).len(), 3);

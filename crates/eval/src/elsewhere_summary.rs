@@ -45,17 +45,17 @@ fn setting(trial: &ElsewhereTrial) -> String {
     let scale = match trial.scale {
         Scale::Metadata => "scale from metadata",
         Scale::Drawn => "scale drawn",
+        Scale::NotGiven => "scale not given",
     };
     let heading = if trial.heading_known {
         "known"
     } else {
         "unknown"
     };
-    let size = match BANDS
-        .iter()
-        .filter(|&&limit| trial.map_share > limit)
-        .count()
-    {
+    let Some(share) = trial.map_share else {
+        return format!("{scale}, heading {heading}");
+    };
+    let size = match BANDS.iter().filter(|&&limit| share > limit).count() {
         0 => "up to a third of the map",
         1 => "a third of the map to its size",
         _ => "larger than the map",

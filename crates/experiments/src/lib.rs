@@ -16,6 +16,7 @@ pub mod gallery_recall;
 pub mod given;
 pub mod networks;
 pub mod page;
+pub mod paper_sift;
 pub mod photometry;
 pub mod recipe;
 mod scene_rows;

@@ -1,6 +1,6 @@
-//! The classical baseline: SIFT on the photo and on the map's tiles, with the localiser's geometry.
+//! The classical baseline: SIFT on the photo and on the map's tiles, with the geometry of default mode.
 //!
-//! Over all tiles it is the whole-map baseline; over the tiles that a search by descriptor found it is the paper's G + S.
+//! Over all tiles it is the whole-map baseline; over the tiles that a search by descriptor found it is G + S of default mode.
 
 use grimnet_geo::{GeoError, Georeference, LevelFrame, LevelPx, LonLat, Raster};
 use grimnet_kernels::Isa;
@@ -8,8 +8,8 @@ use grimnet_locate::internals::correspondence::Correspondence;
 use grimnet_locate::internals::estimation::estimate;
 use grimnet_locate::internals::matching::{Descriptors, Matcher, MatchingError};
 use grimnet_locate::internals::transform::Transform;
-use grimnet_locate::{GeometryModel, Options, Prior};
-use grimnet_pack::{Level, TILE_PX};
+use grimnet_locate::{GeometryModel, LocateError, Options, Prior};
+use grimnet_pack::{Level, PackError, TILE_PX};
 use grimnet_photo::{Photo, PhotoError, QueryOptions, QueryPx};
 use image::imageops::grayscale;
 use image::{GrayImage, Luma};
@@ -42,6 +42,12 @@ pub enum SiftMapError {
     /// Matching.
     #[error(transparent)]
     Matching(#[from] MatchingError),
+    /// The photo as the network sees it.
+    #[error(transparent)]
+    Locate(#[from] Box<LocateError>),
+    /// The pack.
+    #[error(transparent)]
+    Pack(#[from] Box<PackError>),
 }
 
 /// SIFT features of every tile of one level.
@@ -162,30 +168,7 @@ impl SiftMap {
         centre: QueryPx,
     ) -> Result<Option<(usize, [f64; 2])>, SiftMapError> {
         let tile = &self.tiles[tile];
-        let mut matches = Vec::new();
-        Matcher::new(Isa::detect()).mutual(
-            Descriptors::F32(&query.descriptors),
-            Descriptors::F32(&tile.features.descriptors),
-            DESCRIPTOR_DIM,
-            Some(RATIO),
-            &mut matches,
-        )?;
-        matches.sort_by(|a, b| {
-            b.similarity
-                .total_cmp(&a.similarity)
-                .then(a.query.cmp(&b.query))
-        });
-        let point = |features: &SiftFeatures, i: u32| {
-            let keypoint = &features.keypoints[i as usize];
-            Point2::new(
-                f64::from(keypoint.x_px) + PIXEL_CENTRE,
-                f64::from(keypoint.y_px) + PIXEL_CENTRE,
-            )
-        };
-        let pairs: Vec<Correspondence> = matches
-            .iter()
-            .map(|m| Correspondence::new(point(query, m.query), point(&tile.features, m.tile)))
-            .collect();
+        let pairs = match_pairs(query, &tile.features)?;
         // SIFT knows its orientations: any rotation may come out.
         let options = Options {
             geometry: GeometryModel::Similarity,
@@ -203,6 +186,37 @@ impl SiftMap {
     }
 }
 
+/// The mutual nearest neighbours that pass Lowe's ratio test, best first, as points of both pictures.
+pub(crate) fn match_pairs(
+    query: &SiftFeatures,
+    tile: &SiftFeatures,
+) -> Result<Vec<Correspondence>, MatchingError> {
+    let mut matches = Vec::new();
+    Matcher::new(Isa::detect()).mutual(
+        Descriptors::F32(&query.descriptors),
+        Descriptors::F32(&tile.descriptors),
+        DESCRIPTOR_DIM,
+        Some(RATIO),
+        &mut matches,
+    )?;
+    matches.sort_by(|a, b| {
+        b.similarity
+            .total_cmp(&a.similarity)
+            .then(a.query.cmp(&b.query))
+    });
+    let point = |features: &SiftFeatures, i: u32| {
+        let keypoint = &features.keypoints[i as usize];
+        Point2::new(
+            f64::from(keypoint.x_px) + PIXEL_CENTRE,
+            f64::from(keypoint.y_px) + PIXEL_CENTRE,
+        )
+    };
+    Ok(matches
+        .iter()
+        .map(|m| Correspondence::new(point(query, m.query), point(tile, m.tile)))
+        .collect())
+}
+
 fn options() -> SiftOptions {
     SiftOptions {
         most: MOST_KEYPOINTS,
@@ -211,7 +225,7 @@ fn options() -> SiftOptions {
 }
 
 /// Keypoints whose surroundings are not masked.
-fn seen(features: SiftFeatures, mask: &GrayImage) -> SiftFeatures {
+pub(crate) fn seen(features: SiftFeatures, mask: &GrayImage) -> SiftFeatures {
     let is_seen = |x: f32, y: f32| {
         let (x, y) = (x.round() as i64, y.round() as i64);
         let outside =

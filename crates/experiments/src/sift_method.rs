@@ -1,4 +1,5 @@
-//! SIFT as a method to be measured: against every tile of a level, or against the tiles that a localiser retrieves (the paper's G + S).
+//! SIFT as a method to be measured: against every tile of a level, or against the tiles that a localiser retrieves (the paper's G + S,
+//! with the paper's geometry where the localiser is in paper mode).
 
 use std::collections::HashMap;
 use std::collections::hash_map::Entry;
@@ -9,14 +10,20 @@ use grimnet_eval::metrics::ScoredFix;
 use grimnet_eval::scene::{HeadingMode, Scene};
 use grimnet_geo::LonLat;
 use grimnet_locate::{Localizer, Prior};
+use grimnet_pack::Mode;
 use grimnet_photo::{Photo, PhotoError};
 
 use crate::changed::Change;
-use crate::sift_map::{SiftMap, SiftMapError};
+use crate::paper_sift::PaperSift;
+use crate::sift_map::{SiftFix, SiftMap, SiftMapError};
 
 /// SIFT features of levels of packs, made once.
 #[derive(Default)]
-pub(crate) struct SiftMaps(HashMap<(PathBuf, usize), SiftMap>);
+pub(crate) struct SiftMaps {
+    maps: HashMap<(PathBuf, usize), SiftMap>,
+    /// Of packs of paper mode, which have one level.
+    paper: HashMap<PathBuf, PaperSift>,
+}
 
 /// SIFT against the tiles of the level that the localiser would compare a photo with first.
 pub(crate) struct Sift<'a> {
@@ -49,6 +56,19 @@ impl SiftMaps {
         (heading, change): (HeadingMode, Change),
         among_retrieved: bool,
     ) -> Result<Sift<'a>, SiftMethodError> {
+        if among_retrieved && localizer.options().mode == Mode::Paper {
+            let pack = localizer.pack();
+            if let Entry::Vacant(place) = self.paper.entry(pack.path().to_owned())
+                && let Some(level) = pack.levels().first()
+            {
+                place.insert(PaperSift::new(scene.map.as_ref(), level)?);
+            }
+            return Ok(Sift {
+                maps: self,
+                localizer,
+                among_retrieved,
+            });
+        }
         for shot in &scene.shots {
             let photo = shot.photo.open()?;
             let (photo, prior) = change.of(&photo, &shot.prior(heading, photo.full_size_px));
@@ -57,7 +77,7 @@ impl SiftMaps {
             };
             let pack = localizer.pack();
             let key = (pack.path().to_owned(), level);
-            if let Entry::Vacant(place) = self.0.entry(key) {
+            if let Entry::Vacant(place) = self.maps.entry(key) {
                 place.insert(SiftMap::new(scene.map.as_ref(), &pack.levels()[level])?);
             }
         }
@@ -69,14 +89,20 @@ impl SiftMaps {
     }
 
     fn get(&self, pack: &Path, level: usize) -> Option<&SiftMap> {
-        self.0.get(&(pack.to_owned(), level))
+        self.maps.get(&(pack.to_owned(), level))
     }
 }
 
 impl Method for Sift<'_> {
     fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        let level = self.localizer.first_level(photo, prior);
         let pack = self.localizer.pack().path();
+        if let Some(map) = self.maps.paper.get(pack) {
+            let among = self.localizer.retrieve(photo, prior)?;
+            let level = &self.localizer.pack().levels()[0];
+            let found = map.locate(self.localizer, level, (photo, prior), &among)?;
+            return Ok(found_by_sift(found));
+        }
+        let level = self.localizer.first_level(photo, prior);
         let Some(map) = level.and_then(|level| self.maps.get(pack, level)) else {
             return Err("no SIFT features were made of the level that this photo needs".into());
         };
@@ -85,12 +111,16 @@ impl Method for Sift<'_> {
             .then(|| self.localizer.retrieve(photo, prior))
             .transpose()?;
         let found = map.locate(photo, prior, among.as_deref())?;
-        Ok(Found {
-            fix: found.map(|fix| without_covariance(fix.position)),
-            reason: Some("no transform is consistent with any matches".to_owned()),
-            inliers: found.map(|fix| fix.inliers),
-            ..Found::default()
-        })
+        Ok(found_by_sift(found))
+    }
+}
+
+fn found_by_sift(found: Option<SiftFix>) -> Found {
+    Found {
+        fix: found.map(|fix| without_covariance(fix.position)),
+        reason: Some("no transform is consistent with any matches".to_owned()),
+        inliers: found.map(|fix| fix.inliers),
+        ..Found::default()
     }
 }
 

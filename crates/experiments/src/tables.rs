@@ -7,6 +7,7 @@ use grimnet_eval::metrics::Summary;
 use grimnet_eval::scene::Scene;
 use grimnet_locate::Options;
 use grimnet_net::Domain;
+use grimnet_pack::Index;
 
 use crate::bench::{Bench, BenchError, Localisation, Setup, at_gsd};
 use crate::experiment::Experiment;
@@ -125,6 +126,8 @@ fn block_by_block(setup: Setup) -> Setup {
             min_matched: usize::MAX,
             clear_inliers: usize::MAX,
             vote: None,
+            // The paper's index would look into a part of its lists only.
+            index: Some(Index::Exact),
             ..setup.options
         },
         ..setup
@@ -208,7 +211,7 @@ fn modules(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, B
         scenes,
     );
     made.notes.push(
-        "G: retrieval of tiles; M: learned matching; L: one network trained for both; S: SIFT for matching, always answering with the tile of most inliers. \
+        "G: retrieval of tiles; M: learned matching; L: one network trained for both; S: SIFT for matching; by the paper's procedure with the paper's geometry, choice of the tile and answer where none has a homography, by default mode with a similarity and the tile of most inliers. \
          M + L matches every tile; of default mode with nothing given, which would match every tile at every heading and scale, it was not run. The map's features are made beforehand in all rows, SIFT's too."
             .to_owned(),
     );
@@ -284,4 +287,21 @@ fn da_bn(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, Ben
             .to_owned(),
     );
     Ok(filled(made, rows, &PAPER_DA_BN))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_retrieval_no_index_leaves_tiles_out() {
+        for variant in Variant::SWEPT {
+            let options = block_by_block(variant.plain_setup()).options;
+            assert_eq!(options.index, Some(Index::Exact));
+            assert_eq!(
+                (options.top_k, options.max_matched),
+                (usize::MAX, usize::MAX)
+            );
+        }
+    }
 }

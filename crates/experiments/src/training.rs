@@ -273,7 +273,9 @@ fn modules(
     );
     made.notes.push(
         "G + M: one network was trained for retrieval alone and one for matching alone, with the budget of the joint network each. The matching network \
-         runs once for each retrieved tile; its time counts that."
+         searches around each of the five tiles that the other retrieves, up to 1.4 tiles from its centre, chooses there by its own descriptors, and the answer \
+         of most inliers wins: it has up to 25 tiles around each, and where a pack's index leaves none of them there is no answer. Its time counts all of \
+         these searches."
             .into(),
     );
     for variant in VARIANTS {

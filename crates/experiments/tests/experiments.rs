@@ -76,6 +76,39 @@ fn every_method_finds_a_piece_of_the_map_and_darkness_nothing() {
     assert!(!bench.measure(&scene, &dark).unwrap().frames[0].fixed);
 }
 
+/// In the paper's procedure SIFT takes the place of keypoints and descriptors alone: it always answers, by the homography of the tile
+/// that wins, or with the centre of the most similar tile.
+#[test]
+fn sift_in_the_papers_procedure_answers_by_its_homography_or_with_a_tile() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut scene = WorldFlight::over("town", 5, 400.0, 0.5, 1)
+        .make(folder.path())
+        .unwrap();
+    let flat = Photo::from_image(
+        image::RgbImage::from_pixel(512, 512, image::Rgb([90, 110, 70])),
+        Metadata::default(),
+    );
+    let found = cut(&scene, [120.0, 90.0], [512.0, 512.0]);
+    scene.shots = vec![
+        found.clone(),
+        Shot {
+            photo: PhotoSource::Memory(Arc::new(flat)),
+            ..found
+        },
+    ];
+    let model = Model::bundled().unwrap();
+    let mut bench = Bench::new(&model, folder.path()).unwrap();
+    let setup = Setup {
+        method: Localisation::SiftAmongRetrieved,
+        ..Variant::PAPER.setup(&scene).unwrap()
+    };
+    let frames = bench.measure(&scene, &setup).unwrap().frames;
+    let error_m = frames[0].error_m.unwrap();
+    assert!(error_m < 0.5, "{error_m} m, no tile has this centre");
+    let error_m = frames[1].error_m.unwrap();
+    assert!(error_m > 5.0, "{error_m} m: the centre of some tile");
+}
+
 /// With its ground width given, a photo twice as wide as a tile of the finest level is compared with the next level; SIFT features of the finest
 /// level, made before for photos of unknown scale, are not those.
 #[test]

@@ -55,6 +55,8 @@ pub struct Flight {
     last_gsd_m: Option<f64>,
     /// The frame before.
     last_frame: Option<SearchedFrame>,
+    /// Times of the latest frames, seconds.
+    frame_times_s: Vec<f64>,
 }
 
 impl Flight {
@@ -80,6 +82,7 @@ impl Flight {
             whole_map: WholeMap::default(),
             last_gsd_m: None,
             last_frame: None,
+            frame_times_s: Vec::new(),
         })
     }
 
@@ -128,13 +131,20 @@ impl Flight {
     ///
     /// A frame that cannot be used is said in the answer; the flight goes on. A frame without keypoints says nothing of where it was
     /// searched, so it is no [`Miss`] for the filter.
+    ///
+    /// A frame of the same time as an earlier one is the same exposure, such as when a client sends it again because the answer was
+    /// lost. It is searched and answered, but it is no more evidence: the filter is given nothing of it. An earlier one that could not be
+    /// used does not count.
     pub fn frame(&mut self, photo: &Photo, time_s: f64, known: &Known) -> FrameAnswer {
         let started = Instant::now();
+        let is_repeated = self.frame_times_s.contains(&time_s);
         let view = photo.view(&known.prior.view);
         let px_per_reference_px = self.px_per_reference_px(photo, &view);
         let mut given = Given::default();
-        self.give_attitude(time_s, known, &view, &mut given);
-        if let Some(agl_m) = known.prior.view.height_agl_m {
+        if !is_repeated {
+            self.give_attitude(time_s, known, &view, &mut given);
+        }
+        if let Some(agl_m) = known.prior.view.height_agl_m.filter(|_| !is_repeated) {
             let height = Height {
                 time_s,
                 agl_m,
@@ -163,45 +173,54 @@ impl Flight {
         let locating = Instant::now();
         let (outcome, features, searched, count) = self.search(photo, &searches);
         let locate_ms = elapsed_ms(locating);
-        let focal_length_px = view
-            .hfov_deg
-            .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg));
-        let attitude = known
-            .attitude
-            .or_else(|| self.recent.attitude_at(time_s))
-            .or_else(|| recorded_attitude(&view, time_s));
-        if let Ok(Outcome::Fix(fix)) = &outcome {
-            let told = ToldOfPhoto {
-                attitude,
-                yaw_deg: yaw_deg.map(|(yaw_deg, _)| yaw_deg),
-                height_agl_m,
-                size_px: photo.full_size_px,
-                focal_length_px,
-            };
-            if self.told.fix(time_s, fix, &told) {
-                self.tracker.restart();
-                given = Given {
-                    after_restart: true,
-                    ..Given::default()
+        if !is_repeated {
+            let focal_length_px = view
+                .hfov_deg
+                .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg));
+            let attitude = known
+                .attitude
+                .or_else(|| self.recent.attitude_at(time_s))
+                .or_else(|| recorded_attitude(&view, time_s));
+            if let Ok(Outcome::Fix(fix)) = &outcome {
+                let told = ToldOfPhoto {
+                    attitude,
+                    yaw_deg: yaw_deg.map(|(yaw_deg, _)| yaw_deg),
+                    height_agl_m,
+                    size_px: photo.full_size_px,
+                    focal_length_px,
                 };
+                let track = self.tracker.point_at(time_s);
+                let track = track.filter(|point| point.state.is_usable());
+                let track = track.and_then(|point| point.estimate);
+                if self.told.fix(time_s, fix, &told, track.as_ref()) {
+                    self.tracker.restart();
+                    given = Given {
+                        after_restart: true,
+                        ..Given::default()
+                    };
+                }
+            }
+            let seen = outcome.as_ref().ok().and_then(Outcome::fix);
+            let heading = seen.and_then(|fix| Some((time_s, fix.heading_deg?)));
+            self.told.compare_times(heading, &self.recent);
+            if let Some(features) = features {
+                let searched = SearchedFrame {
+                    time_s,
+                    features,
+                    attitude: attitude.filter(|_| !self.told.leaves_out_attitude()),
+                    focal_length_px,
+                    px_per_reference_px,
+                };
+                self.give_motion(searched, &mut given);
+            }
+            let whole_map_was_searched =
+                steered_to_whole_map || matches!(searched, Searched::WholeMap);
+            self.give_outcome(time_s, &outcome, px_per_reference_px, &mut given);
+            self.count(time_s, &outcome, whole_map_was_searched);
+            if outcome.is_ok() && time_s.is_finite() {
+                self.remember_frame(time_s);
             }
         }
-        let seen = outcome.as_ref().ok().and_then(Outcome::fix);
-        let heading = seen.and_then(|fix| Some((time_s, fix.heading_deg?)));
-        self.told.compare_times(heading, &self.recent);
-        if let Some(features) = features {
-            let searched = SearchedFrame {
-                time_s,
-                features,
-                attitude: attitude.filter(|_| !self.told.leaves_out_attitude()),
-                focal_length_px,
-                px_per_reference_px,
-            };
-            self.give_motion(searched, &mut given);
-        }
-        let whole_map_was_searched = steered_to_whole_map || matches!(searched, Searched::WholeMap);
-        self.give_outcome(time_s, &outcome, px_per_reference_px, &mut given);
-        self.count(time_s, &outcome, whole_map_was_searched);
         FrameAnswer {
             time_s,
             outcome,
@@ -317,6 +336,9 @@ impl Flight {
                 let estimate = point.as_ref().and_then(|point| point.estimate);
                 if estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0)) {
                     self.whole_map.accepted();
+                    if point.is_some_and(|point| point.state.is_usable()) {
+                        self.told.believed();
+                    }
                 } else {
                     self.whole_map.missed(whole_map_was_searched, true);
                     if point.is_some_and(|point| point.state.is_usable()) {
@@ -329,6 +351,14 @@ impl Flight {
             }
             Ok(Outcome::NoFix(_)) | Err(_) => {}
         }
+    }
+
+    /// Remembers the time of a frame for as long as the filter takes late ones.
+    fn remember_frame(&mut self, time_s: f64) {
+        let lag_s = self.tracker.options().lag_s;
+        self.frame_times_s
+            .retain(|other_s| (other_s - time_s).abs() <= lag_s);
+        self.frame_times_s.push(time_s);
     }
 
     /// The fix of the last frame contradicts a track that is believed: it does not tell which of its keypoints lie on the ground.

@@ -30,7 +30,7 @@
 //!
 //! # Telemetry that is wrong
 //! What the fixes contradict again and again is told by [`Flight::doubts`]: times, yaw, tilt, height and velocity of another convention.
-//! Tilt and height are then left out.
+//! Tilt, height and velocity are then left out, and with a wrong yaw the whole attitude.
 //!
 //! # Times
 //! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure.

@@ -3,12 +3,13 @@
 mod delay;
 mod height;
 mod tilt;
+mod unbelieved;
 mod velocity;
 mod yaw;
 
-use grimnet_geo::LonLat;
+use grimnet_geo::{LonLat, turn_deg};
 use grimnet_locate::Fix;
-use grimnet_track::{Attitude, Input};
+use grimnet_track::{Attitude, Estimate, Input};
 
 use crate::recent::Recent;
 
@@ -20,6 +21,8 @@ pub use yaw::YawDoubt;
 
 /// After so many searches of the whole map in a row without a fix, other headings and scales than the told ones are searched.
 const VAIN_SEARCHES: u32 = 3;
+/// A fix whose heading is further off the expected one does not count against velocities, degrees: it is of another place.
+const SAME_HEADING_DEG: f64 = 40.0;
 
 /// Something of the telemetry that the fixes contradict.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,13 +30,13 @@ const VAIN_SEARCHES: u32 = 3;
 pub enum Doubt {
     /// Its times. The filter goes on to use them.
     Delay(DelayDoubt),
-    /// Its yaw. It is not told to the searches any more.
+    /// Its yaw. The flight goes on without attitude: pitch and roll are about axes that are turned by as much, or about unknown ones.
     Yaw(YawDoubt),
     /// Its pitch and roll. The flight goes on without attitude.
     Tilt(TiltDoubt),
     /// Its height. The flight goes on without it.
     Height(HeightDoubt),
-    /// Its velocities. The filter goes on to use them: leave them out, or put them right.
+    /// Its velocities. The flight goes on without them.
     Velocity(VelocityDoubt),
 }
 
@@ -54,12 +57,10 @@ impl std::fmt::Display for Doubt {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Delay(doubt) => doubt.fmt(f),
-            Self::Yaw(doubt) => write!(f, "{doubt}; the headings of the fixes are used"),
+            Self::Yaw(doubt) => write!(f, "{doubt}; the flight goes on without attitude"),
             Self::Tilt(doubt) => write!(f, "{doubt}; the flight goes on without attitude"),
             Self::Height(doubt) => write!(f, "{doubt}; the flight goes on without them"),
-            Self::Velocity(doubt) => {
-                write!(f, "{doubt}; without velocities the track may be better")
-            }
+            Self::Velocity(doubt) => write!(f, "{doubt}; the flight goes on without them"),
         }
     }
 }
@@ -97,11 +98,27 @@ impl Told {
         }
     }
 
-    /// Takes in the fix of a photo. `true` if the filter was told what is doubted from now on, and has to begin anew.
-    pub fn fix(&mut self, time_s: f64, fix: &Fix, told: &ToldOfPhoto) -> bool {
-        let before = (self.leaves_out_attitude(), self.leaves_out_height());
-        self.velocity
-            .fix(time_s, LonLat::new(fix.lon_deg, fix.lat_deg));
+    /// Takes in the fix of a photo, and the track at its time if that may be used. `true` if the filter was told what is doubted from
+    /// now on, and has to restart.
+    pub fn fix(
+        &mut self,
+        time_s: f64,
+        fix: &Fix,
+        told: &ToldOfPhoto,
+        track: Option<&Estimate>,
+    ) -> bool {
+        let before = self.left_out();
+        let expected_deg = told
+            .yaw_deg
+            .filter(|_| self.tells_yaw())
+            .or_else(|| track?.heading_deg);
+        let headings_deg = expected_deg.zip(fix.heading_deg);
+        self.velocity.fix(
+            time_s,
+            LonLat::new(fix.lon_deg, fix.lat_deg),
+            track.map(|track| LonLat::new(track.lon_deg, track.lat_deg)),
+            headings_deg.is_none_or(|(told, seen)| turn_deg(told, seen).abs() <= SAME_HEADING_DEG),
+        );
         if let (Some(told_deg), Some(seen_deg)) = (told.yaw_deg, fix.heading_deg) {
             self.yaw.fix(told_deg, seen_deg);
         }
@@ -115,7 +132,12 @@ impl Told {
                     .fix(fix.gsd_m * focal_px / seen.gsd_over_nadir(), told_m);
             }
         }
-        before != (self.leaves_out_attitude(), self.leaves_out_height())
+        before != self.left_out()
+    }
+
+    /// The track believed the last fix.
+    pub fn believed(&mut self) {
+        self.velocity.believed();
     }
 
     /// Compares the times of the fixes with what was told by now, of which there may be a new one: its time and heading.
@@ -144,7 +166,7 @@ impl Told {
 
     /// Whether the filter goes without attitude.
     pub fn leaves_out_attitude(&self) -> bool {
-        self.tilt.doubt().is_some()
+        self.tilt.doubt().is_some() || self.yaw.doubt().is_some()
     }
 
     /// Whether searches and filter go without height.
@@ -152,11 +174,25 @@ impl Told {
         self.height.doubt().is_some()
     }
 
+    /// Whether the filter goes without velocities.
+    fn leaves_out_velocity(&self) -> bool {
+        self.velocity.doubt().is_some()
+    }
+
+    fn left_out(&self) -> [bool; 3] {
+        [
+            self.leaves_out_attitude(),
+            self.leaves_out_height(),
+            self.leaves_out_velocity(),
+        ]
+    }
+
     /// Whether the filter is not given this.
     pub fn leaves_out(&self, input: &Input) -> bool {
         match input {
             Input::Attitude(_) => self.leaves_out_attitude(),
             Input::Height(_) => self.leaves_out_height(),
+            Input::Velocity(_) => self.leaves_out_velocity(),
             _ => false,
         }
     }

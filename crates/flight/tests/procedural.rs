@@ -299,3 +299,96 @@ fn telemetry_that_turns_later_than_the_photos_is_told() {
     };
     assert!((doubt.delay_s - late_s).abs() <= 0.5, "{doubt:?}");
 }
+
+#[test]
+fn one_exposure_given_again_and_again_is_no_more_evidence() {
+    let mut flight = flight(None);
+    let place = pose(300.0, 300.0);
+    for number in 0..6 {
+        let answer = flight.frame(&photo(&place), 0.0, &known(&place));
+        assert!(matches!(answer.outcome, Ok(Outcome::Fix(_))), "{answer:?}");
+        assert_eq!(answer.inputs.is_empty(), number > 0, "{answer:?}");
+        let state = answer.point.unwrap().state;
+        assert!(
+            !state.is_usable(),
+            "a single fix is not believed: {state:?}"
+        );
+    }
+}
+
+#[test]
+fn the_tilt_of_an_aircraft_in_which_the_camera_is_mounted_turned_is_left_out() {
+    let mut flight = flight(None);
+    let mut answers = Vec::new();
+    for number in 0..20 {
+        let pose = Pose {
+            pitch_off_nadir_deg: 9.0,
+            ..pose(160.0 + 6.0 * f64::from(number), 320.0)
+        };
+        let mut known = known(&pose);
+        // The picture's top is to the right wing, and the attitude is that of the aircraft.
+        known.attitude = Some(Attitude {
+            time_s: 0.0,
+            yaw_deg: pose.heading_deg - 90.0,
+            pitch_deg: -pose.roll_deg,
+            roll_deg: -pose.pitch_off_nadir_deg,
+        });
+        let answer = flight.frame(&photo(&pose), f64::from(number) / FRAMES_PER_S, &known);
+        answers.push((answer, lonlat(&pose)));
+    }
+    assert!(matches!(
+        flight.doubts().collect::<Vec<_>>()[..],
+        [Doubt::Yaw(_)]
+    ));
+    for frame in &answers {
+        let Some(error_m) = error_m(frame) else {
+            continue;
+        };
+        let estimate = frame.0.point.unwrap().estimate.unwrap();
+        assert!(
+            error_m < 1.5 * estimate.radius95_m,
+            "{error_m} m: {estimate:?}"
+        );
+    }
+    let last = answers[19].0.point.unwrap();
+    assert!(last.state.is_usable(), "{last:?}");
+    let position_of = last.estimate.unwrap().position_of;
+    assert_eq!(position_of, PositionOf::AircraftWithoutAttitude);
+}
+
+#[test]
+fn velocities_that_become_wrong_in_flight_are_left_out() {
+    let mut flight = flight(None);
+    let mut answers = Vec::new();
+    for number in 0..22 {
+        let time_s = f64::from(number);
+        for tick in 0..10 {
+            let velocity = Input::Velocity(Velocity {
+                time_s: time_s - 0.9 + 0.1 * f64::from(tick),
+                east_m_s: 8.0,
+                north_m_s: if number < 8 { 0.0 } else { 8.0 },
+                sigma_m_s: 0.3,
+            });
+            flight.push(velocity).unwrap();
+        }
+        let pose = pose(160.0 + 8.0 * time_s, 320.0);
+        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+        answers.push((answer, lonlat(&pose)));
+    }
+    let doubts: Vec<Doubt> = flight.doubts().collect();
+    assert!(matches!(doubts[..], [Doubt::Velocity(_)]), "{doubts:?}");
+    let restarts: Vec<usize> = (0..22)
+        .filter(|number| answers[*number].0.after_restart)
+        .collect();
+    let [restart] = restarts[..] else {
+        panic!("{restarts:?}");
+    };
+    assert!((10..16).contains(&restart), "{restart}");
+    for frame in &answers[restart..] {
+        assert!(
+            error_m(frame).is_none_or(|error_m| error_m < 5.0),
+            "{frame:?}"
+        );
+    }
+    assert!(error_m(&answers[21]).is_some());
+}

@@ -25,6 +25,11 @@ impl ContentHash {
         }
     }
 
+    /// The files.
+    pub fn files(&self) -> &[PathBuf] {
+        &self.files
+    }
+
     /// The hash.
     pub fn get(&self) -> Result<[u8; 32], GeoError> {
         if let Some(hash) = self.hash.get() {

@@ -113,6 +113,10 @@ impl Raster for Mosaic {
         self.hash.get()
     }
 
+    fn files(&self) -> Vec<PathBuf> {
+        self.hash.files().to_vec()
+    }
+
     fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {
         check(window, out_w, out_h)?;
         let mut patch = empty_patch(out_w, out_h);

@@ -111,6 +111,16 @@ pub enum GeoError {
         coefficients: [f64; 6],
     },
 
+    /// The map shows the ground mirrored.
+    #[error(
+        "{}: its pixels are mirrored (rows run from south to north, or columns from east to west); turn it: gdalwarp IN OUT.tif",
+        path.display()
+    )]
+    Mirrored {
+        /// The map.
+        path: PathBuf,
+    },
+
     /// A table of pictures that is invalid.
     #[error("{}: line {line}: {reason}; the columns are filename, top_left_lat, top_left_lon, bottom_right_lat, bottom_right_lon (or LL_lon, LL_lat, UR_lon, UR_lat)", path.display())]
     BadTable {

@@ -20,7 +20,7 @@ use crate::tiff::TiffMap;
 use crate::tile_raster::TileRaster;
 use crate::tile_store::TileStore;
 use crate::xyz_folder::XyzFolder;
-use crate::{Crs, GeoError, Raster};
+use crate::{Crs, GeoError, Georeference, Raster};
 
 /// Size of the cache of decoded blocks, bytes, unless a window needs more.
 const DEFAULT_CACHE_BYTES: usize = 192 << 20;
@@ -38,8 +38,15 @@ const DEFAULT_CACHE_BYTES: usize = 192 << 20;
 /// `.aux.xml`, of a world file; the CRS is `options.crs`, else the file's own.
 ///
 /// # Errors
-/// Returns an error if the file cannot be read, is not a map, is truncated or damaged, or has no valid georeference.
+/// Returns an error if the file cannot be read, is not a map, is truncated or damaged, or has no valid georeference, and
+/// [`GeoError::Mirrored`] for a map that shows the ground mirrored.
 pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, GeoError> {
+    let map = open_form(path, options)?;
+    check_not_mirrored(path, map.georeference())?;
+    Ok(map)
+}
+
+fn open_form(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, GeoError> {
     let crs = options.crs.as_deref().map(Crs::parse).transpose()?;
     let cache = Arc::new(BlockCache::new(
         options.cache_bytes.unwrap_or(DEFAULT_CACHE_BYTES),
@@ -105,6 +112,22 @@ fn check_options(form: MapForm, path: &Path, options: &MapOptions) -> Result<(),
             path: path.to_path_buf(),
             zoom,
             zooms: Vec::new(),
+        });
+    }
+    Ok(())
+}
+
+/// Refuses a map that shows the ground mirrored: photos are turned to fit a map and never mirrored, so none would fit.
+fn check_not_mirrored(path: &Path, georeference: &Georeference) -> Result<(), GeoError> {
+    // Where the projection ends beside the centre, the map has no ground resolution either, and no pack is built of it.
+    let Ok(jacobian) = georeference.east_north_m_from_map_px_jacobian(georeference.centre_px())
+    else {
+        return Ok(());
+    };
+    // Rows of a usable map run from north to south.
+    if jacobian.determinant() > 0.0 {
+        return Err(GeoError::Mirrored {
+            path: path.to_path_buf(),
         });
     }
     Ok(())

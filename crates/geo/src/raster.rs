@@ -1,5 +1,7 @@
 //! The interface of a map.
 
+use std::path::PathBuf;
+
 use image::{GrayImage, RgbImage};
 
 use crate::{GeoError, Georeference, WindowPx};
@@ -41,6 +43,12 @@ pub trait Raster: Send + Sync {
     /// Returns an error if the window is empty, not finite or more than 2^27 pixels long, if the output has no pixels or
     /// more than 2^28, or if the file cannot be decoded.
     fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError>;
+
+    /// The files that the map is read from, with those that describe it (world files, `.aux.xml`): an output must not
+    /// replace them. A folder stands for all files below it.
+    fn files(&self) -> Vec<PathBuf> {
+        Vec::new()
+    }
 
     /// A description in one line: format, size, bands, coordinate system, resolution, overviews.
     fn describe(&self) -> String;

@@ -59,6 +59,10 @@ impl Raster for SingleMap {
         self.hash.get()
     }
 
+    fn files(&self) -> Vec<PathBuf> {
+        with_descriptions(self.hash.files())
+    }
+
     fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {
         read_window(self.source.as_ref(), 0, &self.cache, window, out_w, out_h)
     }
@@ -66,6 +70,12 @@ impl Raster for SingleMap {
     fn describe(&self) -> String {
         describe(&self.path, self, &self.kind)
     }
+}
+
+/// Files of a map, each followed by those beside it that describe it.
+fn with_descriptions(files: &[PathBuf]) -> Vec<PathBuf> {
+    let beside = |file: &PathBuf| [Some(file.clone()), find_world_file(file), find_pam(file)];
+    files.iter().flat_map(beside).flatten().collect()
 }
 
 /// A description in one line: name, size, coordinate system, resolution, and `kind`.

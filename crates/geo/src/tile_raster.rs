@@ -1,5 +1,6 @@
 //! A map of tiles as a raster.
 
+use std::path::PathBuf;
 use std::sync::{Arc, OnceLock};
 
 use crate::block::BlockSource;
@@ -52,6 +53,10 @@ impl Raster for TileRaster {
         }
         let hash = self.map.hash()?;
         Ok(*self.hash.get_or_init(|| hash))
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        self.map.store().files()
     }
 
     fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {

@@ -1,6 +1,6 @@
 //! Where the tiles of a map come from.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::GeoError;
 use crate::tile_address::TileAddress;
@@ -10,6 +10,11 @@ use crate::tile_index::TileIndex;
 pub(crate) trait TileStore: Send + Sync {
     /// The file or folder.
     fn path(&self) -> &Path;
+
+    /// The files that it is read from; a folder stands for all files below it.
+    fn files(&self) -> Vec<PathBuf> {
+        vec![self.path().to_path_buf()]
+    }
 
     /// Name of the format.
     fn kind(&self) -> &'static str;

@@ -11,7 +11,7 @@ use crate::tile_address::TileAddress;
 use crate::tile_index::{MAX_TILES, TileIndex};
 use crate::tile_store::TileStore;
 
-/// What follows the row in the name of a tile.
+/// What follows the row in the name of a tile, in small or capital letters.
 const ENDINGS: [&str; 8] = [
     ".png", ".jpg", ".jpeg", ".webp", "@2x.png", "@2x.jpg", "@2x.jpeg", "@2x.webp",
 ];
@@ -26,8 +26,8 @@ const MAX_TILE_BYTES: u64 = MapLimits::DEFAULT.max_tile_bytes;
 pub(crate) struct XyzFolder {
     path: PathBuf,
     index: TileIndex,
-    /// Endings that occur.
-    endings: Vec<&'static str>,
+    /// Endings that occur, as they are spelled.
+    endings: Vec<String>,
     rows_from_south: bool,
 }
 
@@ -82,8 +82,8 @@ impl XyzFolder {
                     ),
                 )
             })?;
-            if !self.endings.contains(&ending) {
-                self.endings.push(ending);
+            if !self.endings.iter().any(|known| known == ending) {
+                self.endings.push(ending.to_string());
             }
             let address = self.as_stored(address);
             self.index.add(address).map_err(|_| GeoError::Unsupported {
@@ -134,6 +134,17 @@ impl XyzFolder {
 impl TileStore for XyzFolder {
     fn path(&self) -> &Path {
         &self.path
+    }
+
+    fn files(&self) -> Vec<PathBuf> {
+        // Not the folder itself: a pack may be built into it.
+        let zooms = numbered(&self.path).unwrap_or_default();
+        let description = self.path.join(TMS_DESCRIPTION);
+        zooms
+            .into_iter()
+            .map(|zoom| zoom.path)
+            .chain([description])
+            .collect()
     }
 
     fn kind(&self) -> &'static str {
@@ -232,11 +243,14 @@ fn number(name: &OsStr) -> Option<u64> {
 }
 
 /// Row and ending of the name of a tile.
-fn tile_name(name: &str) -> Option<(u64, &'static str)> {
+fn tile_name(name: &str) -> Option<(u64, &str)> {
     let digits = name.bytes().take_while(u8::is_ascii_digit).count();
-    let row = number(OsStr::new(&name[..digits]))?;
-    let ending = ENDINGS.into_iter().find(|e| *e == &name[digits..])?;
-    Some((row, ending))
+    let (row, ending) = name.split_at(digits);
+    let row = number(OsStr::new(row))?;
+    ENDINGS
+        .iter()
+        .any(|known| known.eq_ignore_ascii_case(ending))
+        .then_some((row, ending))
 }
 
 /// Whether gdal2tiles says that rows are counted from the south.

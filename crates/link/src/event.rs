@@ -26,6 +26,8 @@ pub enum LinkEvent {
     },
     /// An autopilot was heard.
     Autopilot(Autopilot),
+    /// None was heard in a dry run, and what would be sent to this one is shown.
+    AutopilotAssumed(Autopilot),
     /// The autopilot has not been heard for a while.
     AutopilotSilent {
         /// How long, seconds.
@@ -97,6 +99,9 @@ impl fmt::Display for LinkEvent {
                 write!(f, "{address}: connection lost ({reason}); opening it again")
             }
             Self::Autopilot(autopilot) => write!(f, "autopilot: {autopilot}"),
+            Self::AutopilotAssumed(autopilot) => {
+                write!(f, "autopilot: none heard; assumed: {autopilot}")
+            }
             Self::AutopilotSilent { for_s } => {
                 write!(
                     f,

@@ -37,6 +37,8 @@ pub(crate) struct Session {
     options: LinkOptions,
     began_s: f64,
     autopilot: Option<Autopilot>,
+    /// Whether the autopilot is assumed, since none was heard.
+    assumed: bool,
     heard_s: f64,
     silent: bool,
     time_sync: TimeSync,
@@ -62,6 +64,7 @@ impl Session {
             options,
             began_s: now_s,
             autopilot: None,
+            assumed: false,
             heard_s: now_s,
             silent: false,
             time_sync: TimeSync::default(),
@@ -112,9 +115,8 @@ impl Session {
             return;
         }
         // A gimbal reports as another component of the same aircraft.
-        if !autopilot.sent(header)
-            && !matches!(message, MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(_))
-        {
+        let is_own = autopilot.sent(header);
+        if !is_own && !matches!(message, MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(_)) {
             return;
         }
         self.note_time(message, now_s);
@@ -136,7 +138,9 @@ impl Session {
                     inputs,
                     ..
                 } = self;
-                let time_s = |boot_s: f64| time_sync.time_s(boot_s).unwrap_or(now_s).min(now_s);
+                // Another component counts from a start of its own, which nothing tells: the time of arrival is nearest.
+                let own_s = |boot_s: f64| time_sync.time_s(boot_s).filter(|_| is_own);
+                let time_s = |boot_s: f64| own_s(boot_s).unwrap_or(now_s).min(now_s);
                 telemetry.take(message, now_s, &time_s, inputs);
             }
         }
@@ -153,14 +157,15 @@ impl Session {
         {
             return;
         }
-        let same = self
-            .autopilot
+        let known = self.autopilot.filter(|_| !self.assumed);
+        let same = known
             .is_some_and(|known| (known.system_id, known.kind) == (heard.system_id, heard.kind));
-        if !same && self.autopilot.is_some() && !self.silent {
+        if !same && known.is_some() && !self.silent {
             return;
         }
         if !same {
             self.autopilot = Some(heard);
+            self.assumed = false;
             self.began_again();
         }
         if !same || self.silent {
@@ -285,7 +290,8 @@ impl Session {
                 version: None,
             };
             self.autopilot = Some(assumed);
-            self.events.push(LinkEvent::Autopilot(assumed));
+            self.assumed = true;
+            self.events.push(LinkEvent::AutopilotAssumed(assumed));
         }
     }
 

@@ -4,12 +4,14 @@ use grimnet_track::{Estimate, Input, PositionOf, TrackPoint, TrackState};
 use mavlink::{
     MavHeader,
     dialects::common::{
-        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GPS_GLOBAL_ORIGIN_DATA, HEARTBEAT_DATA,
-        MavAutopilot, MavFrame, MavMessage, MavType, ODOMETRY_DATA, TIMESYNC_DATA,
+        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA,
+        GPS_GLOBAL_ORIGIN_DATA, GimbalDeviceFlags, HEARTBEAT_DATA, MavAutopilot, MavFrame,
+        MavMessage, MavType, ODOMETRY_DATA, TIMESYNC_DATA,
     },
 };
 
 use crate::{
+    autopilot::AutopilotKind,
     event::{LinkEvent, NotSending},
     golden_tests::estimate,
     options::LinkOptions,
@@ -382,4 +384,47 @@ fn a_dry_run_tells_and_sends_nothing() {
             .any(|line| line.starts_with("would send ODOMETRY x 0.00 y 0.00")),
         "{told:?}"
     );
+    assert!(
+        told.contains(&"autopilot: none heard; assumed: ArduPilot, system 1".to_owned()),
+        "{told:?}"
+    );
+    // The first autopilot that is heard takes the place of the assumed one.
+    flight.second(PX4);
+    let heard = flight.session.autopilot().unwrap();
+    assert_eq!((heard.system_id, heard.kind), (3, AutopilotKind::Px4));
+    assert!(flight.events.contains(&LinkEvent::Autopilot(heard)));
+}
+
+#[test]
+fn a_gimbal_with_a_clock_of_its_own_counts_by_its_arrival() {
+    let mut flight = Flight::new(|_| {});
+    flight.second(ARDUPILOT);
+    for (component_id, is_own) in [(1, true), (154, false)] {
+        flight.session.inputs.clear();
+        let header = MavHeader {
+            component_id,
+            ..HEADER
+        };
+        let status =
+            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
+                time_boot_ms: 50_000,
+                q: [1.0, 0.0, 0.0, 0.0],
+                flags: GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME,
+                ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
+            });
+        flight.session.receive(&header, &status, flight.now_s);
+        let [Input::Attitude(attitude)] = flight.session.inputs[..] else {
+            panic!("{:?}", flight.session.inputs);
+        };
+        let expected_s = if is_own {
+            START_S + 50.0 + 0.02
+        } else {
+            flight.now_s
+        };
+        assert!(
+            (attitude.time_s - expected_s).abs() < 1e-3,
+            "{component_id}: {} {expected_s}",
+            attitude.time_s
+        );
+    }
 }

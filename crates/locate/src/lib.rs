@@ -78,6 +78,7 @@ pub mod internals {
             correspondence, covariance, estimation, homography, plain_homography, ransac, refine,
             sampler, scale_prior, similarity, transform,
         },
+        paper::procedure::NetworkImage,
         search::matching,
     };
 }

@@ -14,7 +14,7 @@ use crate::{
     needed_pixels::NeededPixels,
     options::{Adapt, Options},
     outcome::Outcome,
-    paper::procedure,
+    paper::procedure::{self, NetworkImage},
     pipeline::{
         queries::{extract_queries, query_maker, side_px},
         run::{self, Located},
@@ -321,6 +321,17 @@ impl Localizer {
         )?);
         tiles.truncate(self.options.top_k);
         Ok(tiles)
+    }
+
+    /// What the network sees of a photo in paper mode.
+    ///
+    /// # Errors
+    /// The photo cannot be resampled.
+    #[doc(hidden)]
+    pub fn network_image(&self, photo: &Photo, prior: &Prior) -> Result<NetworkImage> {
+        let context = self.context();
+        let level = context.level(procedure::LEVEL);
+        procedure::network_image(context, photo, &photo.view(&prior.view), level)
     }
 
     fn context(&self) -> Context<'_> {

@@ -95,7 +95,7 @@ impl fmt::Display for Arithmetic {
 
 /// No arithmetic has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("unknown arithmetic '{0}', expected mixed, f32 or int8")]
+#[error("unknown precision '{0}'; expected mixed, f32 or int8")]
 pub struct UnknownArithmetic(pub String);
 
 impl FromStr for Arithmetic {

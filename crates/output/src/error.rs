@@ -33,6 +33,17 @@ pub enum OutputError {
         /// The input as given.
         input: PathBuf,
     },
+    /// The output is a file in a folder whose files this run reads.
+    #[error(
+        "{} is a file of the input {}; an output never replaces an input: choose another output path",
+        path.display(), folder.display()
+    )]
+    InInputFolder {
+        /// The output as given.
+        path: PathBuf,
+        /// The folder as given.
+        folder: PathBuf,
+    },
     /// The file exists, and the program did not write it or it was changed since.
     #[error(
         "{} already exists and is not a file that this program wrote there unchanged; choose another output path, or allow \

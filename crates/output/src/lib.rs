@@ -43,4 +43,4 @@ pub use folder::{FolderFile, OutputFolder};
 pub use listing::LISTING_NAME;
 pub use name::file_name_from;
 pub use policy::OutputPolicy;
-pub use target::TargetKind;
+pub use target::{TargetKind, linked_path};

@@ -24,7 +24,7 @@ const HEADER: &str = "# Files that grim wrote into this folder, by BLAKE3 hash. 
 /// Largest list that is read, bytes: some 600,000 files.
 const MAX_LEN: u64 = 64 << 20;
 
-/// So many hashes of replaced contents may be in the file before it is written anew.
+/// So many hashes of replaced contents may be in the file before it is written again.
 const MOST_OUTDATED: usize = 16;
 
 /// A folder's list.

@@ -18,6 +18,8 @@ use crate::target::{Identity, Place, Snapshot, TargetKind};
 pub struct OutputPolicy {
     overwrite: bool,
     inputs: Arc<HashMap<Identity, PathBuf>>,
+    /// Folders all of whose files are inputs.
+    folders: Arc<HashMap<Identity, PathBuf>>,
 }
 
 impl OutputPolicy {
@@ -48,6 +50,25 @@ impl OutputPolicy {
             let input = input.as_ref();
             if let Ok(identity) = Identity::of(input) {
                 known.entry(identity).or_insert_with(|| input.to_owned());
+            }
+        }
+        self
+    }
+
+    /// Protects inputs, and every file below those that are folders.
+    #[must_use]
+    pub fn protect_trees(mut self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        for input in inputs {
+            let input = input.as_ref();
+            let known = if input.is_dir() {
+                &mut self.folders
+            } else {
+                &mut self.inputs
+            };
+            if let Ok(identity) = Identity::of(input) {
+                Arc::make_mut(known)
+                    .entry(identity)
+                    .or_insert_with(|| input.to_owned());
             }
         }
         self
@@ -109,16 +130,34 @@ impl OutputPolicy {
     /// Checks only that `path` is no input: for the program's working files beside an output.
     ///
     /// # Errors
-    /// [`OutputError::ReplacesInput`].
+    /// [`OutputError::ReplacesInput`] and [`OutputError::InInputFolder`].
     pub fn check_not_input(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
-        match Identity::of(path).ok().and_then(|id| self.inputs.get(&id)) {
-            Some(input) => Err(OutputError::ReplacesInput {
+        if let Some(input) = Identity::of(path).ok().and_then(|id| self.inputs.get(&id)) {
+            return Err(OutputError::ReplacesInput {
                 path: path.to_owned(),
                 input: input.clone(),
+            });
+        }
+        match self.input_folder_of(path) {
+            Some(folder) => Err(OutputError::InInputFolder {
+                path: path.to_owned(),
+                folder: folder.clone(),
             }),
             None => Ok(()),
         }
+    }
+
+    /// The protected folder that an existing file lies in, at any depth.
+    fn input_folder_of(&self, path: &Path) -> Option<&PathBuf> {
+        if self.folders.is_empty() {
+            return None;
+        }
+        let path = fs::canonicalize(path).ok()?;
+        path.ancestors()
+            .skip(1)
+            .filter_map(|folder| Identity::of(folder).ok())
+            .find_map(|identity| self.folders.get(&identity))
     }
 
     /// Checks a file by its first bytes and by the list of its folder.

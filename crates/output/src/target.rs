@@ -107,6 +107,19 @@ impl Place {
     }
 }
 
+/// The path of the file that is written when `path` is: if that is a symbolic link, what it leads to, which need not be
+/// there yet. For writers that keep working files beside their output, which have to be on the same disk.
+///
+/// # Errors
+/// [`OutputError`] if the links form a circle, or lead into a folder that does not exist.
+pub fn linked_path(path: &Path) -> Result<PathBuf> {
+    if path.is_symlink() {
+        Ok(Place::of(path)?.path())
+    } else {
+        Ok(path.to_owned())
+    }
+}
+
 /// The folder that holds `path`; `.` for a bare name.
 pub(crate) fn folder_of(path: &Path) -> &Path {
     match path.parent() {

@@ -198,6 +198,28 @@ fn an_input_is_never_replaced_under_any_name() {
 }
 
 #[test]
+fn a_protected_folder_protects_all_that_is_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::create_dir_all(path("tiles/3/4")).unwrap();
+    for name in ["tiles/3/4/5.png", "tiles/notes", "map.tif"] {
+        fs::write(path(name), "GRIMPACK").unwrap();
+    }
+    let policy = OutputPolicy::new().protect_trees([path("tiles/3"), path("map.tif"), path("no")]);
+    let error = policy.check_file(path("tiles/3/4/5.png"), &[b"GRIMPACK"]);
+    assert!(
+        matches!(error, Err(OutputError::InInputFolder { .. })),
+        "{error:?}"
+    );
+    let error = policy.check_file(path("map.tif"), &[b"GRIMPACK"]);
+    assert!(matches!(error, Err(OutputError::ReplacesInput { .. })));
+    // Beside it, and what is not there yet.
+    for name in ["tiles/notes", "tiles/3/4/6.png", "no"] {
+        policy.check_file(path(name), &[b"GRIMPACK"]).unwrap();
+    }
+}
+
+#[test]
 fn only_own_files_are_replaced_unless_allowed() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a");

@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_geo::Raster;
 use grimnet_net::Model;
-use grimnet_output::rename_into_place;
+use grimnet_output::{OutputPolicy, linked_path, rename_into_place};
 
 use self::assemble::write_pack;
 use self::cells::Cells;
@@ -51,6 +51,7 @@ use crate::mode::Mode;
 use crate::options::BuildOptions;
 use crate::pack::Pack;
 use crate::paper::PaperTiles;
+use crate::writer::{Writer, clear_unfinished};
 use grimnet_limits::BuildLimits;
 
 /// Builds the pack `out` of a map, or continues an interrupted build. `on_progress` is called after each piece of work.
@@ -110,13 +111,20 @@ pub fn build_interruptible(
     out: &Path,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<BuildReport> {
+    // Behind a link: the working files have to be on the disk of the pack.
+    let place = linked_path(out)?;
     let mut tell = |progress: &Progress| match on_progress(progress) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(PackError::Stopped {
-            path: out.to_path_buf(),
+            path: place.clone(),
         }),
     };
+    let (partial, aside) = (beside(&place, "partial"), beside(&place, "assembling"));
     check_output(out)?;
+    let inputs = OutputPolicy::new().protect_trees(raster.files());
+    for path in [out, &partial, &aside] {
+        inputs.check_not_input(path)?;
+    }
     check_scale(raster, limits)?;
     if options.mode == Mode::Paper {
         warn_of_another_network(model);
@@ -134,16 +142,17 @@ pub fn build_interruptible(
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {
-        remove_finished(&beside(out, "partial"), &manifest.fingerprint);
+        remove_finished(&partial, &manifest.fingerprint);
         return Ok(report(&pack, &meter, true));
     }
     let mut resume = Resume::new(&plans, recipe);
     let mut journal = Journal::open(
-        &beside(out, "partial"),
+        &partial,
         out,
         &manifest.fingerprint,
         |kind, place, content| Ok(resume.accept(kind, place, content)),
     )?;
+    clear_unfinished(&aside)?;
     let mut states = resume.into_levels();
     let mut levels = Vec::new();
     for (number, plan) in plans.into_iter().enumerate() {
@@ -166,14 +175,14 @@ pub fn build_interruptible(
     }
     meter.progress.phase = Phase::Writing;
     tell(&meter.progress)?;
-    let aside = beside(out, "assembling");
-    let written = write_pack(&aside, &mut journal, levels, manifest, recipe);
+    let writer = Writer::create_new(&aside)?;
+    let written = write_pack(writer, &mut journal, levels, manifest, recipe);
     if let Err(error) = written {
         // The journal stays; half a pack would only fill the disk.
         let _ = fs_err::remove_file(&aside);
         return Err(error);
     }
-    rename_into_place(&aside, out)?;
+    rename_into_place(&aside, &place)?;
     journal.remove()?;
     Ok(report(&Pack::open(out)?, &meter, false))
 }

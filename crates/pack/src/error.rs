@@ -142,6 +142,18 @@ pub enum PackError {
         /// The pack that is being built.
         path: PathBuf,
     },
+    /// A file that is not of a build stands where a build keeps its work.
+    #[error(
+        "{} is in the way of the build, which keeps its work under that name: {why}; move it elsewhere, or choose another \
+         output",
+        path.display()
+    )]
+    InTheWay {
+        /// The file.
+        path: PathBuf,
+        /// How it was noticed.
+        why: &'static str,
+    },
     /// The caller ended the build.
     #[error(
         "the build of {path} was stopped; the work so far is in {path}.partial, and the same build continues there",

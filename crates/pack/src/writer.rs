@@ -1,6 +1,6 @@
 //! Writes a pack: sections one after the other, then the manifest, then the header.
 
-use std::io::{BufWriter, Seek, SeekFrom, Write};
+use std::io::{BufWriter, Read as _, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use fs_err::File;
@@ -69,6 +69,34 @@ impl Checksum {
     }
 }
 
+/// Removes what a killed build left of a pack: a file that is empty, or starts with the place of the header or with a
+/// header. Only the name goes, a hard link elsewhere keeps its content.
+///
+/// # Errors
+/// Returns [`PackError::InTheWay`] for anything else, and [`PackError::Io`] for errors of the system.
+pub(crate) fn clear_unfinished(path: &Path) -> Result<()> {
+    let metadata = match std::fs::symlink_metadata(path) {
+        Ok(metadata) => metadata,
+        Err(e) if e.kind() == std::io::ErrorKind::NotFound => return Ok(()),
+        Err(e) => return Err(PackError::io("examine", path, e)),
+    };
+    let in_the_way = |why| PackError::InTheWay {
+        path: path.to_path_buf(),
+        why,
+    };
+    if !metadata.is_file() {
+        return Err(in_the_way("it is a link, a folder or a device"));
+    }
+    let mut head = Vec::new();
+    File::open(path)
+        .and_then(|file| file.take(HEADER_LEN).read_to_end(&mut head))
+        .map_err(|e| PackError::io("read", path, e))?;
+    if !head.starts_with(&MAGIC) && head.iter().any(|&byte| byte != 0) {
+        return Err(in_the_way("it is not an unfinished pack"));
+    }
+    fs_err::remove_file(path).map_err(|e| PackError::io("delete", path, e))
+}
+
 impl Writer {
     /// Starts a file, replacing what is there.
     ///
@@ -76,6 +104,16 @@ impl Writer {
     /// Returns an error if the file cannot be created or written.
     pub fn create(path: &Path) -> Result<Self> {
         let file = File::create(path).map_err(|e| PackError::io("create", path, e))?;
+        Self::start(path, file)
+    }
+
+    /// Starts a working file of a build, where nothing may stand; see [`clear_unfinished`].
+    pub(crate) fn create_new(path: &Path) -> Result<Self> {
+        let file = File::create_new(path).map_err(|e| PackError::io("create", path, e))?;
+        Self::start(path, file)
+    }
+
+    fn start(path: &Path, file: File) -> Result<Self> {
         let mut writer = Self {
             path: path.to_path_buf(),
             file: BufWriter::with_capacity(BUFFER_LEN, file),

@@ -281,3 +281,49 @@ fn progress_adds_up() {
     assert_eq!(tiles + last.tiles_skipped, last.tiles_total);
     assert!(last.tiles_skipped > 0 && last.tiles_per_s > 0.0);
 }
+
+#[test]
+fn working_files_of_others_are_refused_and_stay() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    for (name, notes) in [
+        ("area.grim.partial", "notes"),
+        ("area.grim.assembling", "notes"),
+    ] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, notes).unwrap();
+        let error = make(&map(), &options(), &out).unwrap_err();
+        assert!(matches!(error, PackError::InTheWay { .. }), "{error}");
+        assert!(error.to_string().contains(name), "{error}");
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), notes);
+        std::fs::remove_file(&path).unwrap();
+    }
+    assert!(!out.exists());
+    // What a killed build leaves while it assembles: nothing, the place of the header, or all but the renaming.
+    make(&map(), &one_level(), &out).unwrap();
+    let whole = std::fs::read(&out).unwrap();
+    for left in [&[][..], &[0; 10], &[0; 64], &whole] {
+        std::fs::write(folder.path().join("area.grim.assembling"), left).unwrap();
+        std::fs::remove_file(&out).unwrap();
+        make(&map(), &one_level(), &out).unwrap();
+        assert_eq!(names(folder.path()), ["area.grim"]);
+    }
+}
+
+/// Else they could be on another disk, from which nothing can be renamed.
+#[test]
+#[cfg(unix)]
+fn working_files_are_where_a_link_leads_to() {
+    let folder = tempfile::tempdir().unwrap();
+    let (here, there) = (folder.path().join("here"), folder.path().join("there"));
+    std::fs::create_dir(&here).unwrap();
+    std::fs::create_dir(&there).unwrap();
+    let link = here.join("link.grim");
+    std::os::unix::fs::symlink("../there/area.grim", &link).unwrap();
+    die_after(4, &options(), &link);
+    assert_eq!(names(&here), ["link.grim"]);
+    assert_eq!(names(&there), ["area.grim.partial"]);
+    assert!(make(&map(), &options(), &link).unwrap().tiles_resumed > 0);
+    assert!(link.is_symlink());
+    assert_eq!(names(&there), ["area.grim"]);
+}

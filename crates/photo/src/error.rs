@@ -14,6 +14,14 @@ pub enum PhotoError {
         /// What the system said.
         source: std::io::Error,
     },
+    /// A pipe, a device or a folder.
+    #[error(
+        "{path} is not a regular file but a pipe, a device or a folder: save the photo to a file first"
+    )]
+    NotRegular {
+        /// The file.
+        path: PathBuf,
+    },
     /// The file has no bytes.
     #[error("{path} is empty (0 bytes): copy it again from the camera")]
     Empty {

@@ -15,8 +15,8 @@ pub struct ModelChoice {
     pub model: Option<PathBuf>,
     /// Arithmetic of the network [default: mixed if network and processor have int8, else f32]
     ///
-    /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI (AVX-512 or AVX) or Arm's dot product, more
-    /// than f32 on others. mixed is int8 while headings and ground widths are searched with nothing known, and f32 for all else. All work with packs of any.
+    /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI (AVX-512 or AVX) or Arm's dot product, longer
+    /// than f32 on others. mixed uses int8 to search heading and ground width where both are unknown, and f32 for all else. Packs of any work with any.
     #[arg(long, value_name = "mixed|f32|int8")]
     pub precision: Option<Arithmetic>,
 }

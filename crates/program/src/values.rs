@@ -1,5 +1,13 @@
 //! Values of options: what is not in range is refused with the option's name, before any work.
 
+use std::net::SocketAddr;
+use std::ops::RangeInclusive;
+
+use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};
+
+/// Photos that a demo or a calibration may make for each scene: more fill a disk.
+const PHOTO_COUNT_RANGE: RangeInclusive<usize> = 1..=100_000;
+
 /// The options that are numbers: each name is a parser for `clap`.
 macro_rules! numbers {
     ($($(#[$doc:meta])* $name:ident: $expected:literal if $in_range:expr;)*) => {
@@ -24,12 +32,10 @@ numbers! {
     length_m: "a length in metres, above 0" if |v| v > 0.0;
     /// A distance in pixels, zero or above.
     length_px: "a number of pixels, 0 or above" if |v| v >= 0.0;
-    /// A standard deviation in metres, zero or above.
-    sigma_m: "a number of metres, 0 or above" if |v| v >= 0.0;
-    /// A ground resolution in metres per pixel, above zero.
-    gsd_m: "a ground resolution in metres per pixel, above 0" if |v| v > 0.0;
-    /// A horizontal field of view in degrees, above 0 and below 180.
-    fov_deg: "an angle in degrees, above 0 and below 180" if |v| v > 0.0 && v < 180.0;
+    /// A standard deviation in metres (or metres per second), 0 to 100 km: squares of more, or radii, are no numbers.
+    sigma_m: "a number of metres, from 0 to 100000" if |v| (0.0..=1e5).contains(&v);
+    /// A ground resolution in metres per pixel, from a tenth of a millimetre to 10 km.
+    gsd_m: "a ground resolution in metres per pixel, from 0.0001 to 10000" if |v| (1e-4..=1e4).contains(&v);
     /// A probability, 0 to 1.
     probability: "a probability from 0 to 1" if |v| (0.0..=1.0).contains(&v);
     /// A duration in milliseconds, above zero.
@@ -46,6 +52,58 @@ numbers! {
     rate_per_s: "a number of frames per second, above 0 and at most 1000" if |v| v > 0.0 && v <= 1000.0;
     /// A share above 0 and below 1.
     inner_share: "a share above 0 and below 1" if |v| v > 0.0 && v < 1.0;
+}
+
+/// A height above ground in metres, in the range of [`grimnet_photo::HEIGHT_AGL_RANGE_M`].
+///
+/// # Errors
+/// What was expected, if the text is not a number or out of range.
+pub fn height_agl_m(text: &str) -> Result<f64, String> {
+    number_within(text, &HEIGHT_AGL_RANGE_M, "a height in metres")
+}
+
+/// A horizontal field of view in degrees, in the range of [`grimnet_photo::HFOV_RANGE_DEG`].
+///
+/// # Errors
+/// What was expected, if the text is not a number or out of range.
+pub fn fov_deg(text: &str) -> Result<f64, String> {
+    number_within(text, &HFOV_RANGE_DEG, "an angle in degrees")
+}
+
+fn number_within(text: &str, range: &RangeInclusive<f64>, what: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(value) if range.contains(&value) => Ok(value),
+        _ => Err(format!(
+            "expected {what}, from {} to {}",
+            range.start(),
+            range.end()
+        )),
+    }
+}
+
+/// An address to listen on.
+///
+/// # Errors
+/// What was expected, if the text is not an IP address and a port.
+pub fn socket_address(text: &str) -> Result<SocketAddr, String> {
+    text.trim()
+        .parse()
+        .map_err(|_| "expected an IP address and port, such as 127.0.0.1:8080".to_owned())
+}
+
+/// A number of photos to be made.
+///
+/// # Errors
+/// What was expected, if the text is no whole number or out of range.
+pub fn photo_count(text: &str) -> Result<usize, String> {
+    match text.trim().parse::<usize>() {
+        Ok(value) if PHOTO_COUNT_RANGE.contains(&value) => Ok(value),
+        _ => Err(format!(
+            "expected a whole number from {} to {}",
+            PHOTO_COUNT_RANGE.start(),
+            PHOTO_COUNT_RANGE.end()
+        )),
+    }
 }
 
 /// A number of things, one at least.
@@ -103,6 +161,7 @@ mod tests {
         }
         assert_eq!(sigma_m("0"), Ok(0.0));
         for bad in ["-1", "NaN", "inf", "1m"] {
+            assert!(gsd_m(bad).is_err(), "{bad}");
             assert!(sigma_m(bad).is_err(), "{bad}");
             assert!(length_m(bad).is_err(), "{bad}");
         }
@@ -110,6 +169,36 @@ mod tests {
         assert_eq!(probability("1"), Ok(1.0));
         assert!(probability("1.01").is_err());
         assert!(inner_share("1").is_err());
+    }
+
+    #[test]
+    fn ranges_are_those_of_the_library_and_are_told() {
+        assert_eq!(height_agl_m("2"), Ok(2.0));
+        assert_eq!(height_agl_m("20000"), Ok(20_000.0));
+        for bad in ["1", "25000", "-5", "nan", "inf"] {
+            let told = "expected a height in metres, from 2 to 20000";
+            assert_eq!(height_agl_m(bad), Err(told.to_owned()), "{bad}");
+        }
+        for bad in ["0.5", "170"] {
+            let told = "expected an angle in degrees, from 1 to 150";
+            assert_eq!(fov_deg(bad), Err(told.to_owned()), "{bad}");
+        }
+        assert!(sigma_m("100000").is_ok() && sigma_m("1e308").is_err());
+        assert!(gsd_m("0.05").is_ok() && gsd_m("1e-308").is_err() && gsd_m("1e20").is_err());
+        assert_eq!(photo_count("100000"), Ok(100_000));
+        for bad in ["0", "-1", "1000000000", "many"] {
+            let told = "expected a whole number from 1 to 100000";
+            assert_eq!(photo_count(bad), Err(told.to_owned()), "{bad}");
+        }
+    }
+
+    #[test]
+    fn an_address_has_a_number_and_a_port() {
+        assert!(socket_address("127.0.0.1:8080").is_ok() && socket_address("[::1]:0").is_ok());
+        for bad in ["localhost:8080", "127.0.0.1", "foo", ""] {
+            let told = "expected an IP address and port, such as 127.0.0.1:8080";
+            assert_eq!(socket_address(bad), Err(told.to_owned()), "{bad}");
+        }
     }
 
     #[test]

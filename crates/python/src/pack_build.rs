@@ -79,11 +79,13 @@ pub enum Resolutions {
 
 /// Builds the pack `out` from a map.
 ///
+/// `zoom` takes another zoom of a map of tiles than the finest one.
+///
 /// `progress` is called with a `BuildProgress` after each piece of work. An exception in it, and Ctrl-C, end the build; the same
 /// call continues it.
 #[pyfunction]
 #[pyo3(signature = (
-    map, out, *, gsd_m=None, adapt=false, crs=None, corners=None, model=None, precision=None, overwrite=false, progress=None
+    map, out, *, gsd_m=None, adapt=false, crs=None, corners=None, zoom=None, model=None, precision=None, overwrite=false, progress=None
 ))]
 #[allow(
     clippy::too_many_arguments,
@@ -97,6 +99,7 @@ pub fn build_pack(
     adapt: bool,
     crs: Option<String>,
     corners: Option<[f64; 4]>,
+    zoom: Option<u8>,
     model: Option<PathBuf>,
     precision: Option<&str>,
     overwrite: bool,
@@ -114,6 +117,7 @@ pub fn build_pack(
             map: MapOptions {
                 crs,
                 corners,
+                zoom,
                 ..MapOptions::default()
             },
             pack: BuildOptions {

@@ -71,7 +71,8 @@ impl Tracker {
     }
 
     /// Takes in a frame that was exposed at `time_s` (seconds, one clock for all inputs) and gives the track at that time. What is
-    /// known of the photo is given as for `Localizer.locate`.
+    /// known of the photo is given as for `Localizer.locate`. A frame of the same time as an earlier one is the same exposure: it is
+    /// searched and answered, and is no more evidence.
     #[pyo3(signature = (
         photo, time_s, *, heading=None, heading_sigma_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
     ))]

@@ -126,3 +126,15 @@ def test_mbtiles_are_maps(tmp_path):
     report = grimnet.build_pack(town, tmp_path / "town.grim", gsd_m=2.0)
     assert report.tiles > 0
     assert grimnet.Localizer(tmp_path / "town.grim").levels_gsd_m == [2.0]
+
+
+def test_zoom_is_that_of_the_program(grim, demo, tmp_path):
+    town = pathlib.Path(__file__).parents[2] / "geo" / "tests" / "sources" / "maps" / "town_xyz"
+    out, its = tmp_path / "own.grim", tmp_path / "its.grim"
+    grimnet.build_pack(town, out, gsd_m=2.0, zoom=16)
+    subprocess.run([grim, "map", "build", town, "-o", its, "--gsd", "2.0", "--zoom", "16"], check=True, stdout=subprocess.DEVNULL)
+    assert out.read_bytes() == its.read_bytes()
+    with pytest.raises(grimnet.MapError, match="zooms 15, 16, 17"):
+        grimnet.build_pack(town, tmp_path / "none.grim", zoom=12)
+    with pytest.raises(grimnet.MapError, match="give no zoom"):
+        grimnet.build_pack(demo / "map.tif", tmp_path / "none.grim", zoom=16)

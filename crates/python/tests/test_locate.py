@@ -139,6 +139,8 @@ def test_wrong_input_is_told(localizer, photos, tmp_path):
         {"heading": float("nan")},
         {"heading_sigma_deg": 3.0},
         {"heading": 3.0, "heading_sigma_deg": -1.0},
+        {"heading": 3.0, "heading_sigma_deg": 0.0},
+        {"heading": 3.0, "heading_sigma_deg": 181.0},
         {"hfov_deg": 180.0},
         {"height_agl_m": -1.0},
         {"gsd_m": 0.1, "hfov_deg": 70.0},

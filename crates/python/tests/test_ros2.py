@@ -99,6 +99,18 @@ def test_a_line_without_a_position_is_no_fix(store):
     assert grimnet_ros2.pose_with_covariance_stamped(lost, ORIGIN) is None
 
 
+def test_an_image_centre_is_not_the_aircraft(store):
+    name = "sensor_msgs/msg/NavSatFix"
+    centre = {**LINE, "position_of": "image_centre"}
+    read = built(store, name, grimnet_ros2.nav_sat_fix(centre, geoid_height_m=18.5))
+    assert read.status.status == constants(store, "sensor_msgs/msg/NavSatStatus")["STATUS_NO_FIX"]
+    assert math.isnan(read.latitude) and math.isnan(read.longitude) and math.isnan(read.altitude)
+    assert read.position_covariance_type == constants(store, name)["COVARIANCE_TYPE_UNKNOWN"]
+    assert grimnet_ros2.pose_with_covariance_stamped(centre, ORIGIN) is None
+    without_attitude = grimnet_ros2.nav_sat_fix({**LINE, "position_of": "aircraft_without_attitude"})
+    assert without_attitude["status"]["status"] == grimnet_ros2.STATUS_FIX
+
+
 def test_pose(store):
     name = "geometry_msgs/msg/PoseWithCovarianceStamped"
     read = built(store, name, grimnet_ros2.pose_with_covariance_stamped(LINE, ORIGIN))
@@ -141,8 +153,9 @@ def test_lines_of_the_program(store, demo):
         read = [json.loads(line) for line in lines]
     assert len(made) == len(read) > 10
     for line, (fix, pose) in zip(read, made):
-        assert (fix["status"]["status"] == grimnet_ros2.STATUS_FIX) == (line["state"] in ("tracking", "coasting"))
-        assert (pose is not None) == grimnet_ros2.is_aircraft(line)
+        has_position = line["state"] in ("tracking", "coasting") and grimnet_ros2.is_aircraft(line)
+        assert (fix["status"]["status"] == grimnet_ros2.STATUS_FIX) == has_position
+        assert (pose is not None) == has_position
         built(store, "sensor_msgs/msg/NavSatFix", fix)
         if pose is not None:
             built(store, "geometry_msgs/msg/PoseWithCovarianceStamped", pose)

@@ -46,6 +46,13 @@ def test_same_track_as_the_program(localizer, lines):
     assert "tracking" in repr(point)
 
 
+def test_one_exposure_given_again_is_no_more_evidence(localizer, lines):
+    tracker = grimnet.Tracker(localizer)
+    for _ in range(5):
+        point = tracker.frame(lines[0]["photo"], seconds(lines[0]))
+        assert point.answer.state == "fix" and point.state == "searching"
+
+
 def test_telemetry_that_fixes_contradict_is_doubted(localizer, lines):
     tracker = grimnet.Tracker(localizer)
     for line in lines[:6]:
@@ -61,7 +68,7 @@ def test_telemetry_is_taken_in(localizer, lines):
     for line in lines[:4]:
         at = seconds(line)
         tracker.push_height(at, agl_m=110.0, amsl_m=140.0)
-        tracker.push_velocity(at, east_m_s=5.0, north_m_s=0.0, sigma_m_s=0.5)
+        tracker.push_velocity(at, east_m_s=13.8, north_m_s=-2.3, sigma_m_s=0.5)
         tracker.push_gimbal(at, yaw_deg=90.0, pitch_deg=-90.0, roll_deg=0.0)
         point = tracker.frame(line["photo"], at)
     assert point.altitude_amsl_m in (140.0, None)

@@ -9,6 +9,7 @@ use crate::problem::Problem;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum AnswerType {
     Json,
+    JsonLines,
     Geojson,
     Kml,
     Gpx,
@@ -16,12 +17,11 @@ pub(crate) enum AnswerType {
 }
 
 impl AnswerType {
-    const ALL: [Self; 5] = [Self::Json, Self::Geojson, Self::Kml, Self::Gpx, Self::Csv];
-
     /// The media type.
     pub(crate) fn media_type(self) -> &'static str {
         match self {
             Self::Json => "application/json",
+            Self::JsonLines => "application/x-ndjson",
             Self::Geojson => "application/geo+json",
             Self::Kml => "application/vnd.google-earth.kml+xml",
             Self::Gpx => "application/gpx+xml",
@@ -29,10 +29,10 @@ impl AnswerType {
         }
     }
 
-    /// The writer of the format.
+    /// The writer of the format; one answer as JSON is a JSON line.
     pub(crate) fn format(self) -> Box<dyn AnswerFormat> {
         match self {
-            Self::Json => Box::new(Jsonl),
+            Self::Json | Self::JsonLines => Box::new(Jsonl),
             Self::Geojson => Box::<Geojson>::default(),
             Self::Kml => Box::new(Kml),
             Self::Gpx => Box::new(Gpx),
@@ -40,11 +40,11 @@ impl AnswerType {
         }
     }
 
-    /// The type that the client prefers; JSON if it says nothing.
+    /// The type of those in `offered` that the client prefers; the first one if it says nothing.
     ///
     /// # Errors
     /// Status 406 if none is accepted.
-    pub(crate) fn accepted(headers: &HeaderMap) -> Result<Self, Problem> {
+    pub(crate) fn accepted(headers: &HeaderMap, offered: &[Self]) -> Result<Self, Problem> {
         let ranges: Vec<&str> = headers
             .get_all(header::ACCEPT)
             .iter()
@@ -53,11 +53,11 @@ impl AnswerType {
             .filter(|range| !range.trim().is_empty())
             .collect();
         if ranges.is_empty() {
-            return Ok(Self::Json);
+            return offered.first().copied().ok_or_else(Problem::internal);
         }
         let mut best: Option<(f32, Self)> = None;
         for range in &ranges {
-            let Some((kind, quality)) = accepted_range(range) else {
+            let Some((kind, quality)) = accepted_range(range, offered) else {
                 continue;
             };
             if best.is_none_or(|(so_far, _)| quality > so_far) {
@@ -72,28 +72,38 @@ impl AnswerType {
                 format!(
                     "the Accept header is {:?}; expected one of {}",
                     ranges.join(","),
-                    Self::ALL.map(Self::media_type).join(", ")
+                    offered
+                        .iter()
+                        .map(|kind| kind.media_type())
+                        .collect::<Vec<_>>()
+                        .join(", ")
                 ),
             )
         })
     }
 }
 
-/// The type that a media range such as `application/geo+json;q=0.5` asks for, and its weight; `None` if it is another one or the
-/// weight is 0.
-fn accepted_range(range: &str) -> Option<(AnswerType, f32)> {
+/// The first type in `offered` that a media range such as `application/geo+json;q=0.5` asks for, and its weight; `None` if it is
+/// another one or the weight is 0.
+fn accepted_range(range: &str, offered: &[AnswerType]) -> Option<(AnswerType, f32)> {
     let mut parts = range.split(';').map(str::trim);
     let name = parts.next()?.to_ascii_lowercase();
     let quality = parts
         .find_map(|part| part.strip_prefix("q="))
         .map_or(1.0, |q| q.parse::<f32>().unwrap_or(0.0));
-    let kind = match name.as_str() {
-        "*/*" | "application/*" | "application/x-ndjson" | "application/jsonl" => AnswerType::Json,
-        "text/*" => AnswerType::Csv,
-        _ => AnswerType::ALL
-            .into_iter()
-            .find(|kind| kind.media_type() == name)?,
+    let asked_for = |kind: &AnswerType| match name.as_str() {
+        "*/*" => true,
+        "application/jsonl" => *kind == AnswerType::JsonLines,
+        exact_or_any => {
+            let any_of = exact_or_any
+                .strip_suffix('*')
+                .filter(|any| any.ends_with('/'));
+            any_of.map_or(kind.media_type() == exact_or_any, |any| {
+                kind.media_type().starts_with(any)
+            })
+        }
     };
+    let kind = offered.iter().copied().find(asked_for)?;
     (quality > 0.0).then_some((kind, quality))
 }
 
@@ -101,16 +111,24 @@ fn accepted_range(range: &str) -> Option<(AnswerType, f32)> {
 mod tests {
     use super::*;
 
+    const OFFERED: [AnswerType; 5] = [
+        AnswerType::Json,
+        AnswerType::JsonLines,
+        AnswerType::Geojson,
+        AnswerType::Kml,
+        AnswerType::Gpx,
+    ];
+
     fn accepted(accept: &str) -> Option<AnswerType> {
         let mut headers = HeaderMap::new();
         headers.insert(header::ACCEPT, accept.parse().unwrap());
-        AnswerType::accepted(&headers).ok()
+        AnswerType::accepted(&headers, &OFFERED).ok()
     }
 
     #[test]
     fn the_preferred_type_is_chosen() {
         assert_eq!(
-            AnswerType::accepted(&HeaderMap::new()).unwrap(),
+            AnswerType::accepted(&HeaderMap::new(), &OFFERED).unwrap(),
             AnswerType::Json
         );
         for (accept, expected) in [
@@ -132,7 +150,12 @@ mod tests {
                 "application/geo+json;q=0, */*;q=0.5",
                 Some(AnswerType::Json),
             ),
+            ("application/x-ndjson", Some(AnswerType::JsonLines)),
+            ("application/jsonl", Some(AnswerType::JsonLines)),
+            ("application/*", Some(AnswerType::Json)),
             ("text/html", None),
+            ("text/*", None),
+            ("text/csv", None),
             ("application/json;q=0", None),
             ("application/json;q=x", None),
         ] {

@@ -23,6 +23,16 @@ use crate::query::Query;
 use crate::state::{Shared, State};
 use crate::upload::{Upload, label};
 
+/// What an answer can be; JSON unless the client says otherwise.
+const OFFERED: [AnswerType; 6] = [
+    AnswerType::Json,
+    AnswerType::JsonLines,
+    AnswerType::Geojson,
+    AnswerType::Kml,
+    AnswerType::Gpx,
+    AnswerType::Csv,
+];
+
 /// What photos without a name are called.
 const NO_NAME: &str = "photo";
 
@@ -82,7 +92,7 @@ struct Detail {
     responses(
         (status = 200, description = "The answer", content(
             (DetailedAnswer = "application/json"),
-            (Answer = "application/x-ndjson"),
+            (DetailedAnswer = "application/x-ndjson"),
             (String = "application/geo+json"),
             (String = "application/vnd.google-earth.kml+xml"),
             (String = "application/gpx+xml"),
@@ -98,7 +108,7 @@ pub(crate) async fn locate(
     headers: HeaderMap,
     request: Request,
 ) -> Result<Response, Problem> {
-    let kind = AnswerType::accepted(&headers)?;
+    let kind = AnswerType::accepted(&headers, &OFFERED)?;
     let mut query = Query::of(&uri)?;
     let map = query.take("map");
     state.maps.get_or_only(map.as_deref())?;
@@ -165,7 +175,8 @@ impl Question {
             "localised"
         );
         let answer = Answer::of(&self.name, &outcome);
-        let text = if self.detailed && self.kind == AnswerType::Json {
+        let is_json = matches!(self.kind, AnswerType::Json | AnswerType::JsonLines);
+        let text = if self.detailed && is_json {
             let detail = detail(map, &photo, &self.prior, &outcome);
             serde_json::to_string(&DetailedAnswer { answer, detail }).map(|line| line + "\n")
         } else {

@@ -8,7 +8,7 @@ use axum::http::{Method, StatusCode, Uri, header};
 use axum::middleware::from_fn_with_state;
 use axum::routing::{get, post};
 
-use crate::answers_route::{MAX_ANSWERS_BYTES, answers};
+use crate::answers_route::answers;
 use crate::assets;
 use crate::guard::protect;
 use crate::health::{health, metrics};
@@ -17,33 +17,23 @@ use crate::map_routes::maps;
 use crate::openapi::document;
 use crate::problem::Problem;
 use crate::request_log::log_request;
+use crate::rest_of_body::take_in_rest;
 use crate::state::State;
 use crate::tile_routes::{tile, tilejson};
 use crate::track_events::events;
 use crate::track_routes::{begin, end, frame, list, track};
 use crate::track_session::session;
 
-/// Largest description of a new track, bytes.
-const MAX_NEW_TRACK_BYTES: usize = 16 << 10;
-
 /// The router of the service.
 pub(crate) fn router(state: Arc<State>) -> Router {
     let max_body_bytes = state.limits.max_body_bytes;
     Router::new()
         .route("/v1/locate", post(locate))
-        .route(
-            "/v1/answers",
-            post(answers).layer(DefaultBodyLimit::max(MAX_ANSWERS_BYTES)),
-        )
+        .route("/v1/answers", post(answers))
         .route("/v1/maps", get(maps))
         .route("/v1/maps/{id}/tilejson.json", get(tilejson))
         .route("/v1/maps/{id}/tiles/{z}/{x}/{y}", get(tile))
-        .route(
-            "/v1/tracks",
-            get(list)
-                .post(begin)
-                .layer(DefaultBodyLimit::max(MAX_NEW_TRACK_BYTES)),
-        )
+        .route("/v1/tracks", get(list).post(begin))
         .route("/v1/tracks/{id}", get(track).delete(end))
         .route("/v1/tracks/{id}/frames", post(frame))
         .route("/v1/tracks/{id}/events", get(events))
@@ -56,6 +46,7 @@ pub(crate) fn router(state: Arc<State>) -> Router {
         .fallback(not_found)
         .layer(DefaultBodyLimit::max(max_body_bytes))
         .layer(from_fn_with_state(state.clone(), protect))
+        .layer(from_fn_with_state(state.clone(), take_in_rest))
         .layer(from_fn_with_state(state.clone(), log_request))
         .with_state(state)
 }

@@ -79,7 +79,7 @@ impl Service {
         let stop = Arc::new(watch::Sender::new(false));
         let state = State {
             maps,
-            tile_workers: Arc::new(Semaphore::new(limits.at_once.max(1))),
+            background: Arc::new(Semaphore::new(limits.at_once.max(1))),
             tracks: Tracks::default(),
             listeners: Arc::new(Semaphore::new(limits.listeners)),
             stopping: stop.subscribe(),

@@ -27,7 +27,7 @@ struct Session<'a> {
     title: &'a str,
     outline_lon_lat_deg: Vec<[f64; 2]>,
     tiles: Vec<SessionTile>,
-    frames: &'a [TrackFrame],
+    frames: &'a [&'a TrackFrame],
 }
 
 /// A square picture in Web Mercator, the world from 0 to 1, y to the south.
@@ -69,7 +69,8 @@ pub fn session_page(
     for address in session_tiles(map) {
         tiles.push((address, rendered_tile(map, layer, address)?));
     }
-    page_of_tiles(title, map, &tiles, frames)
+    let frames: Vec<&TrackFrame> = frames.iter().collect();
+    page_of_tiles(title, map, &tiles, &frames)
 }
 
 /// What the tiles of a session show.
@@ -90,7 +91,7 @@ pub(crate) fn page_of_tiles(
     title: &str,
     map: &ServedMap,
     tiles: &[(TileAddress, Tile)],
-    frames: &[TrackFrame],
+    frames: &[&TrackFrame],
 ) -> Result<String, ServeError> {
     let outline = map.outline.iter();
     page(&Session {

@@ -25,8 +25,8 @@ pub(crate) struct State {
     /// Becomes true when the service stops.
     pub stopping: watch::Receiver<bool>,
     pub tiles: TileCache,
-    /// Tiles that are rendered at the same time.
-    pub tile_workers: Arc<Semaphore>,
+    /// Work in the background that runs at the same time.
+    pub background: Arc<Semaphore>,
     pub token: Option<Token>,
     /// Only this machine reaches the service.
     pub is_local: bool,

@@ -13,6 +13,11 @@ pub(crate) const MAX_ZOOM: u32 = 24;
 /// Metres per pixel of zoom 0 at the equator: 2 pi 6378137 / 256 (EPSG:3857).
 const EQUATOR_M_PER_PX: f64 = 156_543.033_928_041;
 
+/// How much coarser than `gsd_m` the pixels of a zoom may be, as a part of a zoom. The pixels of Web Mercator are those of a sphere,
+/// and the resolution of a map is measured on the ellipsoid (EPSG:3857 on WGS 84): the two differ by up to 0.0097 of a zoom, which
+/// is not to cost a whole one.
+const ZOOM_TOLERANCE: f64 = 0.02;
+
 /// One tile.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(crate) struct TileAddress {
@@ -74,8 +79,7 @@ impl TileAddress {
 /// The zoom whose pixels are as fine as `gsd_m` at a latitude, or finer.
 pub(crate) fn zoom_of_gsd(gsd_m: f64, lat_deg: f64) -> u32 {
     let zoom = (EQUATOR_M_PER_PX * lat_deg.to_radians().cos() / gsd_m).log2();
-    // Rounding is not to cost a zoom.
-    let zoom = (zoom - 1e-3).ceil();
+    let zoom = (zoom - ZOOM_TOLERANCE).ceil();
     if zoom.is_finite() {
         zoom.clamp(0.0, f64::from(MAX_ZOOM)) as u32
     } else {
@@ -130,5 +134,21 @@ mod tests {
         assert_eq!(zoom_of_gsd(0.3, 0.0), 19);
         assert_eq!(zoom_of_gsd(0.3, 60.0), 18);
         assert_eq!(zoom_of_gsd(f64::NAN, 0.0), 0);
+    }
+
+    #[test]
+    fn a_map_of_tiles_gets_the_zoom_of_its_tiles() {
+        // Radii of curvature of WGS 84 over its semi-major axis (EPSG guidance note 7-2).
+        let squared_eccentricity = 0.006_694_379_990_14_f64;
+        for lat_deg in [0.0_f64, 24.0, 60.0] {
+            let lat_rad = lat_deg.to_radians();
+            let w2 = 1.0 - squared_eccentricity * lat_rad.sin().powi(2);
+            let (east, north) = (w2.powf(-0.5), (1.0 - squared_eccentricity) * w2.powf(-1.5));
+            for zoom in [1, 12, 19] {
+                let on_sphere_m = EQUATOR_M_PER_PX * lat_rad.cos() / f64::from(1 << zoom);
+                let gsd_m = on_sphere_m * east.min(north);
+                assert_eq!(zoom_of_gsd(gsd_m, lat_deg), zoom, "{lat_deg}");
+            }
+        }
     }
 }

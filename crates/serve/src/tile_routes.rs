@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::Path;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
+use crate::background::in_background;
 use crate::forwarded::scheme_of;
+use crate::path::Path;
 use crate::problem::Problem;
 use crate::query::Query;
 use crate::state::{Shared, State};
@@ -140,7 +141,15 @@ pub(crate) async fn tile_of(
     if let Some(tile) = state.tiles.get(&key) {
         return Ok(tile);
     }
-    let tile = rendered(state, id.to_owned(), layer, address).await?;
+    let id = id.to_owned();
+    let tile = in_background(state, move |state| {
+        let map = state.maps.get(&id)?;
+        rendered_tile(map, layer, address).map_err(|error| {
+            tracing::error!(%error, "a tile cannot be made");
+            Problem::internal()
+        })
+    })
+    .await?;
     state.tiles.insert(key, tile.clone());
     Ok(tile)
 }
@@ -160,31 +169,6 @@ fn address(z: &str, x: &str, y: &str) -> Option<TileAddress> {
         }
     };
     TileAddress::new(number(z)?, number(x)?, number(y)?)
-}
-
-/// Renders a tile on a thread of its own, not more at once than localisations.
-async fn rendered(
-    state: &Arc<State>,
-    id: String,
-    layer: Layer,
-    address: TileAddress,
-) -> Result<Tile, Problem> {
-    let Ok(worker) = state.tile_workers.clone().acquire_owned().await else {
-        return Err(Problem::internal());
-    };
-    let shared = state.clone();
-    let work = move || {
-        let _worker = worker;
-        let map = shared.maps.get(&id)?;
-        rendered_tile(map, layer, address).map_err(|error| {
-            tracing::error!(%error, "a tile cannot be made");
-            Problem::internal()
-        })
-    };
-    tokio::task::spawn_blocking(work).await.map_err(|error| {
-        tracing::error!(%error, "a tile failed");
-        Problem::internal()
-    })?
 }
 
 #[cfg(test)]

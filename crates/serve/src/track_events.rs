@@ -3,13 +3,13 @@
 use std::convert::Infallible;
 use std::sync::Arc;
 
-use axum::extract::Path;
 use axum::http::HeaderMap;
 use axum::response::IntoResponse;
 use axum::response::sse::{Event, KeepAlive, Sse};
 use futures_util::stream::{Stream, unfold};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
+use crate::path::Path;
 use crate::problem::Problem;
 use crate::state::Shared;
 use crate::track_store::Track;
@@ -23,7 +23,7 @@ const LISTENER_RETRY_S: u64 = 10;
 /// Follows a track
 ///
 /// Each frame is an event `frame` whose data is what `POST .../frames` answers and whose id is the frame's number. The header
-/// `Last-Event-ID` resumes after a frame; without it all frames that are kept come first.
+/// `Last-Event-ID` resumes after a frame; without it all frames that are kept come first. The events end when the track does.
 #[utoipa::path(
     get, path = "/v1/tracks/{id}/events", tag = "tracks",
     params(
@@ -56,6 +56,7 @@ pub(crate) async fn events(
     };
     let stream = frames(Listener {
         latest: track.listen(),
+        ended: track.listen_for_end(),
         track,
         after,
         stopping: state.stopping.clone(),
@@ -70,6 +71,7 @@ struct Listener {
     /// Number of the last frame that was sent.
     after: u64,
     latest: watch::Receiver<u64>,
+    ended: watch::Receiver<bool>,
     stopping: watch::Receiver<bool>,
     _place: OwnedSemaphorePermit,
 }
@@ -86,12 +88,16 @@ fn frames(listener: Listener) -> impl Stream<Item = Result<Event, Infallible>> {
                 let event = Event::default()
                     .event("frame")
                     .id(frame.number.to_string())
-                    .json_data(&frame)
+                    .json_data(&*frame)
                     .ok()?;
                 return Some((Ok(event), listener));
             }
+            if *listener.ended.borrow() {
+                return None;
+            }
             tokio::select! {
                 changed = listener.latest.changed() => changed.ok()?,
+                ended = listener.ended.changed() => ended.ok()?,
                 stopped = listener.stopping.changed() => stopped.ok()?,
             }
         }

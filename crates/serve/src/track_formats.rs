@@ -1,22 +1,26 @@
 //! A track as GeoJSON and as GPX.
 
+use std::sync::Arc;
+
 use grimnet_answer::{GpxTrack, TrackPlace};
-use serde_json::{Value, json};
+use serde_json::json;
 
 use crate::track_frame::TrackFrame;
 
 /// A GeoJSON feature collection (RFC 7946): a line through the usable positions, and a point for each position.
-pub(crate) fn geojson(frames: &[TrackFrame]) -> Value {
+///
+/// It is written feature by feature: a track of many frames as one value takes many times the memory of its text.
+pub(crate) fn geojson(frames: &[Arc<TrackFrame>]) -> String {
     let mut line = Vec::new();
-    let mut features = Vec::new();
+    let mut points = String::new();
     for frame in frames {
         let Some(point) = frame.point else { continue };
         let Some(estimate) = point.estimate else {
             continue;
         };
-        let position = json!([estimate.lon_deg, estimate.lat_deg]);
+        let position = [estimate.lon_deg, estimate.lat_deg];
         if point.state.is_usable() {
-            line.push(position.clone());
+            line.push(position);
         }
         let mut properties = json!(point);
         if let Some(properties) = properties.as_object_mut() {
@@ -26,12 +30,15 @@ pub(crate) fn geojson(frames: &[TrackFrame]) -> Value {
             properties.insert("number".into(), frame.number.into());
             properties.insert("photo".into(), frame.answer.photo.clone().into());
         }
-        features.push(json!({
+        let feature = json!({
             "type": "Feature",
             "geometry": { "type": "Point", "coordinates": position },
             "properties": properties,
-        }));
+        });
+        points += if points.is_empty() { "" } else { "," };
+        points += &feature.to_string();
     }
+    let mut text = String::from("{\"type\":\"FeatureCollection\",\"features\":[");
     // A line has two positions at least.
     if line.len() > 1 {
         let whole = json!({
@@ -39,13 +46,14 @@ pub(crate) fn geojson(frames: &[TrackFrame]) -> Value {
             "geometry": { "type": "LineString", "coordinates": line },
             "properties": { "role": "line" },
         });
-        features.insert(0, whole);
+        // The points of the line have features.
+        text += &(whole.to_string() + ",");
     }
-    json!({ "type": "FeatureCollection", "features": features })
+    text + &points + "]}"
 }
 
 /// A GPX 1.1 track of the usable positions. Times are left out: the client's clock may have any zero.
-pub(crate) fn gpx(id: u64, frames: &[TrackFrame]) -> String {
+pub(crate) fn gpx(id: u64, frames: &[Arc<TrackFrame>]) -> String {
     let mut track = GpxTrack::named(format!("track {id}"));
     let mut text = track.opening();
     for frame in frames {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use axum::Json;
-use axum::extract::{Path, Request};
+use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use grimnet_answer::Answer;
@@ -13,17 +13,25 @@ use serde::{Deserialize, Serialize};
 use tokio::time::timeout;
 
 use crate::accept::AnswerType;
+use crate::background::in_background;
 use crate::locate_route::{decode, prior_of};
+use crate::path::Path;
 use crate::problem::Problem;
 use crate::query::Query;
 use crate::state::{Shared, State};
 use crate::track_formats::{geojson, gpx};
 use crate::track_frame::TrackFrame;
 use crate::track_store::{Track, TrackSummary};
-use crate::upload::{Upload, label};
+use crate::upload::{Upload, label, read_body};
 
 /// Largest and smallest time that a frame may have, seconds: times of every usual clock are within.
 const MAX_TIME_S: f64 = 1e12;
+
+/// Largest description of a new track, bytes.
+const MAX_NEW_TRACK_BYTES: usize = 16 << 10;
+
+/// What a track can be; GeoJSON unless the client says otherwise, and it is JSON.
+const OFFERED: [AnswerType; 3] = [AnswerType::Geojson, AnswerType::Gpx, AnswerType::Json];
 
 /// What a new track is on.
 #[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
@@ -44,8 +52,9 @@ pub(crate) struct TrackList {
 #[utoipa::path(post, path = "/v1/tracks", tag = "tracks", request_body = NewTrack, responses((status = 201, description = "The track", body = TrackSummary)))]
 pub(crate) async fn begin(
     axum::extract::State(state): Shared,
-    body: axum::body::Bytes,
+    request: Request,
 ) -> Result<Response, Problem> {
+    let body = read_body(request.into_body(), MAX_NEW_TRACK_BYTES, &state.limits).await?;
     let new: NewTrack = if body.is_empty() {
         NewTrack::default()
     } else {
@@ -90,7 +99,9 @@ pub(crate) async fn end(
 /// GeoJSON: a line through the usable positions, and each position with its state, covariance and radius. GPX: the usable positions.
 #[utoipa::path(
     get, path = "/v1/tracks/{id}", tag = "tracks", params(("id" = u64, Path, description = "The track")),
-    responses((status = 200, description = "The track", content((String = "application/geo+json"), (String = "application/gpx+xml"))))
+    responses((status = 200, description = "The track", content(
+        (String = "application/geo+json"), (String = "application/gpx+xml"), (String = "application/json"),
+    )))
 )]
 pub(crate) async fn track(
     axum::extract::State(state): Shared,
@@ -98,28 +109,23 @@ pub(crate) async fn track(
     headers: HeaderMap,
 ) -> Result<Response, Problem> {
     let track = state.tracks.get(&id)?;
-    let frames = track.frames();
-    let (kind, text) = match AnswerType::accepted(&headers)? {
-        AnswerType::Json | AnswerType::Geojson => {
-            (AnswerType::Geojson, geojson(&frames).to_string())
-        }
-        AnswerType::Gpx => (AnswerType::Gpx, gpx(track.id, &frames)),
-        AnswerType::Kml | AnswerType::Csv => {
-            return Err(Problem::new(
-                StatusCode::NOT_ACCEPTABLE,
-                "not-acceptable",
-                "No format of the answer is accepted",
-                "a track is application/geo+json or application/gpx+xml",
-            ));
-        }
-    };
+    let kind = AnswerType::accepted(&headers, &OFFERED)?;
+    let text = in_background(&state, move |_| {
+        let frames = track.frames();
+        Ok(match kind {
+            AnswerType::Gpx => gpx(track.id, &frames),
+            _ => geojson(&frames),
+        })
+    })
+    .await?;
     let content_type = HeaderValue::from_static(kind.media_type());
     Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
 }
 
 /// Takes in a frame
 ///
-/// The body is as for `/v1/locate`. Frames are taken in one after the other; each is searched where the track says.
+/// The body is as for `/v1/locate`. Frames are taken in one after the other; each is searched where the track says. A frame of a
+/// time that the track has already is not looked at, and answered with what the first one gave: it may be sent again.
 #[utoipa::path(
     post, path = "/v1/tracks/{id}/frames", tag = "tracks",
     params(
@@ -171,10 +177,11 @@ pub(crate) async fn frame(
         let name = name.unwrap_or_else(|| format!("frame at {time_s} s"));
         take_in(&shared, &track, &name, &upload.photo, time_s, prior)
     };
-    place.run(&state.limits, work).await?.map(Json)
+    let frame = place.run(&state.limits, work).await??;
+    Ok(Json(TrackFrame::clone(&frame)))
 }
 
-/// Decodes a frame and gives it to the flight. This takes long.
+/// Decodes a frame and gives it to the flight, unless there is one of its time. This takes long.
 fn take_in(
     state: &Arc<State>,
     track: &Track,
@@ -182,7 +189,11 @@ fn take_in(
     bytes: &[u8],
     time_s: f64,
     prior: Prior,
-) -> Result<TrackFrame, Problem> {
+) -> Result<Arc<TrackFrame>, Problem> {
+    if let Some(frame) = track.at(time_s) {
+        tracing::info!(track = track.id, number = frame.number, "a repeated frame");
+        return Ok(frame);
+    }
     let start = std::time::Instant::now();
     let needed = track.flight().localizer().needed_pixels(&prior);
     let photo = decode(needed, name, bytes, &state.limits)?;

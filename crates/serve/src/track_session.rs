@@ -1,13 +1,15 @@
 //! `GET /v1/tracks/{id}/session`: a track with its map as one HTML file.
 
-use axum::extract::Path;
 use axum::http::{HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 
+use crate::background::in_background;
+use crate::path::Path;
 use crate::problem::Problem;
 use crate::session_page::{page_of_tiles, session_layer, session_tiles};
 use crate::state::Shared;
 use crate::tile_routes::tile_of;
+use crate::track_frame::TrackFrame;
 
 /// A track as one file
 ///
@@ -27,12 +29,18 @@ pub(crate) async fn session(
     for address in session_tiles(map) {
         tiles.push((address, tile_of(&state, map.id(), layer, address).await?));
     }
-    let title = format!("Track {} on {}", track.id, map.id());
-    let text = page_of_tiles(&title, map, &tiles, &track.frames()).map_err(|error| {
-        tracing::error!(%error, "a session cannot be written");
-        Problem::internal()
-    })?;
     let disposition = format!("attachment; filename=\"track-{}.html\"", track.id);
+    let text = in_background(&state, move |state| {
+        let map = state.maps.get(&track.map)?;
+        let title = format!("Track {} on {}", track.id, map.id());
+        let frames = track.frames();
+        let frames: Vec<&TrackFrame> = frames.iter().map(AsRef::as_ref).collect();
+        page_of_tiles(&title, map, &tiles, &frames).map_err(|error| {
+            tracing::error!(%error, "a session cannot be written");
+            Problem::internal()
+        })
+    })
+    .await?;
     let disposition =
         HeaderValue::from_str(&disposition).unwrap_or(HeaderValue::from_static("attachment"));
     Ok((

@@ -28,9 +28,11 @@ pub(crate) struct Track {
     /// Frames are taken in one after the other.
     pub turn: Arc<Semaphore>,
     flight: Mutex<Flight>,
-    frames: Mutex<VecDeque<TrackFrame>>,
+    frames: Mutex<VecDeque<Arc<TrackFrame>>>,
     /// Number of the latest frame.
     latest: watch::Sender<u64>,
+    /// Becomes true when the track ends.
+    ended: watch::Sender<bool>,
     used: Mutex<Instant>,
 }
 
@@ -61,12 +63,13 @@ impl Track {
     }
 
     /// Adds a frame under the next number, and tells those who listen.
-    pub(crate) fn add(&self, mut frame: TrackFrame) -> TrackFrame {
+    pub(crate) fn add(&self, mut frame: TrackFrame) -> Arc<TrackFrame> {
         let mut frames = locked(&self.frames);
         frame.number = *self.latest.borrow() + 1;
         if frames.len() >= MAX_FRAMES {
             frames.pop_front();
         }
+        let frame = Arc::new(frame);
         frames.push_back(frame.clone());
         drop(frames);
         *locked(&self.used) = Instant::now();
@@ -75,21 +78,34 @@ impl Track {
     }
 
     /// The first frame after number `after` that is kept.
-    pub(crate) fn next_after(&self, after: u64) -> Option<TrackFrame> {
+    pub(crate) fn next_after(&self, after: u64) -> Option<Arc<TrackFrame>> {
         let frames = locked(&self.frames);
         let first = frames.front()?.number;
         let at = (after + 1).saturating_sub(first);
         frames.get(usize::try_from(at).ok()?).cloned()
     }
 
+    /// The frame of a time, if it is kept.
+    pub(crate) fn at(&self, time_s: f64) -> Option<Arc<TrackFrame>> {
+        let frames = locked(&self.frames);
+        // It is one of the latest.
+        let mut latest_first = frames.iter().rev();
+        latest_first.find(|frame| frame.time_s == time_s).cloned()
+    }
+
     /// All frames that are kept.
-    pub(crate) fn frames(&self) -> Vec<TrackFrame> {
+    pub(crate) fn frames(&self) -> Vec<Arc<TrackFrame>> {
         locked(&self.frames).iter().cloned().collect()
     }
 
     /// Changes when a frame is added.
     pub(crate) fn listen(&self) -> watch::Receiver<u64> {
         self.latest.subscribe()
+    }
+
+    /// Becomes true when the track ends.
+    pub(crate) fn listen_for_end(&self) -> watch::Receiver<bool> {
+        self.ended.subscribe()
     }
 
     pub(crate) fn summary(&self) -> TrackSummary {
@@ -115,6 +131,14 @@ struct Held {
     tracks: BTreeMap<u64, Arc<Track>>,
 }
 
+impl Held {
+    fn end(&mut self, id: u64) {
+        if let Some(track) = self.tracks.remove(&id) {
+            track.ended.send_replace(true);
+        }
+    }
+}
+
 impl Tracks {
     /// Begins a track.
     ///
@@ -135,7 +159,7 @@ impl Tracks {
                     (IDLE_S - idle_s).ceil() as u64 + 1,
                 ));
             }
-            held.tracks.remove(&id);
+            held.end(id);
         }
         held.latest_id += 1;
         let track = Arc::new(Track {
@@ -145,6 +169,7 @@ impl Tracks {
             flight: Mutex::new(flight),
             frames: Mutex::default(),
             latest: watch::Sender::new(0),
+            ended: watch::Sender::new(false),
             used: Mutex::new(Instant::now()),
         });
         held.tracks.insert(track.id, track.clone());
@@ -163,9 +188,9 @@ impl Tracks {
             .ok_or_else(|| Problem::not_found(format!("there is no track {id:?}")))
     }
 
-    /// Ends a track.
+    /// Ends a track, also for those who follow it.
     pub(crate) fn end(&self, track: &Track) {
-        locked(&self.0).tracks.remove(&track.id);
+        locked(&self.0).end(track.id);
     }
 
     pub(crate) fn summaries(&self) -> Vec<TrackSummary> {

@@ -1,6 +1,6 @@
 //! Reads a photo and its prior from the body of a request, within limits of size and time.
 
-use axum::body::{Body, Bytes};
+use axum::body::{Body, Bytes, HttpBody as _};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{FromRequest as _, Request};
 use axum::http::header;
@@ -43,13 +43,7 @@ impl Upload {
     /// # Errors
     /// Status 408 if it arrives too slowly, 413 if it is too large, 415 for another content type, 400 if it is malformed.
     pub(crate) async fn read(request: Request, limits: &Limits) -> Result<Self, Problem> {
-        match timeout(limits.body_time, Self::read_all(request, limits)).await {
-            Ok(result) => result,
-            Err(_) => Err(Problem::too_slow(format!(
-                "the body did not arrive within {} s",
-                limits.body_time.as_secs_f64()
-            ))),
-        }
+        in_time(limits, Self::read_all(request, limits)).await
     }
 
     async fn read_all(request: Request, limits: &Limits) -> Result<Self, Problem> {
@@ -74,7 +68,7 @@ impl Upload {
                 .map_err(|error| Problem::bad_request(error.body_text()))?;
             Self::read_parts(multipart, limits).await?
         } else if PHOTO_TYPES.contains(&essence.as_str()) {
-            let photo = read_body(request.into_body(), limits).await?;
+            let photo = read_chunks(request.into_body(), limits.max_body_bytes, limits).await?;
             Self {
                 photo,
                 ..Self::default()
@@ -151,13 +145,42 @@ async fn read_part(
     }
 }
 
-async fn read_body(body: Body, limits: &Limits) -> Result<Vec<u8>, Problem> {
+/// Reads a whole body of `max_bytes` at most.
+///
+/// # Errors
+/// Status 408 if it arrives too slowly, 413 if it is too large, 400 if it breaks off.
+pub(crate) async fn read_body(
+    body: Body,
+    max_bytes: usize,
+    limits: &Limits,
+) -> Result<Vec<u8>, Problem> {
+    in_time(limits, read_chunks(body, max_bytes, limits)).await
+}
+
+/// What `reading` gives, if the body arrives within `limits.body_time`.
+async fn in_time<T>(
+    limits: &Limits,
+    reading: impl Future<Output = Result<T, Problem>>,
+) -> Result<T, Problem> {
+    match timeout(limits.body_time, reading).await {
+        Ok(result) => result,
+        Err(_) => Err(Problem::too_slow(format!(
+            "the body did not arrive within {} s",
+            limits.body_time.as_secs_f64()
+        ))),
+    }
+}
+
+async fn read_chunks(body: Body, max_bytes: usize, limits: &Limits) -> Result<Vec<u8>, Problem> {
+    if body.size_hint().lower() > max_bytes as u64 {
+        return Err(longer_than(max_bytes));
+    }
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     loop {
         let next = timeout(limits.body_pause, stream.next()).await;
         match next.map_err(|_| paused(limits))? {
-            Some(Ok(chunk)) => append(&mut bytes, &chunk, limits.max_body_bytes)?,
+            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes)?,
             Some(Err(error)) => {
                 return Err(Problem::bad_request(format!(
                     "the body breaks off: {error}"
@@ -170,12 +193,16 @@ async fn read_body(body: Body, limits: &Limits) -> Result<Vec<u8>, Problem> {
 
 fn append(bytes: &mut Vec<u8>, chunk: &Bytes, max_bytes: usize) -> Result<(), Problem> {
     if bytes.len() + chunk.len() > max_bytes {
-        return Err(Problem::too_large(format!(
-            "the content is longer than the limit of {max_bytes} bytes"
-        )));
+        return Err(longer_than(max_bytes));
     }
     bytes.extend_from_slice(chunk);
     Ok(())
+}
+
+fn longer_than(max_bytes: usize) -> Problem {
+    Problem::too_large(format!(
+        "the content is longer than the limit of {max_bytes} bytes"
+    ))
 }
 
 fn malformed(error: &MultipartError, limits: &Limits) -> Problem {

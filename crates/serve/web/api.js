@@ -2,6 +2,9 @@
 const list = document.getElementById("operations");
 const token = document.getElementById("token");
 
+/** Characters of a response that are shown, at most. */
+const MAX_SHOWN = 20000;
+
 function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
@@ -15,7 +18,7 @@ function field(label, hint, input) {
   return element("label", {}, ...parts);
 }
 
-// The inputs of one operation: parameters of path and query, then the body.
+// The inputs of one operation: parameters of path, query and header, then the body.
 function inputsOf(operation) {
   const inputs = [];
   for (const parameter of operation.parameters ?? []) {
@@ -38,7 +41,27 @@ function inputsOf(operation) {
   return inputs;
 }
 
-async function send(method, path, form, output) {
+// Shows a response as it comes: events of a track end only with the track. Returns when all of it is there.
+async function showBody(response, output) {
+  const head = `${response.status} ${response.statusText}\n${response.headers.get("content-type") ?? ""}\n\n`;
+  output.textContent = head;
+  if (!response.body) return;
+  const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
+  let text = "";
+  for (;;) {
+    const { value, done } = await reader.read();
+    if (done) return;
+    text += value;
+    if (text.length > MAX_SHOWN) {
+      output.textContent = `${head}${text.slice(0, MAX_SHOWN)}\n… (the rest is not shown)`;
+      await reader.cancel();
+      return;
+    }
+    output.textContent = head + text;
+  }
+}
+
+async function send(method, path, form, output, signal) {
   const query = new URLSearchParams();
   const parts = new FormData();
   const headers = {};
@@ -49,6 +72,7 @@ async function send(method, path, form, output) {
     if (!value) continue;
     switch (input.dataset.in) {
       case "path": path = path.replace(`{${input.name}}`, encodeURIComponent(value)); break;
+      case "header": headers[input.name] = value; break;
       case "query": query.append(input.name, value); break;
       case "part": parts.append(input.name, value); hasParts = true; break;
       case "json": body = value; headers["content-type"] = "application/json"; break;
@@ -60,10 +84,11 @@ async function send(method, path, form, output) {
   output.textContent = "…";
   try {
     const search = query.size ? `?${query}` : "";
-    const response = await fetch(path + search, { method: method.toUpperCase(), headers, body });
-    const text = await response.text();
-    output.textContent = `${response.status} ${response.statusText}\n${response.headers.get("content-type") ?? ""}\n\n${text.slice(0, 20000)}`;
+    const response = await fetch(path + search, { method: method.toUpperCase(), headers, body, signal });
+    await showBody(response, output);
   } catch (error) {
+    // Another request of this form took its place.
+    if (signal.aborted) return;
     output.textContent = `The service cannot be reached: ${error.message}`;
   }
 }
@@ -71,10 +96,13 @@ async function send(method, path, form, output) {
 function card(method, path, operation) {
   const output = element("pre", { "aria-live": "polite", hidden: "" });
   const form = element("form", {}, ...inputsOf(operation), element("button", {}, "Send"));
+  let sent = null;
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     output.hidden = false;
-    send(method, path, form, output);
+    sent?.abort();
+    sent = new AbortController();
+    send(method, path, form, output, sent.signal);
   });
   const title = element("h2", {}, element("span", { class: "method" }, method.toUpperCase()), ` ${path}`);
   const description = element("p", {}, operation.summary ?? "", element("br"), element("span", { class: "hint" }, operation.description ?? ""));

@@ -22,9 +22,9 @@ const point = (coordinates, properties) => feature({ type: "Point", coordinates 
 const polygon = (ring, properties) => feature({ type: "Polygon", coordinates: [ring] }, properties);
 
 /** The GeoJSON features of one answer. */
-export function featuresOf({ answer, detail }, chosen) {
-  if (answer.state !== "fix") return [];
-  const features = [point([answer.lon_deg, answer.lat_deg], { role: "fix", chosen, photo: answer.photo })];
+export function featuresOf({ number, answer, detail }, chosen) {
+  if (answer?.state !== "fix") return [];
+  const features = [point([answer.lon_deg, answer.lat_deg], { role: "fix", chosen, number })];
   const outline = answer.outline_lon_lat_deg ?? [];
   if (outline.length > 2) features.push(polygon([...outline, outline[0]], { role: "outline", chosen }));
   if (chosen) {
@@ -76,7 +76,7 @@ export class MapView {
     map.addLayer({ id: "track-point", type: "circle", source: "track", filter: only("position"), paint: { "circle-radius": 4, "circle-color": "#7b3ff2", "circle-stroke-color": "#ffffff", "circle-stroke-width": 1 } });
     map.addLayer({ id: "runner-up", type: "circle", source: "answers", filter: only("runner-up"), paint: { "circle-radius": 6, "circle-color": "#c62828", "circle-stroke-color": "#ffffff", "circle-stroke-width": 2 } });
     map.addLayer({ id: "fix", type: "circle", source: "answers", filter: only("fix"), paint: { "circle-radius": ["case", ["get", "chosen"], 7, 5], "circle-color": "#1b8a3a", "circle-stroke-color": "#ffffff", "circle-stroke-width": 2 } });
-    map.on("click", "fix", (event) => onChoose(event.features[0].properties.photo));
+    map.on("click", "fix", (event) => onChoose(event.features[0].properties.number));
   }
 
   /** Shows a map of the service. */
@@ -118,8 +118,8 @@ export class MapView {
     map.getSource("answers").setData(collection(entries.flatMap((entry) => featuresOf(entry, entry === chosen))));
     if (map.getLayer("photo")) map.removeLayer("photo");
     if (map.getSource("photo")) map.removeSource("photo");
-    const outline = chosen?.answer.outline_lon_lat_deg;
-    if (withPhoto && chosen?.answer.state === "fix" && outline?.length === 4 && chosen.canShow) {
+    const outline = chosen?.answer?.outline_lon_lat_deg;
+    if (withPhoto && chosen?.answer?.state === "fix" && outline?.length === 4 && chosen.canShow) {
       map.addSource("photo", { type: "image", url: chosen.url, coordinates: outline });
       map.addLayer({ id: "photo", type: "raster", source: "photo", paint: { "raster-opacity": 0.8, "raster-fade-duration": 0 } }, "circle");
     }
@@ -132,6 +132,12 @@ export class MapView {
     for (const at of points) bounds.extend(at);
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.map.fitBounds(bounds, { padding: 80, maxZoom: 20, animate: !still });
+  }
+
+  async goToPosition(lonLat) {
+    await this.loaded;
+    const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.map.easeTo({ center: lonLat, animate: !still });
   }
 
   async showTrack(geojson) {

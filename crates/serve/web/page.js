@@ -4,7 +4,9 @@ import { connectTracks } from "/web/tracks.js";
 
 const byId = (id) => document.getElementById(id);
 const priorFields = ["heading", "height_agl_m", "hfov_deg", "near"];
+// Photos, the last one first: each has a number and either an answer or an error.
 const entries = [];
+let lastNumber = 0;
 let areas = [];
 let chosen = null;
 let view = null;
@@ -49,16 +51,16 @@ function showList() {
     const button = document.createElement("button");
     button.type = "button";
     button.setAttribute("aria-pressed", String(entry === chosen));
-    const isFix = entry.answer.state === "fix";
-    const text = isFix ? `±${entry.answer.radius95_m.toFixed(1)} m` : "no fix";
-    button.append(element("span", entry.answer.photo, "name"), element("span", text, isFix ? "good" : "bad"));
+    const isFix = entry.answer?.state === "fix";
+    const text = isFix ? `±${entry.answer.radius95_m.toFixed(1)} m` : entry.answer ? "no fix" : "error";
+    button.append(element("span", entry.file.name, "name"), element("span", text, isFix ? "good" : "bad"));
     button.addEventListener("click", () => choose(entry));
     const item = document.createElement("li");
     item.append(button);
     return item;
   });
   byId("answers").replaceChildren(...items);
-  byId("export").hidden = entries.length === 0;
+  byId("export").hidden = !entries.some((entry) => entry.answer);
   byId("again").disabled = chosen === null;
 }
 
@@ -66,11 +68,17 @@ function showDetail() {
   byId("detail").hidden = chosen === null;
   if (chosen === null) return;
   const { answer, detail } = chosen;
-  byId("detail-title").textContent = answer.photo;
-  byId("reason").hidden = answer.state === "fix";
+  const picture = byId("matches");
+  byId("detail-title").textContent = chosen.file.name;
+  byId("reason").hidden = answer?.state === "fix";
+  if (!answer) {
+    byId("reason").textContent = `Error: ${chosen.error}`;
+    byId("facts").replaceChildren();
+    picture.hidden = true;
+    return;
+  }
   byId("reason").textContent = answer.state === "fix" ? "" : `No fix: ${answer.reason}`;
   byId("facts").replaceChildren(...factsOf(chosen));
-  const picture = byId("matches");
   picture.hidden = !detail.matches_jpeg_base64;
   if (detail.matches_jpeg_base64) {
     picture.src = `data:image/jpeg;base64,${detail.matches_jpeg_base64}`;
@@ -91,7 +99,16 @@ function choose(entry) {
   showList();
   showDetail();
   draw();
-  if (entry.answer.state === "fix") view?.goTo(entry);
+  if (entry.answer?.state === "fix") view?.goTo(entry);
+}
+
+// Puts an entry into the list, in the place of `replaced` if there is one, and chooses it.
+function enter(entry, replaced) {
+  entry.number = replaced?.number ?? ++lastNumber;
+  const at = entries.findIndex((each) => each.number === entry.number);
+  if (at >= 0) entries[at] = entry;
+  else entries.unshift(entry);
+  choose(entry);
 }
 
 // Browsers show JPEG, PNG and WebP; a TIFF is located and not shown.
@@ -101,16 +118,16 @@ async function locateFile(file, replaced = null) {
   say(`Locating ${file.name} …`);
   const prior = Object.fromEntries(priorFields.map((name) => [name, byId(name).value]));
   try {
-    const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token());
-    const entry = { answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) };
-    if (replaced) entries[entries.indexOf(replaced)] = entry;
-    else entries.unshift(entry);
-    choose(entry);
+    const busy = ({ message, retryAfterS }) => say(`${file.name}: ${message} (the next try is in ${retryAfterS} s)`);
+    const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token(), busy);
+    enter({ answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) }, replaced);
     say(answer.state === "fix"
       ? `${file.name}: ${answer.lat_deg.toFixed(6)}, ${answer.lon_deg.toFixed(6)}, within ${answer.radius95_m.toFixed(1)} m.`
       : `${file.name}: no fix. ${answer.reason}`);
   } catch (error) {
     if (!(error instanceof ServiceError)) throw error;
+    // An answer that is there stays.
+    if (!replaced?.answer) enter({ error: error.message, file }, replaced);
     say(`${file.name}: ${error.message}`);
     if (error.status === 401) askForToken();
   }
@@ -139,12 +156,18 @@ async function showArea() {
   await view?.showArea(area);
 }
 
+async function showMap(id) {
+  if (byId("map-choice").value === id || !areas.some((each) => each.id === id)) return;
+  byId("map-choice").value = id;
+  await showArea();
+}
+
 async function save(button) {
   try {
     const response = await ask("/v1/answers", token(), {
       method: "POST",
       headers: { accept: button.dataset.type, "content-type": "application/json" },
-      body: JSON.stringify(entries.map((entry) => entry.answer)),
+      body: JSON.stringify(entries.flatMap((entry) => entry.answer ?? [])),
     });
     saveAs(await response.blob(), button.dataset.name);
     say(`Saved ${button.dataset.name}.`);
@@ -183,8 +206,8 @@ async function openView() {
     byId("no-map").textContent = "This browser has no WebGL 2, so the map cannot be drawn. Photos are located all the same.";
     return;
   }
-  view = new MapView("map", token, (photo) => {
-    const entry = entries.find((each) => each.answer.photo === photo);
+  view = new MapView("map", token, (number) => {
+    const entry = entries.find((each) => each.number === number);
     if (entry) choose(entry);
   });
   // For tests: what is drawn.
@@ -203,6 +226,11 @@ async function start() {
 }
 
 connectInputs();
-connectTracks({ token, showTrack: (geojson) => view?.showTrack(geojson) });
+connectTracks({
+  token,
+  showMap,
+  showTrack: (geojson) => view?.showTrack(geojson),
+  goTo: (lonLat) => view?.goToPosition(lonLat),
+});
 await openView();
 await start();

@@ -1,10 +1,15 @@
 // The service's API, as the page uses it.
 
+/** Times that a photo is sent to a busy service. */
+const MAX_TRIES = 10;
+
 /** An error that the service states (RFC 9457), or that it cannot be reached. */
 export class ServiceError extends Error {
-  constructor(message, status = 0) {
+  /** `retryAfterS`: seconds after which a busy service wants to be asked again, or null. */
+  constructor(message, status = 0, retryAfterS = null) {
     super(message);
     this.status = status;
+    this.retryAfterS = retryAfterS;
   }
 }
 
@@ -20,7 +25,12 @@ export async function ask(path, token, options = {}) {
   }
   if (response.ok) return response;
   const problem = await response.json().catch(() => ({}));
-  throw new ServiceError(problem.detail ?? `${response.status} ${response.statusText}`, response.status);
+  const retryAfterS = response.status === 503 ? Number.parseInt(response.headers.get("retry-after"), 10) : Number.NaN;
+  throw new ServiceError(
+    problem.detail ?? `${response.status} ${response.statusText}`,
+    response.status,
+    Number.isFinite(retryAfterS) ? retryAfterS : null,
+  );
 }
 
 /** Saves data as a file of the user's. */
@@ -32,8 +42,11 @@ export function saveAs(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
-/** Localises one photo. `prior` holds texts by field; empty ones are left out. */
-export async function locate(file, map, prior, token) {
+/**
+ * Localises one photo. `prior` holds texts by field; empty ones are left out. `onBusy` is called with the error of a busy service,
+ * which is asked again after `retryAfterS` seconds.
+ */
+export async function locate(file, map, prior, token, onBusy) {
   const known = {};
   for (const [name, text] of Object.entries(prior)) {
     const trimmed = text.trim();
@@ -45,6 +58,14 @@ export async function locate(file, map, prior, token) {
   body.append("prior", JSON.stringify(known));
   body.append("photo", file, file.name);
   const query = new URLSearchParams({ map, detail: "true" });
-  const response = await ask(`/v1/locate?${query}`, token, { method: "POST", body });
-  return response.json();
+  for (let tries = 1; ; tries++) {
+    try {
+      const response = await ask(`/v1/locate?${query}`, token, { method: "POST", body });
+      return await response.json();
+    } catch (error) {
+      if (!(error instanceof ServiceError) || error.retryAfterS === null || tries === MAX_TRIES) throw error;
+      onBusy(error);
+      await new Promise((resolve) => setTimeout(resolve, 1000 * error.retryAfterS));
+    }
+  }
 }

@@ -54,12 +54,14 @@ async function follow(id, token, signal, onFrame) {
   }
 }
 
-/** Connects the inputs of the page. */
-export function connectTracks({ token, showTrack }) {
+/** Connects the inputs of the page. `showMap` takes the name of a map, `goTo` a longitude and latitude. */
+export function connectTracks({ token, showMap, showTrack, goTo }) {
   const say = (text) => { byId("track-status").textContent = text; };
   const slider = byId("track-slider");
+  let tracks = [];
   let frames = [];
   let following = null;
+  let isShowing = false;
 
   const show = () => {
     const upTo = Number(slider.value);
@@ -68,10 +70,19 @@ export function connectTracks({ token, showTrack }) {
     if (!frame) return;
     say(frameText(frame));
   };
+  // Once for all frames that come between two pictures of the screen: a long track is replayed at once.
+  const showSoon = () => {
+    if (isShowing) return;
+    isShowing = true;
+    requestAnimationFrame(() => {
+      isShowing = false;
+      show();
+    });
+  };
 
   byId("read-tracks").addEventListener("click", async () => {
     try {
-      const { tracks } = await (await ask("/v1/tracks", token())).json();
+      ({ tracks } = await (await ask("/v1/tracks", token())).json());
       byId("track-choice").replaceChildren(...tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
       byId("follow").disabled = byId("save-track").disabled = tracks.length === 0;
       say(tracks.length === 0 ? "There are no tracks: a program begins one with POST /v1/tracks." : "");
@@ -82,16 +93,25 @@ export function connectTracks({ token, showTrack }) {
   byId("follow").addEventListener("click", async () => {
     following?.abort();
     following = new AbortController();
+    const { signal } = following;
+    const id = byId("track-choice").value;
     frames = [];
     slider.disabled = false;
+    let isPlaced = false;
     try {
-      await follow(byId("track-choice").value, token(), following.signal, (frame) => {
+      const map = tracks.find((track) => String(track.id) === id)?.map;
+      if (map !== undefined) await showMap(map);
+      await follow(id, token(), signal, (frame) => {
         const atEnd = slider.value === slider.max;
         frames.push(frame);
         slider.min = frames[0].number;
         slider.max = frame.number;
         if (atEnd) slider.value = frame.number;
-        show();
+        if (!isPlaced && frame.point?.lat_deg !== undefined) {
+          isPlaced = true;
+          goTo([frame.point.lon_deg, frame.point.lat_deg]);
+        }
+        showSoon();
       });
     } catch (error) {
       say(error.message);

@@ -42,7 +42,7 @@ pub use run::data::Data;
 pub use run::detector::Detector;
 pub use run::labelling::{LabelProgress, label_pictures};
 pub use run::losses::Losses;
-pub use run::optimiser::{Adam, AdamOptions, StepOptions};
+pub use run::optimiser::{Adam, AdamOptions, Moments, StepOptions};
 pub use run::report::Progress;
 pub use run::run_folder::{FLIGHT, MODEL, RunFolder};
 pub use run::trainer::{Trainer, checkpoint_path};

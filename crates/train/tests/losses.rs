@@ -330,3 +330,32 @@ fn adam_clips_by_the_global_norm_and_steps_as_pytorchs() {
         close(&ours[..theirs.len()], &theirs, name);
     }
 }
+
+/// Where tasks alternate, a decoder has its first gradient after other tensors had many: its first step is the learning rate, as in PyTorch,
+/// which counts the updates of each tensor by itself.
+#[test]
+fn the_first_step_of_a_tensor_has_the_length_of_the_rate_whenever_it_comes() {
+    let device = Device::flex();
+    let mut parameters =
+        Parameters::of_model(&Model::random(&NetSpec::compact(), 1).unwrap(), &device);
+    let options = StepOptions {
+        adam: AdamOptions::pytorch(),
+        clip: f32::INFINITY,
+    };
+    let mut adam = Adam::default();
+    let mut step = |name: &str| {
+        let before = host(parameters.flat(name).unwrap());
+        let tracked = parameters.tracked();
+        let mut gradients = tracked.flat(name).unwrap().sum().backward();
+        adam.step(&mut parameters, &tracked, &mut gradients, &options, |_| {
+            0.01
+        })
+        .unwrap();
+        let after = host(parameters.flat(name).unwrap());
+        before[0] - after[0]
+    };
+    for _ in 0..20 {
+        step("encoder.0.0.weight");
+    }
+    close(&[step("descriptor.bias")], &[0.01], "first step");
+}

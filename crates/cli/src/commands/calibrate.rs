@@ -20,7 +20,8 @@ use super::elsewhere::{source, width_m};
 use super::{LimitsChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
-use crate::{progress, values};
+use crate::standard_output::StandardOutput;
+use crate::{inputs, progress, values};
 
 /// Arguments of `grim calibrate`.
 #[derive(Debug, Args)]
@@ -70,7 +71,7 @@ pub struct CalibrateArgs {
     elsewhere: Vec<PathBuf>,
 
     /// Pictures of each of these folders on each map
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = values::count)]
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = values::photo_count)]
     elsewhere_trials: usize,
 
     /// Share of photos taken elsewhere that may get a fix; a smaller share costs right fixes
@@ -113,10 +114,12 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     }
     let model = arguments.model.open()?;
     let (observations, data) = match &arguments.observed {
-        Some(path) => (
-            observation::read(path).with_context(|| format!("cannot read {}", path.display()))?,
-            "observations of an earlier run".to_owned(),
-        ),
+        Some(path) => {
+            inputs::check_regular(path)?;
+            let observations = observation::read(path)
+                .with_context(|| format!("cannot read {}", path.display()))?;
+            (observations, "observations of an earlier run".to_owned())
+        }
         None => observe(arguments, &model)?,
     };
     if let Some(path) = &arguments.observations {
@@ -129,7 +132,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     let calibration = merged(model.calibration(), fitted, arguments.only);
     let calibrated = model.with_calibration(calibration.clone())?;
     policy.write(&arguments.out, |file| calibrated.write(file))?;
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     writeln!(out, "{}", serde_json::to_string_pretty(&calibration)?)?;
     writeln!(
         out,
@@ -249,6 +252,7 @@ fn observe(
                     trials: arguments.elsewhere_trials,
                     seed: arguments.seed + number,
                     map_width_m: width_m(scene.map.as_ref())?,
+                    nothing_given: false,
                     photo_limits: arguments.limits.photo(),
                 },
             })

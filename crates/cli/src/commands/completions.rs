@@ -7,12 +7,13 @@ use clap::{Args, CommandFactory};
 use clap_complete::Shell;
 
 use crate::exit::Exit;
+use crate::standard_output::StandardOutput;
 
 /// Examples under the help of `grim completions`.
 pub const EXAMPLES: &str = "\
 Examples:
   grim completions bash > ~/.local/share/bash-completion/completions/grim
-  grim completions zsh > ~/.zfunc/_grim               with fpath+=~/.zfunc before compinit in ~/.zshrc
+  grim completions zsh > ~/.zfunc/_grim               # with fpath+=~/.zfunc before compinit in ~/.zshrc
   grim completions fish > ~/.config/fish/completions/grim.fish";
 
 /// Arguments of `grim completions`.
@@ -30,6 +31,6 @@ pub struct CompletionsArgs {
 pub fn run<P: CommandFactory>(arguments: &CompletionsArgs) -> Result<Exit> {
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut P::command(), "grim", &mut script);
-    std::io::stdout().write_all(&script)?;
+    StandardOutput.write_all(&script)?;
     Ok(Exit::Done)
 }

@@ -30,6 +30,7 @@ use crate::exit::Exit;
 use crate::formats::Format;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
 use crate::procedural_flight::{MAP_GSD_M, make_flight};
+use crate::standard_output::StandardOutput;
 use crate::values;
 use grimnet_answer::printable;
 
@@ -56,9 +57,9 @@ const PACK: &str = "area.grim";
 /// Examples under the help of `grim demo`.
 pub const EXAMPLES: &str = "\
 Examples:
-  grim demo                           about a minute; then open demo/report.html
-  grim demo --seed 8 -o another       another town, in the folder `another`
-  grim demo --serve                   then drop its photos on the page at http://127.0.0.1:8080";
+  grim demo                           # about a minute; then open demo/report.html
+  grim demo --seed 8 -o another       # another town, in the folder `another`
+  grim demo --serve                   # then drop its photos on the page at http://127.0.0.1:8080";
 
 /// Arguments of `grim demo`.
 #[derive(Debug, Args)]
@@ -78,14 +79,14 @@ pub struct DemoArgs {
     seed: u64,
 
     /// Number of photos of the flight
-    #[arg(long, value_name = "N", default_value_t = 40, value_parser = values::count)]
+    #[arg(long, value_name = "N", default_value_t = 40, value_parser = values::photo_count)]
     photos: usize,
 
     #[command(flatten)]
     model: ModelChoice,
 
     /// Then serve the map page on this address, as `grim serve` does [default: 127.0.0.1:8080]
-    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8080")]
+    #[arg(long, value_name = "ADDR:PORT", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = values::socket_address)]
     serve: Option<SocketAddr>,
 }
 
@@ -162,7 +163,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     print_summary(&runs)?;
     let tracked = follow_crossing(&folder, arguments.seed, localizer, scene.map.as_ref())?;
     writeln!(
-        std::io::stdout(),
+        StandardOutput,
         "\n{tracked}\n\n{:.0} s in all. The report is {}, pictures of matches are in {}",
         started.elapsed().as_secs_f64(),
         printable(&out.join("report.html").display().to_string()),
@@ -178,7 +179,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
 fn serve_flight(arguments: &DemoArgs, address: SocketAddr) -> Result<Exit> {
     let out = &arguments.out;
     writeln!(
-        std::io::stdout(),
+        StandardOutput,
         "Drop photos from {} on the page:",
         printable(&out.join("photos").display().to_string())
     )?;

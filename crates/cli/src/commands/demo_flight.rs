@@ -32,6 +32,7 @@ pub fn follow_crossing(
     let options = FrameOptions {
         source: TimeSource::Auto,
         frames_per_s: None,
+        clock_offset_s: 0.0,
         limits: PhotoLimits::DEFAULT,
         needed: Some(localizer.needed_pixels(&Prior::none())),
     };

@@ -14,6 +14,7 @@ use grimnet_output::OutputFolder;
 use grimnet_photo::PhotoLimits;
 
 use crate::exit::Exit;
+use crate::standard_output::StandardOutput;
 use crate::{progress, values};
 
 /// Files in the folder of results.
@@ -39,6 +40,10 @@ pub struct ElsewhereOptions {
     /// Trials per folder
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = values::count, help_heading = ELSEWHERE)]
     pub elsewhere_trials: usize,
+
+    /// Give neither a ground width nor a heading, and ignore the pictures' metadata: the hardest search, and the slowest
+    #[arg(long, help_heading = ELSEWHERE)]
+    pub elsewhere_nothing_given: bool,
 
     /// Seed of ground widths and headings
     #[arg(long, value_name = "N", default_value_t = 1, help_heading = ELSEWHERE)]
@@ -95,6 +100,7 @@ pub fn run(
         trials: options.elsewhere_trials,
         seed: options.elsewhere_seed,
         map_width_m: width_m(map)?,
+        nothing_given: options.elsewhere_nothing_given,
         photo_limits,
     };
     let trials = elsewhere::run(localizer, &sources, &settings, &mut |_| bar.inc(1));
@@ -128,7 +134,7 @@ fn trials_csv(trials: &[ElsewhereTrial]) -> Result<Vec<u8>> {
 }
 
 fn print(summary: &ElsewhereSummary) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     writeln!(
         out,
         "{:<78}{:>8}{:>8}{:>12}{:>18}",

@@ -23,6 +23,7 @@ use super::eval_track_options::{TrackEvalOptions, flown_area};
 use crate::exit::Exit;
 use crate::procedural_flight::make_town;
 use crate::progress;
+use crate::standard_output::StandardOutput;
 
 /// Folder of the flights that are done.
 const FLIGHTS: &str = "flights";
@@ -156,7 +157,7 @@ const NAME_WIDTH: usize = 28;
 const RUN_WIDTH: usize = 30;
 
 fn print(what: &str, figures: &ThreeFigures) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     writeln!(
         out,
         "\n{what}: {} flights, {:.2} h",

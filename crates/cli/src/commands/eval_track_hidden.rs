@@ -17,6 +17,7 @@ use grimnet_track::TrackOptions;
 
 use crate::exit::Exit;
 use crate::progress;
+use crate::standard_output::StandardOutput;
 
 /// Hides fixes of a real flight and predicts them.
 ///
@@ -66,7 +67,7 @@ pub fn hide(
     for (name, content) in hidden_files(&about, &figures, &predictions)? {
         folder.write_bytes(name, &content)?;
     }
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     let metres = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} m"));
     writeln!(
         out,

@@ -8,6 +8,7 @@ use grimnet_link::{Address, CheckOptions, CheckReport, Finding, LinkEvent, Verdi
 
 use super::link_options::{LinkChoice, address};
 use crate::exit::Exit;
+use crate::standard_output::StandardOutput;
 use crate::values;
 use grimnet_answer::printable_text;
 
@@ -54,7 +55,7 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
         }
     };
     let report = grimnet_link::check(&options, &mut tell)?;
-    write_report(&mut std::io::stdout().lock(), &report)?;
+    write_report(&mut StandardOutput, &report)?;
     Ok(if report.is_ready() {
         Exit::Done
     } else {
@@ -62,7 +63,7 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
     })
 }
 
-fn write_report(out: &mut impl Write, report: &CheckReport) -> std::io::Result<()> {
+fn write_report(out: &mut dyn Write, report: &CheckReport) -> std::io::Result<()> {
     writeln!(out, "{}, positions as {}", report.autopilot, report.output)?;
     if let Some(reason) = report.refused {
         return writeln!(out, "not possible: {reason}");
@@ -84,21 +85,80 @@ fn write_report(out: &mut impl Write, report: &CheckReport) -> std::io::Result<(
             "\nThe autopilot does not know a parameter that is needed: its firmware lacks the feature, or it did not answer."
         )?;
     }
-    let changes = || {
-        let differs =
-            |finding: &&Finding| matches!(finding.verdict, Verdict::Wrong | Verdict::Advice);
-        report.findings.iter().filter(differs)
-    };
-    if changes().next().is_some() {
-        writeln!(
-            out,
-            "\nTo type in MAVProxy (or set the same names in the parameter list of a ground station), then reboot the autopilot:"
-        )?;
-        for finding in changes() {
-            writeln!(out, "  param set {} {}", finding.parameter, finding.set_to)?;
+    let write_commands = |out: &mut dyn Write, verdict: Verdict, heading: &str| {
+        let mut findings = report
+            .findings
+            .iter()
+            .filter(|finding| finding.verdict == verdict)
+            .peekable();
+        if findings.peek().is_some() {
+            writeln!(out, "\n{heading}")?;
         }
-    } else if report.is_ready() {
+        findings.try_for_each(|finding| {
+            writeln!(out, "  param set {} {}", finding.parameter, finding.set_to)
+        })
+    };
+    let how = "in MAVProxy (or set the same names in the parameter list of a ground station), then reboot the autopilot:";
+    write_commands(out, Verdict::Wrong, &format!("To type {how}"))?;
+    if report.is_ready() {
         writeln!(out, "\nThe autopilot is ready.")?;
     }
-    Ok(())
+    write_commands(
+        out,
+        Verdict::Advice,
+        &format!("Advice, without which positions are taken too; to type {how}"),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grimnet_link::{Autopilot, AutopilotKind, Output};
+
+    fn finding(parameter: &'static str, verdict: Verdict, needed: bool) -> Finding {
+        Finding {
+            parameter,
+            found: Some(0.1),
+            expected: "1 to 10".to_owned(),
+            set_to: 5.0,
+            verdict,
+            needed,
+            reason: "metres",
+        }
+    }
+
+    fn written(findings: Vec<Finding>) -> String {
+        let report = CheckReport {
+            autopilot: Autopilot {
+                system_id: 1,
+                component_id: 1,
+                kind: AutopilotKind::Px4,
+                version: None,
+            },
+            output: Output::Odometry,
+            refused: None,
+            findings,
+        };
+        let mut out = Vec::new();
+        write_report(&mut out, &report).unwrap();
+        String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn an_autopilot_that_is_ready_is_said_to_be_whatever_is_advised() {
+        let right = finding("EKF2_EV_CTRL", Verdict::Right, true);
+        let advice = finding("EKF2_EVP_NOISE", Verdict::Advice, false);
+        let wrong = finding("EKF2_EV_DELAY", Verdict::Wrong, true);
+        let text = written(vec![right.clone(), advice.clone()]);
+        let ready = text.find("The autopilot is ready.").unwrap();
+        let advised = text.find("  param set EKF2_EVP_NOISE 5").unwrap();
+        assert!(
+            ready < advised && text[ready..advised].contains("Advice"),
+            "{text}"
+        );
+        let text = written(vec![right, advice, wrong]);
+        assert!(!text.contains("is ready"), "{text}");
+        let needed = text.find("  param set EKF2_EV_DELAY 5").unwrap();
+        assert!(needed < text.find("Advice").unwrap(), "{text}");
+    }
 }

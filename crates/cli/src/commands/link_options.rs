@@ -5,6 +5,8 @@ use std::path::PathBuf;
 use anyhow::Result;
 use grimnet_link::{Address, Output, SigningKey};
 
+use crate::inputs;
+
 /// How the autopilot is reached, and what carries positions.
 #[derive(Debug, Clone, clap::Args)]
 pub struct LinkChoice {
@@ -28,8 +30,11 @@ impl LinkChoice {
     /// # Errors
     /// A file that cannot be read or holds no key.
     pub fn key(&self) -> Result<Option<SigningKey>> {
-        let key = self.mavlink_key.as_deref().map(SigningKey::from_file);
-        Ok(key.transpose()?)
+        let Some(path) = &self.mavlink_key else {
+            return Ok(None);
+        };
+        inputs::check_regular(path)?;
+        Ok(Some(SigningKey::from_file(path)?))
     }
 }
 

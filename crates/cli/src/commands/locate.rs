@@ -28,8 +28,8 @@ use grimnet_answer::Answer;
 pub const EXAMPLES: &str = "\
 Examples:
   grim locate --pack town.grim flight/*.jpg
-  grim locate --pack town.grim flight/ -o fixes.geojson --format geojson
-  grim locate --pack town.grim flight/ -o fixes.gpkg                     a GeoPackage for QGIS
+  grim locate --pack town.grim flight/ -o fixes.geojson
+  grim locate --pack town.grim flight/ -o fixes.gpkg         # a GeoPackage for QGIS
   grim locate --pack town.grim a.jpg --heading unknown --height-agl 120 --hfov 73
   grim locate --pack town.grim flight/ --draw drawings --map town.tif
 
@@ -56,8 +56,7 @@ pub struct LocateArgs {
     #[command(flatten)]
     limits: LimitsChoice,
 
-    /// How to write the answers [default: table on a terminal, gpkg in FILE.gpkg, jsonl in
-    /// a pipe or another file]
+    /// How to write the answers [default: by the ending of FILE; otherwise table on a terminal, jsonl in a pipe or file]
     #[arg(long, value_enum, help_heading = OUTPUT)]
     format: Option<Format>,
 
@@ -75,7 +74,7 @@ pub struct LocateArgs {
     #[arg(long, help_heading = OUTPUT)]
     check: bool,
 
-    /// Draw the matches of each photo, and its outline on the map (with --map), into this folder
+    /// Draw the matches of each photo, and its outline on the map (with --map), into this folder, which may not be that of the photos
     #[arg(long, value_name = "DIR", help_heading = OUTPUT)]
     draw: Option<PathBuf>,
 

@@ -52,7 +52,7 @@ pub struct LocateOptions {
     pub heading: HeadingPrior,
 
     /// Height above ground, metres; overrides metadata [default: from the photo]
-    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true, help_heading = PRIOR)]
+    #[arg(long, value_name = "M", value_parser = values::height_agl_m, allow_hyphen_values = true, help_heading = PRIOR)]
     pub height_agl: Option<f64>,
 
     /// Horizontal field of view, degrees; overrides metadata [default: from the photo]
@@ -118,7 +118,7 @@ pub struct LocateOptions {
     )]
     pub budget_ms: Option<f64>,
 
-    /// Number of map tiles that are compared in detail [default: 5 in paper mode, hundreds in default mode]
+    /// Number of map tiles found by descriptor for each heading and ground width [default: 5 in paper mode, 1000 in default mode]
     #[arg(long, value_name = "K", value_parser = values::count, help_heading = METHOD)]
     pub top_k: Option<usize>,
 }

@@ -9,12 +9,13 @@ use grimnet_output::OutputFolder;
 
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
+use crate::standard_output::StandardOutput;
 use grimnet_answer::printable;
 
 /// Examples under the help of `grim man`.
 pub const EXAMPLES: &str = "\
 Example:
-  grim man ~/.local/share/man/man1        then: man grim, man grim-locate";
+  grim man ~/.local/share/man/man1        # then: man grim, man grim-locate";
 
 /// Arguments of `grim man`.
 #[derive(Debug, Args)]
@@ -42,7 +43,7 @@ pub fn run<P: CommandFactory>(arguments: &ManArgs) -> Result<Exit> {
         folder.write_bytes(name, page)?;
     }
     writeln!(
-        std::io::stdout(),
+        StandardOutput,
         "{}: {} manual pages",
         printable(&arguments.folder.display().to_string()),
         pages.len()

@@ -8,7 +8,7 @@ use clap::{ArgGroup, Args};
 use grimnet_geo::{Raster, open_map};
 use grimnet_locate::Options;
 use grimnet_net::Model;
-use grimnet_output::{AtomicFile, TargetKind};
+use grimnet_output::{AtomicFile, TargetKind, linked_path};
 use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build};
 use grimnet_photo::{HeadingPrior, Photo, QUERY_LONG_SIDE_PX, ViewPrior};
 
@@ -23,7 +23,7 @@ use grimnet_answer::printable;
 pub const EXAMPLES: &str = "\
 Examples:
   grim map build town.tif -o town.grim
-  grim map build town.tif -o town.grim --photo flight/DJI_0042.jpg    only for photos like this one
+  grim map build town.tif -o town.grim --photo flight/DJI_0042.jpg    # only for photos like this one
   grim map build scan.png --corners 13.40,52.50,13.42,52.52 -o town.grim";
 
 /// Heading of the options that choose ground resolutions.
@@ -119,8 +119,9 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         .protect_all(&arguments.model.model)
         .protect_all(&arguments.photo);
     policy.check_file(out, OWN_MAGICS)?;
+    let place = linked_path(out)?;
     for working_file in WORKING_FILES {
-        policy.check_not_input(beside(out, working_file))?;
+        policy.check_not_input(beside(&place, working_file))?;
     }
     inputs::check_map(&arguments.map)?;
     let options = BuildOptions {
@@ -134,6 +135,9 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     };
     let model = arguments.model.open()?;
     let map = open_map(&arguments.map, &arguments.place.options())?;
+    policy
+        .protect_trees(map.files())
+        .check_file(out, OWN_MAGICS)?;
     if TargetKind::of(out)? == TargetKind::Stream {
         let report = build_into_stream(map.as_ref(), &model, &options, out)?;
         // Standard output may be where the pack went.
@@ -184,8 +188,8 @@ pub fn build_with_bar(
     options: &BuildOptions,
     out: &Path,
 ) -> Result<BuildReport> {
-    let partial = beside(out, WORKING_FILES[0]);
-    let had_partial = partial.exists();
+    let partial = beside(&linked_path(out)?, WORKING_FILES[0]);
+    let had_partial = partial.symlink_metadata().is_ok();
     let bar = progress::bar(0, "building the pack", "tiles");
     let mut done = 0;
     let mut on_progress = |p: &Progress| {

@@ -69,7 +69,8 @@ struct Report {
     crs: String,
     size_px: [u64; 2],
     ground_resolution_m: [f64; 2],
-    /// West, south, east, north, degrees; `null` if the corners have no position on Earth.
+    /// West, south, east, north, degrees; `null` if the corners have no position on Earth. East is above 180 on a map
+    /// that crosses the antimeridian.
     bounds_deg: Option<[f64; 4]>,
     levels: Vec<LevelReport>,
     tiles: Option<u64>,
@@ -116,6 +117,10 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
     }
     inputs::check_map(&arguments.map)?;
     let map = open_map(&arguments.map, &arguments.place.options())?;
+    let policy = policy.protect_trees(map.files());
+    if let Some(picture) = &arguments.draw {
+        policy.check_file(picture, &[])?;
+    }
     let model = arguments.model.open()?;
     let picture = overview(map.as_ref())?;
     if let Some(path) = &arguments.draw {
@@ -205,21 +210,28 @@ fn report(
     })
 }
 
-/// Edges of the map from its corners, degrees.
+/// Edges of the map from its corners, degrees; east is above 180 across the antimeridian.
 fn bounds_deg(map: &dyn Raster) -> Option<[f64; 4]> {
+    let georeference = map.georeference();
+    let centre_deg = georeference
+        .lonlat_from_map_px(georeference.centre_px())
+        .ok()?
+        .lon_deg;
     let (width, height) = map.size_px();
     let (w, h) = (width as f64, height as f64);
     let mut bounds: Option<[f64; 4]> = None;
     for (x, y) in [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)] {
-        let place = map
-            .georeference()
-            .lonlat_from_map_px(MapPx::new(x, y))
-            .ok()?;
-        let (lon, lat) = (place.lon_deg, place.lat_deg);
+        let place = georeference.lonlat_from_map_px(MapPx::new(x, y)).ok()?;
+        // On the centre's side of the antimeridian.
+        let lon = place.lon_deg - ((place.lon_deg - centre_deg) / 360.0).round() * 360.0;
+        let lat = place.lat_deg;
         let [west, south, east, north] = bounds.unwrap_or([lon, lat, lon, lat]);
         bounds = Some([west.min(lon), south.min(lat), east.max(lon), north.max(lat)]);
     }
-    bounds
+    bounds.map(|[west, south, east, north]| {
+        let turn = if west < -180.0 { 360.0 } else { 0.0 };
+        [west + turn, south, east + turn, north]
+    })
 }
 
 /// Time to build a pack on this machine, seconds, from one block in the middle of the map; `None` if there are no data.

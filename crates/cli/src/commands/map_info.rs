@@ -86,6 +86,8 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
         policy.check_file(picture, &[])?;
         inputs::check_map(map)?;
         let raster = open_map(map, &arguments.place.options())?;
+        let policy = policy.protect_trees(raster.files());
+        policy.check_file(picture, &[])?;
         check_built_from(&pack, raster.as_ref(), map)?;
         let drawn = grimnet_pack::draw(&pack, arguments.level, raster.as_ref())?;
         policy.write(picture, |file| {

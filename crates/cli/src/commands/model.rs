@@ -8,11 +8,12 @@ use clap::Subcommand;
 
 use super::ModelChoice;
 use crate::exit::Exit;
+use crate::standard_output::StandardOutput;
 use grimnet_answer::printable;
 
 const EXAMPLES: &str = "\
 Examples:
-  grim model info                      the bundled model
+  grim model info                      # the bundled model
   grim model info mine.safetensors";
 
 /// Show what a model file holds.
@@ -47,7 +48,7 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
         .iter()
         .map(|(_, shape)| shape.iter().product::<usize>())
         .sum();
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     if json {
         let info = serde_json::json!({
             "hash": model.hash().to_string(),

@@ -8,6 +8,8 @@ use grimnet_eval::metrics::recall::RECALL_AT;
 use grimnet_eval::report::Run;
 use grimnet_eval::retrieval::RetrievalSummary;
 
+use crate::standard_output::StandardOutput;
+
 /// Width of the column of names, and of each run's column.
 const NAME_WIDTH: usize = 36;
 const RUN_WIDTH: usize = 24;
@@ -109,7 +111,7 @@ pub fn print_summary(runs: &[Run]) -> Result<()> {
         .map(|run| FootprintSummary::of(&run.frames))
         .collect();
     if footprints.iter().any(Option::is_some) {
-        writeln!(std::io::stdout())?;
+        writeln!(StandardOutput)?;
         for (name, cell) in FOOTPRINT_ROWS {
             let cells = footprints
                 .iter()
@@ -129,7 +131,7 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
         return Ok(());
     };
     writeln!(
-        std::io::stdout(),
+        StandardOutput,
         "\nrecall among {} tiles (a tile is right if it covers the true centre)",
         first.gallery_tiles
     )?;
@@ -170,7 +172,7 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
 }
 
 fn line(name: &str, cells: impl Iterator<Item = String>) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     write!(out, "{name:<NAME_WIDTH$}")?;
     for cell in cells {
         write!(out, "{cell:>RUN_WIDTH$}")?;

@@ -21,7 +21,6 @@ use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
 use crate::exit::Exit;
 use crate::formats::{RowOutput, TextStream};
-use crate::tracking::frame_time::Epoch;
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
 use crate::tracking::live::{Live, check_time_of_day};
@@ -64,6 +63,12 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         bail!("expected a map pack, --pack AREA.grim");
     };
     let source = Source::of(arguments)?;
+    if arguments.frames.clock_offset != 0.0 && matches!(source, Source::Video(_)) {
+        bail!(
+            "--clock-offset is added to the times of photos, and those of a video count from its beginning; --telemetry-delay moves \
+             the times of recorded telemetry"
+        );
+    }
     let policy = policy(arguments, pack, &source);
     let output = &arguments.output;
     if let Some(path) = &output.out {
@@ -75,7 +80,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     };
     let mut beside = Beside {
         telemetry: telemetry(arguments, &source)?,
-        live: Live::new(arguments.link.live_options()?),
+        live: Live::new(arguments.link.live_options()?, source.is_live()),
         nmea,
     };
     let truth = output.truth.as_deref().map(Truth::read).transpose()?;
@@ -219,14 +224,15 @@ struct Beside {
 }
 
 impl Followed<'_> {
-    /// Takes in a frame, with the telemetry of its time, and hands the track on.
-    fn frame(&mut self, frame: Frame, epoch: Epoch) -> Result<Tracked> {
+    /// Takes in the frame that `frames` gave last, with the telemetry of its time, and hands the track on.
+    fn frame(&mut self, frame: Frame, frames: &dyn Frames) -> Result<Tracked> {
+        let epoch = frames.epoch();
         let Beside {
             telemetry,
             live,
             nmea,
         } = &mut self.beside;
-        live.start(frame.time_s, epoch)?;
+        live.frame(frame.time_s, epoch, frames.newest_s(), frames.is_coarse())?;
         let recorded = match telemetry {
             Some(telemetry) => telemetry.until(frame.time_s, epoch)?,
             None => Vec::new(),
@@ -296,7 +302,8 @@ fn follow(
     };
     let since = Instant::now();
     while let Some(frame) = frames.next(&stop)? {
-        let tracked = bar.suspend(|| followed.frame(frame, frames.epoch()))?;
+        followed.beside.live.wait_until(frame.time_s, &stop);
+        let tracked = bar.suspend(|| followed.frame(frame, &*frames))?;
         #[cfg(feature = "serve")]
         if let Some(file) = &mut followed.session_file {
             file.add(&tracked);

@@ -91,6 +91,10 @@ pub struct FrameArgs {
     #[arg(long, value_enum, default_value_t, help_heading = FRAMES)]
     pub time_from: TimeSource,
 
+    /// Seconds to add to the times that photos tell, where the camera's clock is behind; negative where it is ahead
+    #[arg(long, value_name = "S", default_value_t = 0.0, conflicts_with = "fps", value_parser = values::seconds, allow_hyphen_values = true, help_heading = FRAMES)]
+    pub clock_offset: f64,
+
     /// Frames per second: of photos that are numbered in order and have no times; of a video, how many are taken [default: 2]
     #[arg(long, value_name = "N", value_parser = values::rate_per_s, allow_hyphen_values = true, help_heading = FRAMES)]
     pub fps: Option<f64>,
@@ -105,6 +109,7 @@ impl FrameArgs {
         FrameOptions {
             source: self.time_from,
             frames_per_s: self.fps,
+            clock_offset_s: self.clock_offset,
             limits: self.limits.photo(),
             needed: Some(needed),
         }

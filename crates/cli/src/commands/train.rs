@@ -24,6 +24,7 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
     let path = arguments.config.as_deref().context(
         "a configuration file is missing, as in: grim train training.toml (see TRAINING.md)",
     )?;
+    crate::inputs::check_regular(path)?;
     let mut config = TrainConfig::open(path)?;
     config.photo_limits = arguments.limits.photo();
     if arguments.labels {

@@ -8,6 +8,7 @@ use grimnet_answer::{Answer, AnswerFormat};
 use grimnet_output::{AtomicFile, OutputPolicy};
 
 use super::{Format, NOT_TEXT};
+use crate::standard_output::StandardOutput;
 
 /// The text of rows of one kind, in pieces: opening, rows, closing.
 pub trait TextFormat<R> {
@@ -65,7 +66,7 @@ pub struct TextStream<R> {
 }
 
 enum Out {
-    Stdout(std::io::Stdout),
+    Stdout(StandardOutput),
     File(AtomicFile),
 }
 
@@ -96,7 +97,7 @@ impl<R> TextStream<R> {
     pub fn rows_to_stdout(format: Box<dyn TextFormat<R>>) -> Self {
         Self {
             format,
-            out: Out::Stdout(std::io::stdout()),
+            out: Out::Stdout(StandardOutput),
             opened: false,
         }
     }

@@ -53,6 +53,7 @@ impl FfmpegVideo {
         let options = FrameOptions {
             source: TimeSource::Auto,
             frames_per_s: Some(frames_per_s),
+            clock_offset_s: 0.0,
             limits,
             needed: None,
         };

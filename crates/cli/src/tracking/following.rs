@@ -31,6 +31,7 @@ pub struct Following {
     seen: HashSet<PathBuf>,
     ready: Vec<Ready>,
     epoch: Option<Epoch>,
+    is_coarse: bool,
     last_new: Instant,
     taken: usize,
     dropped: usize,
@@ -72,6 +73,7 @@ impl Following {
             seen: HashSet::new(),
             ready: Vec::new(),
             epoch: None,
+            is_coarse: false,
             last_new: Instant::now(),
             taken: 0,
             dropped: 0,
@@ -138,6 +140,7 @@ impl Following {
             return;
         }
         self.taken += 1;
+        self.is_coarse |= !time.has_fraction;
         self.ready.push(Ready {
             path,
             time_s: time.time_s,
@@ -183,6 +186,15 @@ impl Frames for Following {
         self.epoch.unwrap_or(Epoch::Unix)
     }
 
+    fn newest_s(&self) -> Option<f64> {
+        let times = self.ready.iter().map(|ready| ready.time_s);
+        times.max_by(f64::total_cmp)
+    }
+
+    fn is_coarse(&self) -> bool {
+        self.is_coarse
+    }
+
     fn dropped(&self) -> usize {
         self.dropped
     }
@@ -202,6 +214,7 @@ mod tests {
         let options = FrameOptions {
             source: TimeSource::Auto,
             frames_per_s: None,
+            clock_offset_s: 0.0,
             limits: PhotoLimits::DEFAULT,
             needed: None,
         };
@@ -237,11 +250,25 @@ mod tests {
         }
         let in_time = following.next_ready(begin).unwrap();
         assert_eq!(in_time.time_s, 1.0);
+        assert_eq!(following.newest_s(), Some(3.0));
         let later = begin + Duration::from_secs(2);
         assert_eq!(following.next_ready(later).unwrap().time_s, 3.0);
         assert_eq!(following.dropped, 1);
         following.take(folder.path().join("no time.jpg"), later);
         assert_eq!(following.without_time, 1);
+    }
+
+    #[test]
+    fn times_to_the_second_are_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::from_secs(1));
+        for (name, expected) in [
+            ("20260621_100000_500.jpg", false),
+            ("20260621_100001.jpg", true),
+        ] {
+            following.take(folder.path().join(name), Instant::now());
+            assert_eq!(following.is_coarse(), expected, "{name}");
+        }
     }
 
     #[test]

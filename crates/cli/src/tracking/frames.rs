@@ -43,6 +43,16 @@ pub trait Frames {
         None
     }
 
+    /// When the newest frame that waits to be taken was exposed, if one waits and that is known, seconds.
+    fn newest_s(&self) -> Option<f64> {
+        None
+    }
+
+    /// Whether the time of a frame so far is known to a second only.
+    fn is_coarse(&self) -> bool {
+        false
+    }
+
     /// Frames that were left out because newer ones came while others were processed.
     fn dropped(&self) -> usize {
         0
@@ -61,6 +71,8 @@ pub struct FrameOptions {
     pub source: TimeSource,
     /// Frames per second of frames that are numbered in order: overrides what photos tell.
     pub frames_per_s: Option<f64>,
+    /// What is added to the times that photos tell, seconds.
+    pub clock_offset_s: f64,
     /// Limits within which photos are read.
     pub limits: PhotoLimits,
     /// How many of their pixels are used; `None` if that is not known.
@@ -76,7 +88,13 @@ impl FrameOptions {
                 epoch: Epoch::Start,
                 has_fraction: true,
             }),
-            None => frame_time(name, metadata.exposure_time, self.source),
+            None => {
+                let told = frame_time(name, metadata.exposure_time, self.source)?;
+                Some(FrameTime {
+                    time_s: told.time_s + self.clock_offset_s,
+                    ..told
+                })
+            }
         }
     }
 }
@@ -114,5 +132,31 @@ pub fn frame_from_bytes(name: String, time_s: f64, bytes: &[u8], options: &Frame
         photo,
         name,
         time_s,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_offset_is_added_to_the_times_that_photos_tell() {
+        let options = FrameOptions {
+            source: TimeSource::Name,
+            frames_per_s: None,
+            clock_offset_s: -2.5,
+            limits: PhotoLimits::DEFAULT,
+            needed: None,
+        };
+        let of = |options: &FrameOptions| {
+            let time = options.time_of(0, "20260621_100000.jpg", &Metadata::default());
+            time.unwrap().time_s
+        };
+        assert_eq!(of(&options), 1_782_035_997.5);
+        let numbered = FrameOptions {
+            frames_per_s: Some(2.0),
+            ..options
+        };
+        assert_eq!(of(&numbered), 0.0);
     }
 }

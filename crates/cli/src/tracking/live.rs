@@ -12,10 +12,9 @@ use grimnet_answer::printable_text;
 use grimnet_link::{Address, Link, LinkClock, LinkEvent, LinkOptions, NmeaOutput, PointAt};
 use grimnet_track::{Input, Tracker};
 
+use super::frame_clock::{FrameClock, Now};
 use super::frame_time::Epoch;
 
-/// Photos of a clock that differs by more from the system's are those of a flight that is played again, seconds.
-const SAME_CLOCK_S: f64 = 60.0;
 /// How often telemetry is taken from the link.
 const PERIOD: Duration = Duration::from_millis(10);
 /// Positions with a 95 % radius above this are not written as sentences, metres.
@@ -36,48 +35,118 @@ impl LiveOptions {
     }
 }
 
-/// The filter as the links ask it: the one of the last frame, with the telemetry that came since.
-type SharedTracker = Arc<Mutex<Option<Tracker>>>;
+/// What the links ask.
+#[derive(Debug, Default)]
+struct Published {
+    /// The filter of the last frame, with the telemetry that came since. `None` while there is no position.
+    tracker: Option<Tracker>,
+    /// The frames' clock, which is the filter's, is so far ahead of the links', seconds.
+    ahead_s: f64,
+}
 
-/// The links of a flight. They start with its first frame, whose time sets their clock, and end when this is dropped.
+type Shared = Arc<Mutex<Published>>;
+
+/// The links of a flight. They start with its first frame and end when this is dropped.
 pub struct Live {
     options: LiveOptions,
-    shared: SharedTracker,
+    /// Whether the frames come while the aircraft flies.
+    is_live: bool,
+    frame_clock: FrameClock,
+    coarse_is_told: bool,
+    shared: Shared,
     running: Option<Running>,
 }
 
 struct Running {
+    clock: LinkClock,
     telemetry: Receiver<Input>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Live {
-    /// Links that have not started yet.
-    pub fn new(options: LiveOptions) -> Self {
+    /// Links that have not started yet, for frames that come while the aircraft flies or of a flight that is over.
+    pub fn new(options: LiveOptions, is_live: bool) -> Self {
         Self {
             options,
-            shared: SharedTracker::default(),
+            is_live,
+            frame_clock: FrameClock::new(is_live),
+            coarse_is_told: false,
+            shared: Shared::default(),
             running: None,
         }
     }
 
-    /// Starts the links at the first frame.
+    /// For a flight that is over: waits until the links' clock reaches the time of a frame, or until `stop`. The first frame sets
+    /// that clock.
+    pub fn wait_until(&self, frame_s: f64, stop: &AtomicBool) {
+        let Some(running) = self.running.as_ref().filter(|_| !self.is_live) else {
+            return;
+        };
+        loop {
+            let early_s = frame_s - (running.clock.now_s() + self.frame_clock.ahead_s());
+            if early_s <= 0.0 || stop.load(Ordering::Relaxed) {
+                return;
+            }
+            thread::sleep(PERIOD.min(Duration::try_from_secs_f64(early_s).unwrap_or(PERIOD)));
+        }
+    }
+
+    /// Says that a frame is taken in; the first one starts the links. `newest_s` is the time of the newest frame that waits,
+    /// `is_coarse` whether the frames' times are known to a second only. While the clocks do not agree, there is no position.
     ///
     /// # Errors
     /// No thread can be started; sentences, which carry the time of day, without one.
-    pub fn start(&mut self, first_frame_s: f64, epoch: Epoch) -> Result<()> {
-        if self.running.is_some() || self.options.is_empty() {
+    pub fn frame(
+        &mut self,
+        frame_s: f64,
+        epoch: Epoch,
+        newest_s: Option<f64>,
+        is_coarse: bool,
+    ) -> Result<()> {
+        if self.options.is_empty() {
+            return Ok(());
+        }
+        let clock = match &self.running {
+            Some(running) => running.clock,
+            None => LinkClock::unix(),
+        };
+        let now = Now {
+            link_s: clock.now_s(),
+            system_s: LinkClock::unix().now_s(),
+        };
+        if let Some(text) = self.frame_clock.frame(frame_s, epoch, newest_s, now) {
+            tracing::warn!("{text}");
+        }
+        if is_coarse && self.is_live && !std::mem::replace(&mut self.coarse_is_told, true) {
+            tracing::warn!(
+                "the photos' times have no fraction of a second, so that positions are up to a second of flight off, which the \
+                 stated radius does not contain: write EXIF SubSecTimeOriginal, or names with milliseconds (docs/flight.md)"
+            );
+        }
+        {
+            let mut published = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+            published.ahead_s = self.frame_clock.ahead_s();
+            if !self.frame_clock.agrees() {
+                published.tracker = None;
+            }
+        }
+        self.start(clock, epoch)
+    }
+
+    /// Starts the links at the first frame.
+    fn start(&mut self, clock: LinkClock, epoch: Epoch) -> Result<()> {
+        if self.running.is_some() {
             return Ok(());
         }
         if self.options.nmea.is_some() {
             check_time_of_day(epoch)?;
         }
-        let clock = clock(first_frame_s, epoch);
         let shared = Arc::clone(&self.shared);
         let point_at: PointAt = Arc::new(move |time_s| {
-            let tracker = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            tracker.as_ref()?.point_at(time_s)
+            let published = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            let frame_s = time_s + published.ahead_s;
+            published.tracker.as_ref()?.point_at(frame_s)
         });
         let mavlink = match &self.options.mavlink {
             Some(options) => Some(Link::start(options.clone(), clock, Arc::clone(&point_at))?),
@@ -109,6 +178,7 @@ impl Live {
             })
             .context("cannot start a thread")?;
         self.running = Some(Running {
+            clock,
             telemetry,
             stop,
             thread: Some(thread),
@@ -123,10 +193,11 @@ impl Live {
             .map_or(Vec::new(), |running| running.telemetry.try_iter().collect())
     }
 
-    /// Makes `tracker` the one that the links ask.
+    /// Makes `tracker` the one that the links ask, if the clocks agree.
     pub fn publish(&self, tracker: &Tracker) {
-        if self.running.is_some() {
-            *self.shared.lock().unwrap_or_else(PoisonError::into_inner) = Some(tracker.clone());
+        if self.running.is_some() && self.frame_clock.agrees() {
+            let mut published = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
+            published.tracker = Some(tracker.clone());
         }
     }
 }
@@ -157,27 +228,18 @@ pub fn check_time_of_day(epoch: Epoch) -> Result<()> {
     Ok(())
 }
 
-/// Seconds on the clock of the frames: the system's, or for a flight that is played again one that begins with its first frame.
-fn clock(first_frame_s: f64, epoch: Epoch) -> LinkClock {
-    let system = LinkClock::unix();
-    if epoch == Epoch::Unix && (system.now_s() - first_frame_s).abs() <= SAME_CLOCK_S {
-        system
-    } else {
-        LinkClock::from_time_s(first_frame_s)
-    }
-}
-
 /// Takes telemetry and events from the links.
 fn turn(
     mavlink: Option<&Link>,
     nmea: Option<&NmeaOutput>,
-    shared: &SharedTracker,
+    shared: &Shared,
     sender: &Sender<Input>,
 ) {
     if let Some(link) = mavlink {
         for input in link.inputs() {
-            let mut tracker = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            if let Some(tracker) = tracker.as_mut() {
+            let mut published = shared.lock().unwrap_or_else(PoisonError::into_inner);
+            let input = input.moved_in_time(published.ahead_s);
+            if let Some(tracker) = published.tracker.as_mut() {
                 // What the filter refuses is told by the session, which gets the same.
                 let _ = tracker.push(input);
             }
@@ -202,22 +264,60 @@ fn tell(event: &LinkEvent) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use grimnet_track::TrackOptions;
+
+    fn sentences(is_live: bool) -> Live {
+        let options = LiveOptions {
+            mavlink: None,
+            nmea: Some("udpout:127.0.0.1:9".parse().unwrap()),
+        };
+        Live::new(options, is_live)
+    }
+
+    fn tracker() -> Tracker {
+        Tracker::new(TrackOptions::default()).unwrap()
+    }
+
+    fn has_tracker(live: &Live) -> bool {
+        live.shared.lock().unwrap().tracker.is_some()
+    }
 
     #[test]
-    fn the_clock_is_the_systems_or_begins_with_a_flight_that_is_played_again() {
-        let now_s = LinkClock::unix().now_s();
-        assert!((clock(now_s - 5.0, Epoch::Unix).now_s() - now_s).abs() < 2.0);
-        assert!((clock(1000.0, Epoch::Unix).now_s() - 1000.0).abs() < 2.0);
-        assert!((clock(7.0, Epoch::Start).now_s() - 7.0).abs() < 2.0);
+    fn the_links_are_given_no_position_while_the_clocks_differ() {
+        let mut live = sentences(true);
+        for (ahead_s, expected) in [(-0.2, true), (-0.2, true), (5.0, false)] {
+            let frame_s = LinkClock::unix().now_s() + ahead_s;
+            live.frame(frame_s, Epoch::Unix, None, false).unwrap();
+            live.publish(&tracker());
+            assert_eq!(has_tracker(&live), expected, "{ahead_s}");
+        }
+    }
+
+    #[test]
+    fn a_flight_that_is_over_is_played_at_its_own_speed() {
+        let mut live = sentences(false);
+        let go_on = AtomicBool::new(false);
+        live.wait_until(1000.0, &go_on);
+        live.frame(1000.0, Epoch::Unix, None, false).unwrap();
+        let clock = live.running.as_ref().unwrap().clock;
+        let began_s = clock.now_s();
+        live.wait_until(1000.3, &go_on);
+        let waited_s = clock.now_s() - began_s;
+        assert!(waited_s > 0.2, "{waited_s}");
+        assert!(clock.now_s() + live.frame_clock.ahead_s() >= 1000.3);
+        // Ctrl-C ends the waiting.
+        live.wait_until(9e9, &AtomicBool::new(true));
+        // Frames that come during the flight are not waited for.
+        let mut live = sentences(true);
+        let frame_s = LinkClock::unix().now_s();
+        live.frame(frame_s, Epoch::Unix, None, false).unwrap();
+        live.wait_until(9e9, &go_on);
     }
 
     #[test]
     fn sentences_without_the_time_of_day_are_refused() {
-        let mut live = Live::new(LiveOptions {
-            mavlink: None,
-            nmea: Some("udpout:127.0.0.1:9".parse().unwrap()),
-        });
-        let error = live.start(0.0, Epoch::Start).unwrap_err();
+        let mut live = sentences(true);
+        let error = live.frame(0.0, Epoch::Start, None, false).unwrap_err();
         assert!(error.to_string().contains("time of day"), "{error}");
     }
 }

@@ -150,6 +150,7 @@ mod tests {
         FrameOptions {
             source: TimeSource::Auto,
             frames_per_s,
+            clock_offset_s: 0.0,
             limits: grimnet_photo::PhotoLimits::DEFAULT,
             needed: None,
         }

@@ -20,6 +20,7 @@ pub struct StreamedFrames<R> {
     input: Input<R>,
     options: FrameOptions,
     epoch: Option<Epoch>,
+    is_coarse: bool,
     number: usize,
     without_time: usize,
 }
@@ -45,6 +46,7 @@ impl<R: BufRead> StreamedFrames<R> {
             input,
             options,
             epoch: None,
+            is_coarse: false,
             number: 0,
             without_time: 0,
         })
@@ -101,6 +103,7 @@ impl<R: BufRead> Frames for StreamedFrames<R> {
             match time {
                 Some(time) if *self.epoch.get_or_insert(time.epoch) == time.epoch => {
                     frame.time_s = time.time_s;
+                    self.is_coarse |= !time.has_fraction;
                     return Ok(Some(frame));
                 }
                 Some(_) => tracing::warn!(
@@ -120,6 +123,10 @@ impl<R: BufRead> Frames for StreamedFrames<R> {
         self.epoch.unwrap_or(Epoch::Start)
     }
 
+    fn is_coarse(&self) -> bool {
+        self.is_coarse
+    }
+
     fn without_time(&self) -> usize {
         self.without_time
     }
@@ -136,6 +143,7 @@ mod tests {
         let options = FrameOptions {
             source: TimeSource::Auto,
             frames_per_s: None,
+            clock_offset_s: 0.0,
             limits: PhotoLimits::DEFAULT,
             needed: None,
         };

@@ -42,7 +42,8 @@ impl Truth {
         })
     }
 
-    /// Compares the track at a frame; `None` if the truth of that photo is not known.
+    /// Compares the track at a frame; `None` if the truth of that photo is not known, or not of the point that the track tells: an
+    /// image centre is compared with true centres only.
     pub fn compare(
         &self,
         photo: &str,
@@ -54,7 +55,9 @@ impl Truth {
         let estimate = point.and_then(|point| point.estimate.as_ref());
         let of_centre = estimate.is_some_and(|e| e.position_of == PositionOf::ImageCentre);
         let truth = if of_centre {
-            frame.position()
+            frame
+                .centre_lat_lon_deg
+                .map(|(lat_deg, lon_deg)| LonLat::new(lon_deg, lat_deg))
         } else {
             frame.receiver().or_else(|| frame.position())
         }?;
@@ -71,4 +74,48 @@ pub fn summary(compared: &[Compared]) -> TrackSummary {
     let instants: Vec<Instant> = compared.iter().map(|compared| compared.instant).collect();
     measure.add_flight(&instants);
     measure.summary()
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_track::{Input, PositionFix, TrackOptions, Tracker};
+
+    use super::*;
+
+    #[test]
+    fn an_image_centre_is_not_compared_with_the_position_of_the_aircraft() {
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        for number in 0..8 {
+            let fix = PositionFix {
+                time_s: f64::from(number),
+                lonlat: LonLat::new(120.5, 24.25),
+                covariance_en_m2: [1.0, 0.0, 1.0],
+                map_error_m: 1.0,
+                heading_deg: Some(0.0),
+                gsd_m: 0.05,
+                confidence: 0.99,
+            };
+            tracker.push(Input::Fix(fix)).unwrap();
+        }
+        let point = tracker.point_at(7.0).unwrap();
+        assert_eq!(
+            point.estimate.unwrap().position_of,
+            PositionOf::ImageCentre,
+            "neither height nor attitude is known"
+        );
+        let folder = tempfile::tempdir().unwrap();
+        let compared = |columns: &str, values: &str| {
+            let path = folder.path().join("truth.csv");
+            fs_err::write(&path, format!("photo,{columns}\na.jpg,{values}\n")).unwrap();
+            let truth = Truth::read(&path).unwrap();
+            truth.compare("flight/a.jpg", 7.0, Some(&point))
+        };
+        assert!(compared("gps_lat,gps_lon", "24.2502,120.5").is_none());
+        let of_both = compared(
+            "gps_lat,gps_lon,centre_lat,centre_lon",
+            "24.2502,120.5,24.25,120.5",
+        );
+        let answer = of_both.unwrap().instant.answer.unwrap();
+        assert!(answer.error_m() < 0.5, "{answer:?}");
+    }
 }

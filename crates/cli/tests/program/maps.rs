@@ -53,6 +53,28 @@ fn a_map_is_checked_before_it_is_built() {
         .assert()
         .code(2)
         .stderr(contains("folders of zooms"));
+    // Across the antimeridian.
+    let fiji = ["--corners", "179.996,-16.503,-179.996,-16.5"];
+    grim()
+        .args(["map", "check"])
+        .args(fiji)
+        .arg(&picture)
+        .assert()
+        .stdout(contains(
+            "extent   179.996000 to 180.004000 east, -16.503000 to -16.500000 north; 0.85",
+        ));
+    let output = grim()
+        .args(["map", "check", "--json"])
+        .args(fiji)
+        .arg(&picture)
+        .output()
+        .unwrap();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let [west, east] = [0, 2].map(|i| report["bounds_deg"][i].as_f64().unwrap());
+    assert!(
+        (west - 179.996).abs() < 1e-9 && (east - 180.004).abs() < 1e-9,
+        "{west} {east}"
+    );
 }
 
 #[cfg(feature = "sqlite")]

@@ -120,6 +120,90 @@ fn a_pack_replaces_packs_only() {
 }
 
 #[test]
+fn a_pack_never_replaces_what_the_map_is_read_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let (scan, _) = small_map(folder.path());
+    fs::create_dir_all(path("maps")).unwrap();
+    fs::copy(demo().join("map.tif"), path("maps/map.tif")).unwrap();
+    fs::write(path("list.txt"), "maps/map.tif").unwrap();
+    fs::write(path("map.pgw"), "0.25\n0\n0\n-0.25\n390000\n5820000\n").unwrap();
+    fs::create_dir_all(path("tiles/18/140833")).unwrap();
+    image::open(&scan)
+        .unwrap()
+        .crop_imm(0, 0, 256, 256)
+        .save(path("tiles/18/140833/85977.png"))
+        .unwrap();
+    let before = contents(folder.path());
+    let utm = ["--crs", "EPSG:32633"];
+    let cases: [(&str, &[&str], &str); 4] = [
+        ("maps", &[], "maps/map.tif"),
+        ("list.txt", &[], "maps/map.tif"),
+        ("map.png", &utm, "map.pgw"),
+        ("tiles", &[], "tiles/18/140833/85977.png"),
+    ];
+    for (map, place, out) in cases {
+        for command in [
+            &["build", "--gsd", "4.8", "-o"][..],
+            &["check", "--draw"][..],
+        ] {
+            grim()
+                .arg("map")
+                .args(command)
+                .arg(path(out))
+                .arg(path(map))
+                .args(place)
+                .arg("--overwrite")
+                .assert()
+                .code(2)
+                .stderr(contains("never replaces an input"));
+            assert!(contents(folder.path()) == before, "{command:?} {map}");
+        }
+    }
+    // As it was left by a demo.
+    grim()
+        .args(["map", "build", "--gsd", "4.8", "-o"])
+        .arg(demo().join("map.tif"))
+        .arg(demo())
+        .assert()
+        .code(2)
+        .stderr(contains("never replaces an input"));
+}
+
+#[test]
+fn what_others_keep_under_the_names_of_working_files_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let (map, place) = small_map(folder.path());
+    let out = folder.path().join("x.grim");
+    for ending in ["partial", "assembling"] {
+        let notes = folder.path().join(format!("x.grim.{ending}"));
+        fs::write(&notes, "my notes").unwrap();
+        let before = contents(folder.path());
+        build(&map, &place, &out)
+            .arg("--overwrite")
+            .assert()
+            .code(2)
+            .stderr(contains("in the way"));
+        assert!(contents(folder.path()) == before);
+        fs::remove_file(&notes).unwrap();
+        #[cfg(unix)]
+        {
+            let kept = folder.path().join("notes");
+            fs::write(&kept, "my notes").unwrap();
+            std::os::unix::fs::symlink(&kept, &notes).unwrap();
+            build(&map, &place, &out)
+                .assert()
+                .code(2)
+                .stderr(contains("in the way"));
+            assert!(notes.is_symlink());
+            assert_eq!(fs::read(&kept).unwrap(), b"my notes");
+            fs::remove_file(&notes).unwrap();
+        }
+    }
+    build(&map, &place, &out).assert().success();
+}
+
+#[test]
 fn an_existing_folder_is_refused_before_the_work() {
     let folder = tempfile::tempdir().unwrap();
     let (map, place) = small_map(folder.path());
@@ -171,6 +255,25 @@ fn drawings_spare_the_photos() {
         let (text, status) = locate(&arguments, &[folder.path().to_owned()]);
         assert_eq!((status, text.as_str()), (2, ""));
     }
+    assert_eq!(contents(folder.path()), before);
+}
+
+#[test]
+fn drawings_do_not_become_photos_of_the_next_run() {
+    let folder = tempfile::tempdir().unwrap();
+    // Its drawing would have another name: 1.jpg.
+    fs::copy(photo(1), folder.path().join("1.JPG")).unwrap();
+    let before = contents(folder.path());
+    grim()
+        .current_dir(folder.path())
+        .args(["locate", "1.JPG", "--draw"])
+        .arg(folder.path())
+        .arg("--pack")
+        .arg(fs::canonicalize(pack()).unwrap())
+        .assert()
+        .code(2)
+        .stdout("")
+        .stderr(contains("choose another folder than that of the photos"));
     assert_eq!(contents(folder.path()), before);
 }
 

@@ -140,6 +140,28 @@ fn numbers_out_of_range_are_refused_with_their_option() {
             "--truth-error",
         ),
         (&["demo", "--photos", "0"], "--photos"),
+        (&["demo", "--photos", "1000000000"], "from 1 to 100000"),
+        (
+            &["locate", "-p", "p", "a", "--height-agl", "1"],
+            "from 2 to 20000",
+        ),
+        (
+            &["locate", "-p", "p", "a", "--hfov", "170"],
+            "from 1 to 150",
+        ),
+        (
+            &["locate", "-p", "p", "a", "--map-error", "1e308"],
+            "from 0 to 100000",
+        ),
+        (
+            &["locate", "-p", "p", "a", "--gsd", "1e-308"],
+            "from 0.0001 to 10000",
+        ),
+        (
+            &["serve", "-p", "p", "--listen", "localhost:8080"],
+            "such as 127.0.0.1:8080",
+        ),
+        (&["demo", "--serve", "foo"], "such as 127.0.0.1:8080"),
     ];
     for (arguments, option) in cases {
         grim()
@@ -206,6 +228,51 @@ fn pipes_are_refused_and_never_waited_for() {
     refused(&["map", "info", fifo]);
     refused(&["map", "verify", fifo]);
     refused(&["model", "info", fifo]);
+    refused(&["calibrate", "--observed", fifo, "-o", out]);
+    refused(&[
+        "link",
+        "check",
+        "--mavlink",
+        "udpin:127.0.0.1:0",
+        "--mavlink-key",
+        fifo,
+    ]);
+    // A pipe among photos is no photo; here there is no other.
+    let photos = folder.path().to_str().unwrap();
+    let map = demo().join("map.tif");
+    let map = map.to_str().unwrap();
+    grim()
+        .args(["eval", photos, "--map", map, "--out", out])
+        .timeout(Duration::from_secs(60))
+        .assert()
+        .code(2)
+        .stderr(predicate::str::is_empty().not());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_standard_output_is_named() {
+    let (pack, photo) = (pack(), photo(1));
+    let (pack, photo) = (pack.to_str().unwrap(), photo.to_str().unwrap());
+    for arguments in [
+        &[][..],
+        &["model", "info"],
+        &["completions", "bash"],
+        &["locate", "--pack", pack, photo],
+    ] {
+        let full = fs::File::options().write(true).open("/dev/full").unwrap();
+        let output = Command::new(env!("CARGO_BIN_EXE_grim"))
+            .args(arguments)
+            .stdout(full)
+            .output()
+            .unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {errors}");
+        assert!(
+            errors.contains("cannot write to standard output"),
+            "{arguments:?}: {errors}"
+        );
+    }
 }
 
 #[test]
@@ -215,7 +282,7 @@ fn nothing_from_a_file_name_steers_the_terminal() {
     let name = folder.path().join("a\x1b[2J\x07.jpg");
     fs::copy(photo(1), &name).unwrap();
     let missing = folder.path().join("b\x1b]0;title\x07.grim");
-    for format in ["table", "jsonl", "kml"] {
+    for format in ["table", "jsonl", "csv", "kml"] {
         let (text, _) = locate(&["--format", format], std::slice::from_ref(&name));
         assert!(!text.contains('\x1b') && !text.contains('\x07'), "{text:?}");
     }

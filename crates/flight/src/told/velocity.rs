@@ -1,12 +1,15 @@
 //! Whether the velocities of the telemetry are those of the flight that its fixes show.
 //!
 //! Velocities in another unit, or along other axes, make every fix look wrong, so that a filter that trusts them believes none. The
-//! distance from fix to fix over what the velocities add up to is then a factor and a turn that are the same all along.
+//! distance from fix to fix over what the velocities add up to is then a factor and a turn that are the same all along. Velocities
+//! that become wrong during the flight show sooner, in fixes that the track does not believe ([`super::unbelieved`]).
 
 use std::collections::VecDeque;
 
 use grimnet_geo::{LonLat, offset_en_m};
 use grimnet_track::Velocity;
+
+use super::unbelieved::{Unbelieved, UnbelievedFixes};
 
 /// Fixes closer to each other than this say little, metres: tilt alone moves the image centre by tens of metres.
 const LEAST_DISTANCE_M: f64 = 40.0;
@@ -24,6 +27,8 @@ const NEEDED: usize = 8;
 const AGREEMENT: f64 = 0.2;
 /// A factor and turn this far from none is doubted, relative.
 const LEAST_DOUBT: f64 = 0.35;
+/// A velocity that is off by no more than so many of its standard deviations is as good as it says.
+const SIGMAS: f64 = 3.0;
 
 /// By how much told velocities differ from those that fixes show.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,6 +63,10 @@ pub(crate) struct ToldVelocity {
     moved_en_m: Option<[f64; 2]>,
     /// Told over seen displacements.
     ratios: VecDeque<Ratio>,
+    /// What all velocities so far add up to, metres east and north.
+    path_en_m: [f64; 2],
+    unbelieved: UnbelievedFixes,
+    doubt: Option<VelocityDoubt>,
 }
 
 impl ToldVelocity {
@@ -71,43 +80,100 @@ impl ToldVelocity {
         if interval_s <= 0.0 {
             return;
         }
-        self.moved_en_m =
-            self.moved_en_m
-                .filter(|_| interval_s <= LONGEST_GAP_S)
-                .map(|[east_m, north_m]| {
-                    [
-                        east_m + 0.5 * (before.east_m_s + told.east_m_s) * interval_s,
-                        north_m + 0.5 * (before.north_m_s + told.north_m_s) * interval_s,
-                    ]
-                });
+        if interval_s > LONGEST_GAP_S {
+            self.moved_en_m = None;
+            self.unbelieved.clear();
+        }
+        let step_en_m = [
+            0.5 * (before.east_m_s + told.east_m_s) * interval_s,
+            0.5 * (before.north_m_s + told.north_m_s) * interval_s,
+        ];
+        let farther = |[east_m, north_m]: [f64; 2]| [east_m + step_en_m[0], north_m + step_en_m[1]];
+        self.moved_en_m = self.moved_en_m.map(farther);
+        self.path_en_m = farther(self.path_en_m);
         self.latest = Some(*told);
     }
 
-    /// Takes in a fix. Velocities that are told after it count for the next one.
-    pub fn fix(&mut self, time_s: f64, place: LonLat) {
+    /// Takes in a fix, and where the track was at its time if that may be used. Velocities that are told after it count for the next
+    /// one. A fix whose heading is another one (`has_told_heading`) is of another place.
+    pub fn fix(
+        &mut self,
+        time_s: f64,
+        place: LonLat,
+        track: Option<LonLat>,
+        has_told_heading: bool,
+    ) {
         let recent = |latest: &Velocity| (latest.time_s - time_s).abs() <= LONGEST_GAP_S;
-        let is_told = self.latest.as_ref().is_some_and(recent);
+        let told = self.latest.filter(recent);
+        match told {
+            Some(told) if has_told_heading => {
+                let since_s = time_s - told.time_s;
+                self.unbelieved.add(Unbelieved {
+                    time_s,
+                    place,
+                    track,
+                    told_en_m: [
+                        self.path_en_m[0] + told.east_m_s * since_s,
+                        self.path_en_m[1] + told.north_m_s * since_s,
+                    ],
+                });
+            }
+            Some(_) => {}
+            None => self.unbelieved.clear(),
+        }
+        self.compare(time_s, place, told);
+        if self.doubt.is_none() {
+            self.doubt = self
+                .doubt_of_comparisons()
+                .or_else(|| self.doubt_of_unbelieved(told?));
+        }
+    }
+
+    /// The track believed the last fix.
+    pub fn believed(&mut self) {
+        self.unbelieved.clear();
+    }
+
+    /// Compares the distance from an earlier fix with what was told.
+    fn compare(&mut self, time_s: f64, place: LonLat, told: Option<Velocity>) {
         if let (Some((from_s, from)), Some(told_en_m)) = (self.from, self.moved_en_m) {
             let (east_m, north_m) = offset_en_m(from, place);
             let (apart_m, apart_s) = (east_m.hypot(north_m), time_s - from_s);
-            let fits = (0.0..=LONGEST_S).contains(&apart_s) && is_told;
-            if fits && apart_m < LEAST_DISTANCE_M {
+            let told = told.filter(|_| (0.0..=LONGEST_S).contains(&apart_s));
+            if told.is_some() && apart_m < LEAST_DISTANCE_M {
                 return;
             }
-            if fits && apart_m < MOST_SPEED_M_S * apart_s {
-                self.ratios
-                    .push_back(Ratio::of(told_en_m, [east_m, north_m]));
+            if let Some(told) = told
+                && apart_m < MOST_SPEED_M_S * apart_s
+            {
+                let off_m = (told_en_m[0] - east_m).hypot(told_en_m[1] - north_m);
+                let is_as_stated = off_m <= SIGMAS * told.sigma_m_s * apart_s;
+                self.ratios.push_back(if is_as_stated {
+                    Ratio::SAME
+                } else {
+                    Ratio::of(told_en_m, [east_m, north_m])
+                });
                 if self.ratios.len() > COMPARISONS {
                     self.ratios.pop_front();
                 }
             }
         }
         self.from = Some((time_s, place));
-        self.moved_en_m = is_told.then_some([0.0; 2]);
+        self.moved_en_m = told.map(|_| [0.0; 2]);
+    }
+
+    /// What is doubted; once it is, it stays so.
+    pub fn doubt(&self) -> Option<VelocityDoubt> {
+        self.doubt
+    }
+
+    fn doubt_of_unbelieved(&self, told: Velocity) -> Option<VelocityDoubt> {
+        let moved = self.unbelieved.contradiction(told.sigma_m_s)?;
+        Some(Ratio::of(moved.told_en_m, moved.seen_en_m).doubt())
     }
 
     /// What is doubted, if enough comparisons agree on it.
-    pub fn doubt(&self) -> Option<VelocityDoubt> {
+    fn doubt_of_comparisons(&self) -> Option<VelocityDoubt> {
         // The comparison that most others agree with.
         let agreeing = |with: &Ratio| {
             let near = AGREEMENT * with.size().max(1.0);
@@ -123,10 +189,7 @@ impl ToldVelocity {
         }
         let mean = Ratio::mean(&agreed);
         let doubted = mean.away_from(&Ratio::SAME) > LEAST_DOUBT;
-        doubted.then(|| VelocityDoubt {
-            factor: mean.size(),
-            turn_deg: mean.right.atan2(mean.ahead).to_degrees(),
-        })
+        doubted.then(|| mean.doubt())
     }
 }
 
@@ -166,6 +229,13 @@ impl Ratio {
     fn away_from(&self, other: &Self) -> f64 {
         (self.ahead - other.ahead).hypot(self.right - other.right)
     }
+
+    fn doubt(&self) -> VelocityDoubt {
+        VelocityDoubt {
+            factor: self.size(),
+            turn_deg: self.right.atan2(self.ahead).to_degrees(),
+        }
+    }
 }
 
 #[cfg(test)]
@@ -197,7 +267,8 @@ mod tests {
                 };
                 let east_m = 300.0 * angle_rad.sin() + wrong_m;
                 let north_m = 300.0 * (1.0 - angle_rad.cos());
-                check.fix(time_s, destination_en_m(HERE, east_m, north_m));
+                check.fix(time_s, destination_en_m(HERE, east_m, north_m), None, true);
+                check.believed();
             }
         }
         check.doubt()
@@ -224,5 +295,34 @@ mod tests {
         );
         let still = flown(|_| [0.0; 2], usize::MAX).unwrap();
         assert!(still.factor < 0.05, "{still:?}");
+    }
+
+    /// A flight at 10 m/s to the east with a fix every second that the track does not believe, and whose heading is the told one or
+    /// not. Gives the seconds until the velocities are doubted, which become wrong at once.
+    fn flown_beside(north_m_s: f64, sigma_m_s: f64, has_told_heading: bool) -> Option<usize> {
+        let mut check = ToldVelocity::default();
+        (0..60).find(|second| {
+            for tick in 0..10 {
+                check.velocity(&Velocity {
+                    time_s: *second as f64 - 0.9 + 0.1 * f64::from(tick),
+                    east_m_s: 10.0,
+                    north_m_s,
+                    sigma_m_s,
+                });
+            }
+            let time_s = *second as f64;
+            let place = destination_en_m(HERE, 10.0 * time_s, 0.0);
+            check.fix(time_s, place, None, has_told_heading);
+            check.doubt().is_some()
+        })
+    }
+
+    #[test]
+    fn fixes_that_the_track_does_not_believe_tell_sooner_and_it_stays_told() {
+        // Too little for a factor of 0.35.
+        assert!(flown_beside(3.0, 0.5, true).is_some_and(|second| second <= 5));
+        assert_eq!(flown_beside(3.0, 0.5, false), None, "of another heading");
+        assert_eq!(flown_beside(3.0, 2.0, true), None, "within its error");
+        assert_eq!(flown_beside(0.0, 0.5, true), None);
     }
 }

@@ -140,6 +140,52 @@ fn a_singular_transform_is_refused() {
 }
 
 #[test]
+fn a_mirrored_map_is_refused() {
+    let dir = folder();
+    let png = dir.path().join("map.png");
+    picture(&png, 20, 10);
+    // x and y of a step to the right, then of a step down: all turns by 90 degrees, as they are and mirrored.
+    for (right, down, is_mirrored) in [
+        ([0.5, 0.0], [0.0, -0.5], false),
+        ([0.0, 0.5], [0.5, 0.0], false),
+        ([-0.5, 0.0], [0.0, 0.5], false),
+        ([0.0, -0.5], [-0.5, 0.0], false),
+        // Rows from south to north; columns from east to west.
+        ([0.5, 0.0], [0.0, 0.5], true),
+        ([-0.5, 0.0], [0.0, -0.5], true),
+        ([0.0, 0.5], [-0.5, 0.0], true),
+        ([0.0, -0.5], [0.5, 0.0], true),
+    ] {
+        let text = format!(
+            "{}\n{}\n{}\n{}\n300000\n2700000\n",
+            right[0], right[1], down[0], down[1]
+        );
+        std::fs::write(dir.path().join("map.pgw"), text).unwrap();
+        let opened = with_crs(&png, "EPSG:32651");
+        if is_mirrored {
+            let error = refused(opened, &png, &["mirrored", "gdalwarp IN OUT.tif"]);
+            assert!(matches!(error, GeoError::Mirrored { .. }), "{error}");
+        } else if let Err(error) = opened {
+            panic!("{right:?} {down:?}: {error}");
+        }
+    }
+    let path = dir.path().join("south_up.tif");
+    let mut tags = geo_tags(32651);
+    // Model transformation in place of scale and tie point.
+    tags.drain(..2);
+    let transform = [
+        [0.5, 0.0, 0.0, 300_000.0],
+        [0.0, 0.5, 0.0, 2_700_000.0],
+        [0.0; 4],
+        [0.0, 0.0, 0.0, 1.0],
+    ];
+    tags.push(double(34264, transform.as_flattened()));
+    write_map(&path, (20, 10), tags, colours);
+    let error = refused(open(&path), &path, &["mirrored"]);
+    assert!(matches!(error, GeoError::Mirrored { .. }), "{error}");
+}
+
+#[test]
 fn swapped_corners_are_told() {
     let dir = folder();
     let path = dir.path().join("map.png");

@@ -196,6 +196,24 @@ fn a_tile_in_two_formats_is_refused() {
     assert!(error.contains("two pictures"), "{error}");
 }
 
+#[test]
+fn endings_in_capital_letters_are_tiles() {
+    let (_dir, path) = copy_of("town_xyz");
+    // All of one column, and one tile of another.
+    for tile in ["69541/46101", "69541/46102", "69541/46103", "69542/46101"] {
+        let tile = path.join("17").join(tile);
+        std::fs::rename(tile.with_extension("png"), tile.with_extension("PNG")).unwrap();
+    }
+    let map = open_map(&path, &MapOptions::default()).unwrap();
+    check("town_xyz", map.as_ref(), "town.mbtiles");
+    let plain = open("town_xyz");
+    assert_eq!(map.content_hash().unwrap(), plain.content_hash().unwrap());
+    let tile = path.join("17/69541/46101");
+    std::fs::copy(tile.with_extension("PNG"), tile.with_extension("JPG")).unwrap();
+    let error = refused(&path).to_string();
+    assert!(error.contains("two pictures"), "{error}");
+}
+
 #[cfg(unix)]
 #[test]
 fn links_in_circles_end() {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::rule::{Chosen, Rule};
+use super::rule::{Chosen, MAX_NOISE_M, MIN_NOISE_M, NOISE_REASON, Rule, USUAL_NOISE_M};
 use crate::{autopilot::Version, output::Output};
 
 const EKF: [Rule; 2] = [
@@ -14,7 +14,7 @@ const EKF: [Rule; 2] = [
     Rule::value(&["EK3_ENABLE"], 1.0, "EKF3 has to run"),
 ];
 
-const ODOMETRY: [Rule; 4] = [
+const ODOMETRY: [Rule; 5] = [
     Rule::value(
         &["VISO_TYPE"],
         1.0,
@@ -36,6 +36,14 @@ const ODOMETRY: [Rule; 4] = [
     )
     .advice(),
     Rule::value(&["VISO_SCALE"], 1.0, "our metres are metres"),
+    Rule::within(
+        &["VISO_POS_M_NSE"],
+        MIN_NOISE_M,
+        MAX_NOISE_M,
+        USUAL_NOISE_M,
+        NOISE_REASON,
+    )
+    .advice(),
 ];
 
 /// The rules of one source set.
@@ -105,7 +113,7 @@ const SET_3: [Rule; 5] = source_set!(
     "EK3_SRC3_YAW"
 );
 
-const GPS_INPUT: [Rule; 2] = [
+const GPS_INPUT: [Rule; 5] = [
     Rule::value(
         &["GPS1_TYPE", "GPS_TYPE"],
         14.0,
@@ -115,6 +123,23 @@ const GPS_INPUT: [Rule; 2] = [
         &["EK3_SRC1_POSXY"],
         3.0,
         "GPS: the horizontal position is the receiver's",
+    ),
+    Rule::value(
+        &["EK3_SRC1_VELXY"],
+        0.0,
+        "none: the velocity in GPS_INPUT follows the autopilot's own, which would be fed back to it",
+    ),
+    Rule::within(
+        &["EK3_SRC1_POSZ"],
+        0.0,
+        2.0,
+        1.0,
+        "1, the barometer: our height is the autopilot's own",
+    ),
+    Rule::value(
+        &["EK3_SRC1_VELZ"],
+        0.0,
+        "none: nothing measures the vertical velocity",
     ),
 ];
 

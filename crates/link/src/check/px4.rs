@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::rule::{Chosen, Rule};
+use super::rule::{Chosen, MAX_NOISE_M, MIN_NOISE_M, NOISE_REASON, Rule, USUAL_NOISE_M};
 use crate::{autopilot::Version, output::Output};
 
 const ODOMETRY: [Rule; 7] = [
@@ -32,10 +32,10 @@ const ODOMETRY: [Rule; 7] = [
     ),
     Rule::within(
         &["EKF2_EVP_NOISE"],
-        0.0,
-        1.0,
-        0.1,
-        "metres: no better than this is believed",
+        MIN_NOISE_M,
+        MAX_NOISE_M,
+        USUAL_NOISE_M,
+        NOISE_REASON,
     )
     .advice(),
     Rule::within(&["EKF2_EVP_GATE"], 3.0, 100.0, 5.0, "standard deviations").advice(),
@@ -63,7 +63,7 @@ macro_rules! slot {
                 "milliseconds: positions are extrapolated to the time of sending; reboot after the change",
             )
             .of_group($group),
-            Rule::within(&[$noise], 0.0, 3.0, 1.0, "metres: no better than this is believed")
+            Rule::within(&[$noise], MIN_NOISE_M, MAX_NOISE_M, USUAL_NOISE_M, NOISE_REASON)
                 .advice()
                 .of_group($group),
             Rule::within(&[$gate], 3.0, 100.0, 3.0, "standard deviations")

@@ -2,6 +2,15 @@
 
 use std::{collections::BTreeMap, fmt};
 
+/// The least noise of one position that an EKF should assume, metres: the map's own error.
+pub(crate) const MIN_NOISE_M: f64 = 1.0;
+/// The greatest, metres: with more, a fix has no weight.
+pub(crate) const MAX_NOISE_M: f64 = 10.0;
+/// The usual one, metres: an error of 1.5 m, times the square root of ten messages for each fix (docs/autopilot.md).
+pub(crate) const USUAL_NOISE_M: f64 = 5.0;
+/// Why.
+pub(crate) const NOISE_REASON: &str = "metres: positions between two fixes share their error, so each must count for less than its covariance says";
+
 /// What a parameter should be, and why.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Rule {

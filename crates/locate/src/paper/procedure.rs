@@ -1,6 +1,6 @@
 //! The paper's procedure: the whole photo at the network's resolution, K tiles by descriptor, the largest inliers / (matches + 1),
-//! and linear coordinates (equations 22 and 23). It always answers: where no tile has a homography, or it leads off the Earth, with
-//! the centre of the tile (the paper says nothing of such frames).
+//! and linear coordinates (equations 22 and 23). It always answers: where no tile has a homography, with the centre of the most similar
+//! tile, and where the winning one leads off the Earth, with the centre of its tile (the paper says nothing of such frames).
 
 use std::time::Instant;
 
@@ -10,6 +10,7 @@ use grimnet_pack::resize_for_network;
 use grimnet_pack::{Level, Mode};
 use grimnet_photo::{Evidence, Photo, QueryOptions, View};
 use image::imageops::{FilterType, resize};
+use image::{GrayImage, RgbImage};
 use nalgebra::Matrix3;
 
 use crate::{
@@ -138,47 +139,39 @@ fn evidence(is_turned: bool, view: &View) -> EvidenceUsed {
     }
 }
 
-/// The features of the whole photo, resized to the square that the network saw of the level's tiles.
-fn extract_query(
+/// The whole photo as the network sees it in the paper's procedure: resized to the square that it saw of the level's tiles.
+#[derive(Debug, Clone)]
+pub struct NetworkImage {
+    /// The picture, side x side pixels.
+    pub rgb: RgbImage,
+    /// Zero where a turned photo has black corners; `None` for a photo that was not turned.
+    pub mask: Option<GrayImage>,
+    /// Photo pixels from pixels of the picture.
+    pub photo_px_from_network_px: Matrix3<f64>,
+}
+
+/// The picture that the network sees of a photo, turned so that the map's up is up if the options and `view` say so.
+///
+/// # Errors
+/// The photo cannot be resampled, or the map's up direction is not defined.
+pub(crate) fn network_image(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
     level: &Level,
-) -> Result<(QueryFeatures, TimeMs)> {
-    if let Some(heading_deg) = heading_deg(context, view) {
-        return extract_turned_query(context, photo, heading_deg, level);
-    }
+) -> Result<NetworkImage> {
     let side_px = level.manifest().network_px;
-    let mut time_ms = TimeMs::default();
-    let since = Instant::now();
-    let image = resize_for_network(&photo.image, side_px);
-    let (width, height) = photo.image.dimensions();
-    let [x, y] = [width, height].map(|along| f64::from(along) / f64::from(side_px));
-    let photo_px_from_query_px = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
-    time_ms.query = elapsed_ms(since);
-    let since = Instant::now();
-    let (query, _) = QueryFeatures::extract(
-        (context.extractor, Purpose::Answer),
-        &image,
-        None,
-        photo_px_from_query_px,
-        level.descriptor_type(),
-        context.options,
-    )?;
-    time_ms.features = elapsed_ms(since);
-    Ok((query, time_ms))
-}
-
-/// As [`extract_query`] of the photo turned so that the map's up is up, with black corners that are masked.
-fn extract_turned_query(
-    context: Context<'_>,
-    photo: &Photo,
-    heading_deg: f64,
-    level: &Level,
-) -> Result<(QueryFeatures, TimeMs)> {
-    let mut time_ms = TimeMs::default();
-    let since = Instant::now();
-    let side_px = level.manifest().network_px;
+    let scale_from = |(width, height): (u32, u32)| {
+        let [x, y] = [width, height].map(|along| f64::from(along) / f64::from(side_px));
+        Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0)
+    };
+    let Some(heading_deg) = heading_deg(context, view) else {
+        return Ok(NetworkImage {
+            rgb: resize_for_network(&photo.image, side_px),
+            mask: None,
+            photo_px_from_network_px: scale_from(photo.image.dimensions()),
+        });
+    };
     let georeference = level.georeference();
     let up_bearing_deg = georeference.up_bearing_deg(georeference.centre_px())?;
     // No ground resolution is known: a photo of this many units across, a pixel each, is sharp enough to be reduced afterwards.
@@ -187,18 +180,31 @@ fn extract_turned_query(
         ..QueryOptions::new(1.0, f64::from(2 * side_px))
     })?;
     let turned = maker.make(heading_deg - up_bearing_deg);
-    let image = resize_for_network(&turned.image, side_px);
-    let mask = resize(&turned.mask, side_px, side_px, FilterType::Nearest);
-    let (width, height) = turned.image.dimensions();
-    let [x, y] = [width, height].map(|along| f64::from(along) / f64::from(side_px));
-    let turned_from_query = Matrix3::new(x, 0.0, 0.0, 0.0, y, 0.0, 0.0, 0.0, 1.0);
+    Ok(NetworkImage {
+        rgb: resize_for_network(&turned.image, side_px),
+        mask: Some(resize(&turned.mask, side_px, side_px, FilterType::Nearest)),
+        photo_px_from_network_px: turned.photo_px_from_query_px
+            * scale_from(turned.image.dimensions()),
+    })
+}
+
+/// The features of the whole photo.
+fn extract_query(
+    context: Context<'_>,
+    photo: &Photo,
+    view: &View,
+    level: &Level,
+) -> Result<(QueryFeatures, TimeMs)> {
+    let mut time_ms = TimeMs::default();
+    let since = Instant::now();
+    let image = network_image(context, photo, view, level)?;
     time_ms.query = elapsed_ms(since);
     let since = Instant::now();
     let (query, _) = QueryFeatures::extract(
         (context.extractor, Purpose::Answer),
-        &image,
-        Some(&mask),
-        turned.photo_px_from_query_px * turned_from_query,
+        &image.rgb,
+        image.mask.as_ref(),
+        image.photo_px_from_network_px,
         level.descriptor_type(),
         context.options,
     )?;

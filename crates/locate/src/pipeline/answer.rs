@@ -6,7 +6,7 @@ use grimnet_pack::Level;
 use grimnet_photo::{Photo, View};
 
 use crate::{
-    confidence::Support,
+    confidence::{Support, with_unknown_width},
     context::Context,
     error::Result,
     options::Options,
@@ -111,7 +111,10 @@ fn accept(
             runner_up_inliers(best.runner_up.map(|rival| rival.verified)),
         )
     };
-    let confidence = confidence(&support, calibration);
+    let confidence = confidence(&support, calibration).map(|given| match view.footprint {
+        Some(_) => given,
+        None => with_unknown_width(given),
+    });
     Ok(
         match confidence_rejection(confidence, calibration, context.options) {
             Some(rejection) => Err(rejection),

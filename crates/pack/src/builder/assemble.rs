@@ -1,7 +1,5 @@
 //! Assembles the pack from a finished journal.
 
-use std::path::Path;
-
 use crate::builder::finished_level::FinishedLevel;
 use crate::builder::index_build::{BuiltIndex, write_index};
 use crate::builder::journal::Journal;
@@ -16,18 +14,17 @@ use crate::manifest::{LevelManifest, Manifest};
 use crate::quantise::{descriptor_scale, quantise_row};
 use crate::writer::Writer;
 
-/// Writes the pack to `aside` and returns its manifest.
+/// Writes the pack and returns its manifest.
 ///
 /// # Errors
 /// Returns an error if a file cannot be read or written, or if the options choose an index that cannot be trained.
 pub fn write_pack(
-    aside: &Path,
+    mut writer: Writer,
     journal: &mut Journal,
     levels: Vec<FinishedLevel>,
     mut manifest: Manifest,
     recipe: &dyn Recipe,
 ) -> Result<Manifest> {
-    let mut writer = Writer::create(aside)?;
     for (number, level) in levels.into_iter().enumerate() {
         let entry = write_level(&mut writer, journal, level, number, &manifest, recipe)?;
         manifest.levels.push(entry);

@@ -48,8 +48,8 @@ impl Journal {
     /// is emptied.
     ///
     /// # Errors
-    /// Returns [`PackError::Busy`] if another process holds the journal (`output` names the pack in the message), and
-    /// [`PackError::Io`] for errors of the system.
+    /// Returns [`PackError::Busy`] if another process holds the journal (`output` names the pack in the message),
+    /// [`PackError::InTheWay`] if something else than a journal is there, and [`PackError::Io`] for errors of the system.
     pub fn open(
         path: &Path,
         output: &Path,
@@ -61,6 +61,7 @@ impl Journal {
             .metadata()
             .map_err(|e| PackError::io("read", path, e))?
             .len();
+        check_own(&file, path)?;
         let mut reader = BufReader::with_capacity(1 << 20, &file);
         let mut content = Vec::new();
         let mut end = 0;
@@ -144,6 +145,9 @@ impl Journal {
 /// Deletes the journal of a finished build that was killed between renaming its pack and deleting it. A journal of another build, or one
 /// that another process holds, stays.
 pub fn remove_finished(path: &Path, fingerprint: &str) {
+    if check_plain(path).is_err() {
+        return;
+    }
     let Ok(file) = File::open(path) else { return };
     let len = file.metadata().map_or(0, |metadata| metadata.len());
     let mut content = Vec::new();
@@ -155,9 +159,56 @@ pub fn remove_finished(path: &Path, fingerprint: &str) {
     }
 }
 
+fn in_the_way(path: &Path, why: &'static str) -> PackError {
+    PackError::InTheWay {
+        path: path.to_path_buf(),
+        why,
+    }
+}
+
+/// Refuses what is there but no file: a link leads to a file of somebody else, and opening a pipe blocks.
+fn check_plain(path: &Path) -> Result<()> {
+    match std::fs::symlink_metadata(path) {
+        Ok(metadata) if !metadata.is_file() => {
+            Err(in_the_way(path, "it is a link, a folder or a device"))
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a file that is not a journal, or that has another name elsewhere. A build that was killed at once leaves an
+/// empty file or a part of the magic.
+fn check_own(mut file: &File, path: &Path) -> Result<()> {
+    let error = |e| PackError::io("read", path, e);
+    let mut start = Vec::new();
+    file.take(MAGIC.len() as u64)
+        .read_to_end(&mut start)
+        .map_err(error)?;
+    file.seek(SeekFrom::Start(0)).map_err(error)?;
+    if !MAGIC.starts_with(&start) {
+        return Err(in_the_way(path, "it is not an unfinished build"));
+    }
+    if links(&file.metadata().map_err(error)?) > 1 {
+        return Err(in_the_way(path, "it has a second name (a hard link)"));
+    }
+    Ok(())
+}
+
+/// Names of a file.
+#[cfg(unix)]
+fn links(metadata: &std::fs::Metadata) -> u64 {
+    std::os::unix::fs::MetadataExt::nlink(metadata)
+}
+
+#[cfg(not(unix))]
+fn links(_metadata: &std::fs::Metadata) -> u64 {
+    1
+}
+
 /// Opens `path`, creating it if it is missing, and locks it without waiting.
 fn lock(path: &Path, output: &Path) -> Result<File> {
     loop {
+        check_plain(path)?;
         let file = File::options()
             .read(true)
             .write(true)
@@ -189,7 +240,7 @@ fn lock(path: &Path, output: &Path) -> Result<File> {
 #[cfg(unix)]
 fn is_at(file: &File, path: &Path) -> bool {
     use std::os::unix::fs::MetadataExt;
-    match (file.metadata(), std::fs::metadata(path)) {
+    match (file.metadata(), std::fs::symlink_metadata(path)) {
         (Ok(a), Ok(b)) => (a.dev(), a.ino()) == (b.dev(), b.ino()),
         _ => false,
     }
@@ -276,6 +327,11 @@ mod tests {
             let mut changed = whole.clone();
             changed[at] ^= 0x40;
             std::fs::write(&path, &changed).unwrap();
+            if at < MAGIC.len() {
+                // Not known for a journal any more.
+                refused(&path);
+                continue;
+            }
             let good = records(&path, "a");
             assert!(
                 good.len() < 5
@@ -285,6 +341,46 @@ mod tests {
                         .all(|(i, r)| r == &vec![i as u8; 10 * i])
             );
         }
+    }
+
+    /// Nothing changes at the path, nor behind it.
+    fn refused(path: &Path) {
+        let before = std::fs::read(path).unwrap();
+        let error = Journal::open(path, path, "a", |_, _, _| Ok(true)).unwrap_err();
+        assert!(matches!(error, PackError::InTheWay { .. }), "{error}");
+        remove_finished(path, "a");
+        assert_eq!(std::fs::read(path).unwrap(), before);
+    }
+
+    #[test]
+    fn files_of_others_are_refused_and_stay() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("j");
+        for notes in ["n", "GJR", "notes, more than a record's head is long"] {
+            std::fs::write(&path, notes).unwrap();
+            if notes == "GJR" {
+                // What a build may leave that is killed at once.
+                records(&path, "a");
+            } else {
+                refused(&path);
+            }
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn links_are_refused_whatever_they_lead_to() {
+        let folder = tempfile::tempdir().unwrap();
+        let (path, other) = (folder.path().join("j"), folder.path().join("other"));
+        filled(&other);
+        std::os::unix::fs::symlink(&other, &path).unwrap();
+        refused(&path);
+        std::fs::remove_file(&path).unwrap();
+        std::fs::hard_link(&other, &path).unwrap();
+        let error = Journal::open(&path, &path, "b", |_, _, _| Ok(true)).unwrap_err();
+        assert!(matches!(error, PackError::InTheWay { .. }), "{error}");
+        std::fs::remove_file(&path).unwrap();
+        assert_eq!(records(&other, "a").len(), 5);
     }
 
     #[test]

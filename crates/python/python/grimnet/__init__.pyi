@@ -296,6 +296,7 @@ def build_pack(
     adapt: bool = False,
     crs: str | None = None,
     corners: tuple[float, float, float, float] | None = None,
+    zoom: int | None = None,
     model: _Path | None = None,
     precision: _Precision | None = None,
     overwrite: bool = False,

@@ -90,25 +90,27 @@ fn slow_clients_are_cut_off() {
     read_all(&mut stream);
     // A connection that says nothing.
     read_all(&mut connect(running.address));
-    // A body that stops.
-    let head = format!(
-        "POST /v1/locate HTTP/1.1\r\nhost: {}\r\n{PHOTO}\r\ncontent-length: 1000\r\n\r\nabc",
-        running.address
-    );
-    let mut stream = connect(running.address);
-    stream.write_all(head.as_bytes()).unwrap();
-    Answer::of(&read_all(&mut stream)).problem(408, "too-slow");
-    // A body that trickles.
-    let mut stream = connect(running.address);
-    stream.write_all(head.as_bytes()).unwrap();
-    let mut sending = stream.try_clone().unwrap();
-    let trickle = std::thread::spawn(move || {
-        while sending.write_all(b"x").is_ok() {
-            std::thread::sleep(Duration::from_millis(50));
-        }
-    });
-    Answer::of(&read_all(&mut stream)).problem(408, "too-slow");
-    trickle.join().unwrap();
+    for route in ["/v1/locate", "/v1/answers", "/v1/tracks"] {
+        // A body that stops.
+        let head = format!(
+            "POST {route} HTTP/1.1\r\nhost: {}\r\n{PHOTO}\r\ncontent-length: 1000\r\n\r\nabc",
+            running.address
+        );
+        let mut stream = connect(running.address);
+        stream.write_all(head.as_bytes()).unwrap();
+        Answer::of(&read_all(&mut stream)).problem(408, "too-slow");
+        // A body that trickles.
+        let mut stream = connect(running.address);
+        stream.write_all(head.as_bytes()).unwrap();
+        let mut sending = stream.try_clone().unwrap();
+        let trickle = std::thread::spawn(move || {
+            while sending.write_all(b"x").is_ok() {
+                std::thread::sleep(Duration::from_millis(50));
+            }
+        });
+        Answer::of(&read_all(&mut stream)).problem(408, "too-slow");
+        trickle.join().unwrap();
+    }
     assert_eq!(get(running.address, "/healthz").status, 200);
 }
 
@@ -151,6 +153,49 @@ fn a_full_queue_refuses_and_recovers() {
     }
     let next = send(running.address, "POST /v1/locate", &[PHOTO], &area().photo);
     assert_eq!(next.json()["state"], "fix");
+}
+
+#[test]
+fn an_error_waits_for_the_body() {
+    let limits = Limits {
+        at_once: 1,
+        queue: 0,
+        ..Limits::default()
+    };
+    let running = Running::on_area(limits);
+    let head = |line: &str, more: &str| {
+        format!(
+            "{line} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n{PHOTO}\r\n{more}content-length: {}\r\n\r\n",
+            running.address,
+            20 << 20
+        )
+    };
+    let mut holder = connect(running.address);
+    holder
+        .write_all(head("POST /v1/locate", "").as_bytes())
+        .unwrap();
+    while !get(running.address, "/metrics")
+        .text()
+        .contains("grimnet_localisations_waiting 1")
+    {}
+    // More than sockets hold: a client that writes all of it before it reads finds the answer.
+    let body = vec![0; 20 << 20];
+    for (line, status, kind) in [
+        ("POST /v1/locate", 503, "busy"),
+        ("POST /v1/nothing", 404, "not-found"),
+        ("POST /v1/answers", 413, "too-large"),
+    ] {
+        let mut stream = connect(running.address);
+        stream.write_all(head(line, "").as_bytes()).unwrap();
+        stream.write_all(&body).unwrap();
+        Answer::of(&read_all(&mut stream)).problem(status, kind);
+    }
+    // A client that waits to be asked is told at once.
+    let mut stream = connect(running.address);
+    let waits = head("POST /v1/locate", "expect: 100-continue\r\n");
+    stream.write_all(waits.as_bytes()).unwrap();
+    Answer::of(&read_all(&mut stream)).problem(503, "busy");
+    drop(holder);
 }
 
 #[test]
@@ -217,6 +262,11 @@ fn no_path_leads_out() {
         "/web//etc/passwd",
         "/web/api.js%00.html",
         "/v1/maps/..%2f..%2fetc/tilejson.json",
+        "/v1/maps/%FF/tilejson.json",
+        "/v1/maps/area/tiles/19/%FF/0",
+        "/v1/tracks/%FF",
+        "/v1/tracks/%FF/events",
+        "/v1/tracks/%FF/session",
         "/web/",
         "/.git/config",
     ] {

@@ -59,6 +59,8 @@ fn a_form_with_a_prior_is_answered() {
 #[test]
 fn the_client_chooses_the_format() {
     for (accept, start) in [
+        ("application/json", "{\"photo\""),
+        ("application/x-ndjson", "{\"photo\""),
         ("application/geo+json", "{\"type\":\"FeatureCollection\""),
         ("application/vnd.google-earth.kml+xml", "<?xml"),
         ("application/gpx+xml", "<?xml"),

@@ -187,6 +187,20 @@ fn answers_are_written_in_other_formats() {
     ];
     let gpx = send(shared(), "POST /v1/answers", &headers, answers.as_bytes());
     assert_eq!(gpx.text().matches("<wpt ").count(), 1);
+    let post = |headers: &[&str]| send(shared(), "POST /v1/answers", headers, answers.as_bytes());
+    let lines = post(&[]);
+    let lines_type = "application/x-ndjson";
+    assert_eq!(lines.header("content-type"), Some(lines_type));
+    assert_eq!(lines.text().lines().count(), 2);
+    let list = post(&["accept: application/json"]);
+    assert_eq!(list.header("content-type"), Some("application/json"));
+    assert_eq!(list.json()[1]["photo"], "b.jpg");
+    let api = get(shared(), "/openapi.json").json();
+    let described = &api["paths"]["/v1/answers"]["post"]["responses"]["200"]["content"];
+    for media_type in described.as_object().unwrap().keys() {
+        let answer = post(&[&format!("accept: {media_type}")]);
+        assert_eq!(answer.header("content-type"), Some(media_type.as_str()));
+    }
     send(shared(), "POST /v1/answers", &headers, b"{}").problem(400, "bad-request");
     let long = vec![b'['; 9 << 20];
     send(shared(), "POST /v1/answers", &headers, &long).problem(413, "too-large");

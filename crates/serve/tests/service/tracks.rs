@@ -67,8 +67,11 @@ fn frames_become_a_track() {
         &[],
     );
     assert!(gpx.text().matches("<trkpt ").count() >= 2, "{}", gpx.text());
-    send(shared(), &format!("GET {path}"), &["accept: text/csv"], &[])
-        .problem(406, "not-acceptable");
+    let line = format!("GET {path}");
+    let json = send(shared(), &line, &["accept: application/json"], &[]);
+    assert_eq!(json.header("content-type"), Some("application/json"));
+    assert_eq!(json.json(), geojson);
+    send(shared(), &line, &["accept: text/csv"], &[]).problem(406, "not-acceptable");
 }
 
 #[test]
@@ -135,6 +138,36 @@ fn follow(address: SocketAddr, id: &str, header: &str) -> BufReader<std::net::Tc
 }
 
 #[test]
+fn a_frame_that_is_sent_again_counts_once() {
+    let id = begin(shared());
+    let first = frame(shared(), &id, 7.5).json();
+    assert_eq!(first["number"], 1);
+    for _ in 0..5 {
+        assert_eq!(frame(shared(), &id, 7.5).json(), first);
+    }
+    let tracks = get(shared(), "/v1/tracks").json();
+    let same = |track: &&Value| track["id"].as_u64() == id.parse().ok();
+    let track = tracks["tracks"].as_array().unwrap().iter().find(same);
+    assert_eq!(track.unwrap()["frames"], 1);
+    assert_eq!(frame(shared(), &id, 8.5).json()["number"], 2);
+}
+
+#[test]
+fn an_ended_track_ends_its_events() {
+    let id = begin(shared());
+    frame(shared(), &id, 0.0);
+    let mut stream = follow(shared(), &id, "connection: close\r\n");
+    assert_eq!(numbers(&mut stream, 1), [1]);
+    let line = format!("DELETE /v1/tracks/{id}");
+    assert_eq!(send(shared(), &line, &[], &[]).status, 204);
+    let mut line = String::new();
+    while stream.read_line(&mut line).unwrap() > 0 {
+        assert!(!line.starts_with(':'), "it is kept alive");
+        line.clear();
+    }
+}
+
+#[test]
 fn events_come_live_and_resume() {
     let mut running = Running::on_area(Limits::default());
     let address = running.address;
@@ -158,6 +191,11 @@ fn events_come_live_and_resume() {
 #[test]
 fn tracks_that_do_not_exist_and_frames_without_time() {
     let id = begin(shared());
+    let empty = get(shared(), &format!("/v1/tracks/{id}"));
+    assert_eq!(
+        empty.json(),
+        serde_json::json!({"type": "FeatureCollection", "features": []})
+    );
     for path in [
         "/v1/tracks/999",
         "/v1/tracks/..",
@@ -179,6 +217,7 @@ fn tracks_that_do_not_exist_and_frames_without_time() {
     }
     send(shared(), "POST /v1/tracks", &[], b"{\"map\": \"nowhere\"}").problem(404, "not-found");
     send(shared(), "POST /v1/tracks", &[], b"[]x").problem(400, "bad-request");
+    send(shared(), "POST /v1/tracks", &[], &[b' '; 20_000]).problem(413, "too-large");
     let delete = send(shared(), &format!("DELETE /v1/tracks/{id}"), &[], &[]);
     assert_eq!(delete.status, 204);
     get(shared(), &format!("/v1/tracks/{id}")).problem(404, "not-found");

@@ -59,6 +59,10 @@ impl TrainConfig {
             labels: Some(LabelOptions {
                 views: ADAPTATION_VIEWS,
                 side_px: SIDE_PX,
+                homography: HomographyRange {
+                    rotation_deg: ROTATION_DEG,
+                    ..LabelOptions::default().homography
+                },
                 ..LabelOptions::default()
             }),
             pairs: PairOptions {
@@ -123,6 +127,7 @@ mod tests {
         let labels = recipe.labels.as_ref().unwrap();
         assert_eq!(labels.threshold, 0.015);
         assert_eq!(labels.views, 100);
+        assert_eq!(labels.homography.rotation_deg, 90.0, "as of the pairs");
         // Section 3.3: VGG-16, five poolings, 13 convolutions; two transposed convolutions of 512 channels; 64 clusters on the
         // deepest features; 512 values after whitening.
         let network = recipe.spec().unwrap();

@@ -3,12 +3,12 @@
 use crate::config::Stage;
 use crate::error::TrainError;
 use crate::model::parameters::{Parameters, host};
-use crate::run::optimiser::Adam;
+use crate::run::optimiser::{Adam, Moments};
 use burn::tensor::{Device, Tensor, TensorData};
 use grimnet_net::{Card, Model, NetSpec};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Read as _;
 use std::path::Path;
 
@@ -69,9 +69,13 @@ impl Checkpoint {
                 buffers.push((format!("{prefix}{name}"), bytes_of(&values)));
             }
         }
-        for (name, (first, second)) in &self.adam.moments {
-            buffers.push((format!("first/{name}"), bytes_of(&host(first.clone())?)));
-            buffers.push((format!("second/{name}"), bytes_of(&host(second.clone())?)));
+        let mut updates_of = BTreeMap::new();
+        for (name, kept) in &self.adam.moments {
+            for (moment, values) in [("first", &kept.first), ("second", &kept.second)] {
+                let values = host(values.clone())?;
+                buffers.push((format!("{moment}/{name}"), bytes_of(&values)));
+            }
+            updates_of.insert(name, kept.updates);
         }
         let wrong = |reason: String| TrainError::Checkpoint {
             path: CHECKPOINT.into(),
@@ -88,6 +92,10 @@ impl Checkpoint {
                 serde_json::to_string(&self.position).map_err(json)?,
             ),
             ("updates".to_owned(), self.adam.updates.to_string()),
+            (
+                "updates_of".to_owned(),
+                serde_json::to_string(&updates_of).map_err(json)?,
+            ),
             ("scenes".to_owned(), self.parameters.scenes().to_string()),
         ]);
         let views: Vec<(&str, TensorView<'_>)> = buffers
@@ -152,6 +160,11 @@ impl Checkpoint {
         let updates = field("updates")?
             .parse()
             .map_err(|_| wrong("`updates` is not a number".into()))?;
+        // Checkpoints of earlier versions count the updates of all tensors together.
+        let updates_of: BTreeMap<String, u64> = match metadata.get("updates_of") {
+            Some(text) => serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?,
+            None => BTreeMap::new(),
+        };
         let scenes = metadata.get("scenes").map_or(Ok(0), |n| n.parse());
         let scenes = scenes.map_err(|_| wrong("`scenes` is not a number".into()))?;
         let model = Model::random(&spec, 0)?.with_card(Card::default());
@@ -176,10 +189,11 @@ impl Checkpoint {
             if tensors.tensor(&format!("first/{name}")).is_ok() {
                 adam.moments.insert(
                     name.clone(),
-                    (
-                        read(&format!("first/{name}"))?,
-                        read(&format!("second/{name}"))?,
-                    ),
+                    Moments {
+                        updates: updates_of.get(&name).copied().unwrap_or(updates),
+                        first: read(&format!("first/{name}"))?,
+                        second: read(&format!("second/{name}"))?,
+                    },
                 );
             }
         }

@@ -48,10 +48,22 @@ impl AdamOptions {
 /// The optimiser's state.
 #[derive(Clone, Debug, Default)]
 pub struct Adam {
-    /// Number of updates.
+    /// Number of updates of any tensor.
     pub updates: u64,
-    /// First and second moments of each tensor that has been updated, flat, by name.
-    pub moments: BTreeMap<String, (Tensor<1>, Tensor<1>)>,
+    /// The moments of each tensor that has been updated, by name.
+    pub moments: BTreeMap<String, Moments>,
+}
+
+/// What Adam keeps of one tensor.
+#[derive(Clone, Debug)]
+pub struct Moments {
+    /// Number of its updates, by which its moments are corrected: where tasks alternate, a tensor that serves one of them has fewer
+    /// than there were steps.
+    pub updates: u64,
+    /// Running mean of its gradient, flat.
+    pub first: Tensor<1>,
+    /// Running mean of the squares of its gradient, flat.
+    pub second: Tensor<1>,
 }
 
 /// Settings of an update.
@@ -104,24 +116,36 @@ impl Adam {
         }
         self.updates += 1;
         let scale = (options.clip / length.max(f32::MIN_POSITIVE)).min(1.0);
-        let updates = i32::try_from(self.updates).unwrap_or(i32::MAX);
-        let correction = (1.0 - beta2.powi(updates)).sqrt() / (1.0 - beta1.powi(updates));
         for (name, gradient) in found {
             let gradient = gradient.mul_scalar(scale);
-            let (first, second) = match self.moments.remove(&name) {
-                Some((first, second)) => (
-                    first.mul_scalar(beta1) + gradient.clone().mul_scalar(1.0 - beta1),
-                    second.mul_scalar(beta2) + gradient.square().mul_scalar(1.0 - beta2),
-                ),
-                None => (
-                    gradient.clone().mul_scalar(1.0 - beta1),
-                    gradient.square().mul_scalar(1.0 - beta2),
-                ),
+            let square = gradient.clone().square();
+            let Moments {
+                updates,
+                first,
+                second,
+            } = match self.moments.remove(&name) {
+                Some(kept) => Moments {
+                    updates: kept.updates + 1,
+                    first: kept.first.mul_scalar(beta1) + gradient.mul_scalar(1.0 - beta1),
+                    second: kept.second.mul_scalar(beta2) + square.mul_scalar(1.0 - beta2),
+                },
+                None => Moments {
+                    updates: 1,
+                    first: gradient.mul_scalar(1.0 - beta1),
+                    second: square.mul_scalar(1.0 - beta2),
+                },
             };
+            let exponent = i32::try_from(updates).unwrap_or(i32::MAX);
+            let correction = (1.0 - beta2.powi(exponent)).sqrt() / (1.0 - beta1.powi(exponent));
             let direction = first.clone() / second.clone().sqrt().add_scalar(epsilon);
             let value = parameters.flat(&name)? - direction.mul_scalar(rate_of(&name) * correction);
             parameters.set(&name, value)?;
-            self.moments.insert(name, (first, second));
+            let kept = Moments {
+                updates,
+                first,
+                second,
+            };
+            self.moments.insert(name, kept);
         }
         Ok(length)
     }

@@ -35,8 +35,8 @@ const DEFAULT_TIME_LIMIT_S: f64 = 60.0;
 /// Examples under the help of `grim serve`.
 pub const EXAMPLES: &str = "\
 Examples:
-  grim serve --pack town.grim                              then open http://127.0.0.1:8080
-  grim serve --pack town.grim --map town.tif               also shows the map
+  grim serve --pack town.grim                              # then open http://127.0.0.1:8080
+  grim serve --pack town.grim --map town.tif               # also shows the map
   grim serve --pack town.grim --listen 0.0.0.0:8080 --token-file token.txt
   curl -F photo=@a.jpg -F prior='{\"heading\": 90}' http://127.0.0.1:8080/v1/locate
 
@@ -76,7 +76,7 @@ pub struct ServeArgs {
     ///
     /// Another address than this machine's own needs a token or --no-token. The connection is not encrypted: put a proxy with
     /// TLS in front of it.
-    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080", help_heading = CLIENTS)]
+    #[arg(long, value_name = "ADDR:PORT", default_value = "127.0.0.1:8080", value_parser = values::socket_address, help_heading = CLIENTS)]
     pub listen: SocketAddr,
 
     /// Require the token in this file (22 characters or more) of clients

@@ -15,6 +15,7 @@ use super::ServeArgs;
 use crate::commands::map_place::is_built_from;
 use crate::exit::Exit;
 use crate::inputs;
+use crate::standard_output::StandardOutput;
 
 /// The environment variable of the token.
 const TOKEN_VARIABLE: &str = "GRIM_TOKEN";
@@ -48,7 +49,7 @@ pub fn run(arguments: &ServeArgs) -> Result<Exit> {
 /// # Errors
 /// Standard output cannot be written.
 pub fn announce(service: &Service) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     writeln!(out, "http://{}", service.address())?;
     out.flush()?;
     Ok(())

@@ -8,6 +8,7 @@ use grimnet_train::{LabelProgress, TrainConfig, label_pictures};
 
 use super::share_bar::share_bar;
 use crate::exit::Exit;
+use crate::standard_output::StandardOutput;
 
 /// Labels the pictures of a configuration.
 ///
@@ -25,7 +26,7 @@ pub(super) fn run(config_path: &Path, config: &TrainConfig) -> Result<Exit> {
         true
     })?;
     bar.finish_and_clear();
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     writeln!(
         out,
         "{} pictures have labels, {} of them new; train with: grim train {}",

@@ -15,6 +15,7 @@ use super::flight_log::FlightLog;
 use super::share_bar::share_bar;
 use crate::exit::Exit;
 use crate::interrupt;
+use crate::standard_output::StandardOutput;
 
 /// Trains, or exports the model of the last checkpoint.
 ///
@@ -125,7 +126,7 @@ fn finish(
     folder: &RunFolder,
 ) -> Result<Exit> {
     if config.stage != Stage::Joint {
-        let mut out = std::io::stdout().lock();
+        let mut out = StandardOutput;
         writeln!(out, "{}", checkpoint_path(config).display())?;
         return Ok(Exit::Done);
     }
@@ -141,7 +142,7 @@ fn finish(
 }
 
 fn report(model: &grimnet_net::Model, path: &Path) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     writeln!(out, "{}", path.display())?;
     writeln!(out, "  hash {}", model.hash())?;
     writeln!(out, "  {}", model.card().notes)?;

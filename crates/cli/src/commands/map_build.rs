@@ -16,6 +16,7 @@ use super::map_place::MapPlace;
 use super::{LimitsChoice, ModeChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
+use crate::standard_output::StandardOutput;
 use crate::{inputs, progress, values};
 use grimnet_answer::printable;
 
@@ -64,7 +65,7 @@ pub struct BuildArgs {
     #[arg(
         long,
         value_name = "M",
-        value_parser = values::length_m,
+        value_parser = values::height_agl_m,
         allow_hyphen_values = true,
         requires = "hfov",
         conflicts_with_all = ["gsd", "photo"],
@@ -144,7 +145,7 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         print_report(&mut std::io::stderr(), &report, out)?;
     } else {
         let report = build_with_bar(map.as_ref(), &model, &options, out)?;
-        print_report(&mut std::io::stdout(), &report, out)?;
+        print_report(&mut StandardOutput, &report, out)?;
     }
     Ok(Exit::Done)
 }

@@ -21,6 +21,7 @@ use serde::Serialize;
 
 use super::map_picture::terminal_picture;
 use super::map_sample::MapSample;
+use crate::standard_output::StandardOutput;
 
 /// Examples under the help.
 pub const EXAMPLES: &str = "\
@@ -138,13 +139,13 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
         })?;
     }
     let report = report(arguments, map.as_ref(), &model, &picture)?;
-    let mut out = std::io::stdout();
+    let mut out = StandardOutput;
     if arguments.json {
         serde_json::to_writer_pretty(&mut out, &report)?;
         writeln!(out)?;
     } else {
-        let colours =
-            out.is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
+        let colours = std::io::stdout().is_terminal()
+            && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
         if colours {
             write!(out, "{}", terminal_picture(&picture))?;
         }

@@ -12,6 +12,7 @@ use image::ImageFormat;
 use super::map_place::{MapPlace, check_built_from};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
+use crate::standard_output::StandardOutput;
 use crate::{inputs, progress};
 use grimnet_answer::printable_text;
 
@@ -95,7 +96,7 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
         })?;
     }
     let info = pack.info();
-    let mut out = std::io::stdout().lock();
+    let mut out = StandardOutput;
     if arguments.json {
         serde_json::to_writer_pretty(&mut out, &info)?;
         writeln!(out)?;
@@ -119,7 +120,7 @@ pub fn verify(arguments: &VerifyArgs) -> Result<Exit> {
     })?;
     bar.finish_and_clear();
     writeln!(
-        std::io::stdout(),
+        StandardOutput,
         "{}: whole, {:.1} MB",
         printable_text(&arguments.pack.display().to_string()),
         pack.len_bytes() as f64 / 1e6

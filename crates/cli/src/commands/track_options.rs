@@ -128,7 +128,7 @@ pub struct KnownArgs {
     pub vehicle: VehicleChoice,
 
     /// Height above ground, metres; overrides metadata [default: from the photos]
-    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true, help_heading = KNOWN)]
+    #[arg(long, value_name = "M", value_parser = values::height_agl_m, allow_hyphen_values = true, help_heading = KNOWN)]
     pub height_agl: Option<f64>,
 
     /// Horizontal field of view, degrees; overrides metadata [default: from the photos]

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use grimnet_answer::printable;
 
 use super::track_options::TrackArgs;
@@ -40,6 +40,9 @@ pub fn replay(arguments: &TrackArgs, folder: &Path) -> Result<Exit> {
             }
         }
         stream.write(&frame.line)?;
+    }
+    if frames == 0 {
+        bail!("{}: holds no frame", folder.display());
     }
     stream.finish()?;
     if others > 0 {

@@ -9,12 +9,12 @@ use anyhow::{Result, bail};
 use grimnet_locate::NeededPixels;
 
 use super::track_options::TrackArgs;
-use crate::photos;
 use crate::tracking::following::Following;
 use crate::tracking::frames::Frames;
 use crate::tracking::photo_list::PhotoList;
 use crate::tracking::standard_input::StreamedFrames;
 use crate::tracking::video::{DEFAULT_FRAMES_PER_S, is_video, open_video};
+use crate::{inputs, photos};
 
 /// Where frames come from, as the command line names it.
 pub enum Source {
@@ -73,7 +73,12 @@ impl Source {
         let frames = &arguments.frames;
         let options = frames.options(needed);
         Ok(match self {
-            Self::Photos(paths) => Box::new(PhotoList::new(paths, &options)?),
+            Self::Photos(paths) => {
+                paths
+                    .iter()
+                    .try_for_each(|path| inputs::check_regular(path))?;
+                Box::new(PhotoList::new(paths, &options)?)
+            }
             Self::Folder(folder) => Box::new(Following::new(
                 &folder,
                 options,

@@ -38,6 +38,7 @@ impl RecordedTelemetry {
     /// # Errors
     /// It cannot be read, or nothing in it can be used.
     pub fn read(path: &Path, delay_s: f64) -> Result<Self> {
+        crate::inputs::check_regular(path)?;
         let telemetry = read_telemetry(path)?;
         if let Some(problem) = &telemetry.first_problem {
             tracing::warn!(

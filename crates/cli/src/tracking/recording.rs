@@ -105,7 +105,9 @@ impl Recorder {
             inputs,
             note: note.clone(),
             answer: serde_json::to_value(answer)?,
-        })
+        })?;
+        // A recording is for the moment at which the process ends without a warning.
+        Ok(self.file.flush()?)
     }
 
     /// Ends the recording.
@@ -313,6 +315,15 @@ mod tests {
                 .frame(at, "00", (false, &inputs), &note, &line, tracker.options())
                 .unwrap();
         }
+        // A process that is killed here leaves all of them.
+        let partial = folder.join(format!("{FILE}.partial"));
+        let text = fs_err::read_to_string(partial).unwrap();
+        assert_eq!(
+            text.lines()
+                .filter(|line| line.contains("\"hash\""))
+                .count(),
+            12
+        );
         recorder.finish().unwrap();
     }
 

@@ -30,6 +30,7 @@ impl Truth {
     /// # Errors
     /// The table cannot be read or holds nothing.
     pub fn read(path: &Path) -> Result<Self> {
+        crate::inputs::check_regular(path)?;
         let frames = truth::read(path)?;
         if frames.is_empty() {
             bail!("{}: holds no true position", path.display());

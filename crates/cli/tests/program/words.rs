@@ -195,6 +195,19 @@ fn another_map_than_the_packs_is_noticed() {
     assert!(!drawings.exists());
 }
 
+/// Not a photo without a time: its name is wrong.
+#[test]
+fn a_photo_of_a_flight_that_is_not_there_is_named() {
+    grim()
+        .args(["track", "--pack"])
+        .arg(pack())
+        .arg(photo(1))
+        .arg("gone.jpg")
+        .assert()
+        .code(2)
+        .stderr(contains("cannot read gone.jpg"));
+}
+
 #[test]
 #[cfg(unix)]
 fn pipes_are_refused_and_never_waited_for() {
@@ -229,6 +242,10 @@ fn pipes_are_refused_and_never_waited_for() {
     refused(&["map", "verify", fifo]);
     refused(&["model", "info", fifo]);
     refused(&["calibrate", "--observed", fifo, "-o", out]);
+    refused(&["track", "--pack", pack, fifo]);
+    for option in ["--truth", "--telemetry"] {
+        refused(&["track", "--pack", pack, photo, "--fps", "1", option, fifo]);
+    }
     refused(&[
         "link",
         "check",

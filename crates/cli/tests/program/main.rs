@@ -285,7 +285,7 @@ fn wrong_use_and_unreadable_input_end_with_2_and_say_what_to_do() {
     );
     fails(&["locate", "--pack", pack, photo, "--hfov", "200"], "hfov");
     fails(&["model", "info", photo], photo);
-    fails(&["demo", "--photos", "0"], "at least one");
+    fails(&["demo", "--photos", "0"], "from 1 to 100000");
     assert!(!Path::new(out).exists());
 }
 

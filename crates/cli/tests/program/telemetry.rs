@@ -67,7 +67,7 @@ fn a_yaw_of_another_convention_is_told_and_the_flight_is_found_without_it() {
     let (answers, errors) = followed(8, "98.8,0,0,115");
     assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
     assert!(!errors.contains("of the telemetry"), "{errors}");
-    let (answers, errors) = followed(8, "351.2,0,0,115");
+    let (answers, errors) = followed(12, "351.2,0,0,115");
     assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
     let told = errors.matches("degrees off the headings of the fixes");
     assert_eq!(told.count(), 1, "{errors}");

@@ -4,7 +4,6 @@
 //! largest inliers / (matches + 1) wins (equation 20), and the photo's centre through it is the answer.
 
 use grimnet_geo::{LevelPx, LonLat, Raster};
-use grimnet_locate::internals::NetworkImage;
 use grimnet_locate::internals::estimation::estimate;
 use grimnet_locate::internals::transform::Transform;
 use grimnet_locate::{Localizer, Options, Prior};
@@ -15,7 +14,7 @@ use nalgebra::Point2;
 use rayon::prelude::*;
 
 use crate::sift::{SiftFeatures, SiftOptions, sift};
-use crate::sift_map::{SiftFix, SiftMapError, match_pairs, seen};
+use crate::sift_map::{SiftFix, SiftMapError, match_pairs, seen, tile_patch};
 
 /// SIFT features of the tiles of a pack of paper mode, in pixels of the network's picture.
 pub struct PaperSift {
@@ -38,14 +37,11 @@ impl PaperSift {
     /// # Errors
     /// The map cannot be read.
     pub fn new(map: &dyn Raster, level: &Level) -> Result<Self, SiftMapError> {
-        let (tile_px, side_px) = (level.tile_px(), level.manifest().network_px);
+        let side_px = level.manifest().network_px;
         let tiles = (0..level.tile_count())
             .into_par_iter()
             .map(|i| {
-                let origin_px = level.tile(i).origin_px.map(|v| v as f64);
-                let size = f64::from(tile_px);
-                let window = level.frame().map_window(origin_px.into(), size, size);
-                let patch = map.read(window, tile_px, tile_px)?;
+                let patch = tile_patch(map, level, i)?;
                 let picture = resize_for_network(&patch.rgb, side_px);
                 let valid = resize(&patch.valid, side_px, side_px, FilterType::Nearest);
                 Ok(seen(sift(&grayscale(&picture), &options()), &valid))
@@ -72,7 +68,9 @@ impl PaperSift {
             Some(mask) => seen(features, mask),
             None => features,
         };
-        let centre_px = photo_centre_px(photo, &image);
+        // The network's picture is scaled and turned about the photo's centre.
+        let middle_px = f64::from(level.manifest().network_px) / 2.0;
+        let centre_px = Point2::new(middle_px, middle_px);
         let verified: Vec<Verified> = among
             .par_iter()
             .map(|&tile| self.verify(level, &features, centre_px, tile))
@@ -124,21 +122,6 @@ impl PaperSift {
             }),
         })
     }
-}
-
-/// The photo's centre in the network's picture.
-fn photo_centre_px(photo: &Photo, image: &NetworkImage) -> Point2<f64> {
-    let (width, height) = photo.image.dimensions();
-    let centre_px = Point2::new(f64::from(width) / 2.0, f64::from(height) / 2.0);
-    let (side_px, _) = image.rgb.dimensions();
-    let middle_px = Point2::new(f64::from(side_px) / 2.0, f64::from(side_px) / 2.0);
-    // Both pictures are scaled and turned about their centres, so that the matrix has an inverse.
-    image
-        .photo_px_from_network_px
-        .try_inverse()
-        .map_or(middle_px, |network_px_from_photo_px| {
-            network_px_from_photo_px.transform_point(&centre_px)
-        })
 }
 
 /// As many keypoints as the paper's matching head may give.

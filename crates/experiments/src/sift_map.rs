@@ -2,7 +2,7 @@
 //!
 //! Over all tiles it is the whole-map baseline; over the tiles that a search by descriptor found it is G + S of default mode.
 
-use grimnet_geo::{GeoError, Georeference, LevelFrame, LevelPx, LonLat, Raster};
+use grimnet_geo::{GeoError, Georeference, LevelFrame, LevelPx, LonLat, Raster, RasterPatch};
 use grimnet_kernels::Isa;
 use grimnet_locate::internals::correspondence::Correspondence;
 use grimnet_locate::internals::estimation::estimate;
@@ -79,19 +79,13 @@ impl SiftMap {
     /// # Errors
     /// The map cannot be read.
     pub fn new(map: &dyn Raster, level: &Level) -> Result<Self, SiftMapError> {
-        let side = level.tile_px();
         let tiles = (0..level.tile_count())
             .into_par_iter()
             .map(|i| {
-                let origin_px = level.tile(i).origin_px.map(|v| v as f64);
-                let window =
-                    level
-                        .frame()
-                        .map_window(origin_px.into(), f64::from(side), f64::from(side));
-                let patch = map.read(window, side, side)?;
+                let patch = tile_patch(map, level, i)?;
                 let features = seen(sift(&grayscale(&patch.rgb), &options()), &patch.valid);
                 Ok(Tile {
-                    origin_px,
+                    origin_px: level.tile(i).origin_px.map(|v| v as f64),
                     features,
                 })
             })
@@ -184,6 +178,19 @@ impl SiftMap {
             }),
         )
     }
+}
+
+/// The pixels of a tile of `level`, from the map that it was built from.
+pub(crate) fn tile_patch(
+    map: &dyn Raster,
+    level: &Level,
+    tile: usize,
+) -> Result<RasterPatch, GeoError> {
+    let side_px = level.tile_px();
+    let origin_px = level.tile(tile).origin_px.map(|v| v as f64);
+    let size_px = f64::from(side_px);
+    let window = level.frame().map_window(origin_px.into(), size_px, size_px);
+    map.read(window, side_px, side_px)
 }
 
 /// The mutual nearest neighbours that pass Lowe's ratio test, best first, as points of both pictures.

@@ -15,7 +15,7 @@ use grimnet_photo::{Photo, PhotoError};
 
 use crate::changed::Change;
 use crate::paper_sift::PaperSift;
-use crate::sift_map::{SiftFix, SiftMap, SiftMapError};
+use crate::sift_map::{SiftMap, SiftMapError};
 
 /// SIFT features of levels of packs, made once.
 #[derive(Default)]
@@ -57,18 +57,33 @@ impl SiftMaps {
         among_retrieved: bool,
     ) -> Result<Sift<'a>, SiftMethodError> {
         if among_retrieved && localizer.options().mode == Mode::Paper {
-            let pack = localizer.pack();
-            if let Entry::Vacant(place) = self.paper.entry(pack.path().to_owned())
-                && let Some(level) = pack.levels().first()
-            {
-                place.insert(PaperSift::new(scene.map.as_ref(), level)?);
-            }
-            return Ok(Sift {
-                maps: self,
-                localizer,
-                among_retrieved,
-            });
+            self.add_paper(localizer, scene)?;
+        } else {
+            self.add_levels(localizer, scene, (heading, change))?;
         }
+        Ok(Sift {
+            maps: self,
+            localizer,
+            among_retrieved,
+        })
+    }
+
+    fn add_paper(&mut self, localizer: &Localizer, scene: &Scene) -> Result<(), SiftMethodError> {
+        let pack = localizer.pack();
+        if let Entry::Vacant(place) = self.paper.entry(pack.path().to_owned())
+            && let Some(level) = pack.levels().first()
+        {
+            place.insert(PaperSift::new(scene.map.as_ref(), level)?);
+        }
+        Ok(())
+    }
+
+    fn add_levels(
+        &mut self,
+        localizer: &Localizer,
+        scene: &Scene,
+        (heading, change): (HeadingMode, Change),
+    ) -> Result<(), SiftMethodError> {
         for shot in &scene.shots {
             let photo = shot.photo.open()?;
             let (photo, prior) = change.of(&photo, &shot.prior(heading, photo.full_size_px));
@@ -81,11 +96,7 @@ impl SiftMaps {
                 place.insert(SiftMap::new(scene.map.as_ref(), &pack.levels()[level])?);
             }
         }
-        Ok(Sift {
-            maps: self,
-            localizer,
-            among_retrieved,
-        })
+        Ok(())
     }
 
     fn get(&self, pack: &Path, level: usize) -> Option<&SiftMap> {
@@ -95,32 +106,27 @@ impl SiftMaps {
 
 impl Method for Sift<'_> {
     fn locate(&self, photo: &Photo, prior: &Prior) -> Result<Found, MethodError> {
-        let pack = self.localizer.pack().path();
-        if let Some(map) = self.maps.paper.get(pack) {
-            let among = self.localizer.retrieve(photo, prior)?;
-            let level = &self.localizer.pack().levels()[0];
-            let found = map.locate(self.localizer, level, (photo, prior), &among)?;
-            return Ok(found_by_sift(found));
-        }
-        let level = self.localizer.first_level(photo, prior);
-        let Some(map) = level.and_then(|level| self.maps.get(pack, level)) else {
-            return Err("no SIFT features were made of the level that this photo needs".into());
-        };
+        let pack = self.localizer.pack();
         let among = self
             .among_retrieved
             .then(|| self.localizer.retrieve(photo, prior))
             .transpose()?;
-        let found = map.locate(photo, prior, among.as_deref())?;
-        Ok(found_by_sift(found))
-    }
-}
-
-fn found_by_sift(found: Option<SiftFix>) -> Found {
-    Found {
-        fix: found.map(|fix| without_covariance(fix.position)),
-        reason: Some("no transform is consistent with any matches".to_owned()),
-        inliers: found.map(|fix| fix.inliers),
-        ..Found::default()
+        let level = self.localizer.first_level(photo, prior);
+        // Features of the paper's procedure are for the tiles that it retrieves; all tiles are compared in default mode's way.
+        let of_paper = self.maps.paper.get(pack.path());
+        let found = if let (Some(map), Some(among), Some(level)) = (of_paper, &among, level) {
+            map.locate(self.localizer, &pack.levels()[level], (photo, prior), among)?
+        } else if let Some(map) = level.and_then(|level| self.maps.get(pack.path(), level)) {
+            map.locate(photo, prior, among.as_deref())?
+        } else {
+            return Err("no SIFT features were made of the level that this photo needs".into());
+        };
+        Ok(Found {
+            fix: found.map(|fix| without_covariance(fix.position)),
+            reason: Some("no transform is consistent with any matches".to_owned()),
+            inliers: found.map(|fix| fix.inliers),
+            ..Found::default()
+        })
     }
 }
 

@@ -268,9 +268,26 @@ async function main() {
     await alone.close();
   });
 
+  await check("a track that ends while it is followed says so, in words", async () => {
+    const trackStatus = (text) => page.waitForFunction((text) => document.getElementById("track-status").textContent.includes(text), text, { timeout });
+    const id = await page.inputValue("#track-choice");
+    const ended = await fetch(`${url}/v1/tracks/${id}`, { method: "DELETE" });
+    assert.equal(ended.status, 204);
+    await trackStatus(`Track ${id} has ended. Its 2 frames stay here`);
+    // They can still be looked through.
+    await page.focus("#track-slider");
+    await page.keyboard.press("ArrowLeft");
+    await trackStatus("at frame 1");
+    for (const button of ["#save-track", "#follow"]) {
+      await page.evaluate(() => { document.getElementById("track-status").textContent = ""; });
+      await page.click(button);
+      await trackStatus(`The service does not have track ${id} any more.`);
+    }
+  });
+
   await check("no error in the console, no request to another host", async () => {
-    // Chromium itself reports responses of status 4xx, which two checks ask for.
-    const errors = seen.errors.filter((text) => !/the server responded with a status of (415|422|503)/.test(text) && !/GPU stall|swiftshader|WebGL/i.test(text));
+    // Chromium itself reports responses of status 4xx, which some checks ask for.
+    const errors = seen.errors.filter((text) => !/the server responded with a status of (404|415|422|503)/.test(text) && !/GPU stall|swiftshader|WebGL/i.test(text));
     assert.deepEqual(errors, []);
     assert.deepEqual([...seen.hosts], [new URL(url).origin]);
   });

@@ -114,19 +114,20 @@ impl Answer {
                         .map(|corner| corner.map(|v| rounded(v, 8)))
                         .collect(),
                 ),
-                ..Self::told(photo, &fix.evidence, &fix.time_ms)
+                ..Self::of_photo(photo, &fix.evidence, &fix.time_ms)
             },
             Outcome::NoFix(no_fix) => Self {
                 reason: Some(no_fix.reason.to_string()),
                 damaged: matches!(no_fix.reason, Reason::DamagedPhoto { .. }),
                 inliers: Some(no_fix.inliers),
                 matches: Some(no_fix.matches),
-                ..Self::told(photo, &no_fix.evidence, &no_fix.time_ms)
+                ..Self::of_photo(photo, &no_fix.evidence, &no_fix.time_ms)
             },
         }
     }
 
-    fn told(photo: &str, evidence: &EvidenceUsed, time_ms: &TimeMs) -> Self {
+    /// What fixes and refusals have in common.
+    fn of_photo(photo: &str, evidence: &EvidenceUsed, time_ms: &TimeMs) -> Self {
         let stages = [
             ("query", time_ms.query),
             ("features", time_ms.features),

@@ -73,7 +73,7 @@ pub struct TrackRecord<'a> {
     pub covariance_en_m2: Option<[f64; 3]>,
     /// Velocity to the east and to the north, metres per second.
     pub velocity_en_m_s: [Option<f64>; 2],
-    /// Seconds since the last fix that was believed.
+    /// Seconds since the last fix that was accepted.
     pub age_of_last_fix_s: Option<f64>,
     /// Why the photo has no fix.
     pub reason: Option<&'a str>,

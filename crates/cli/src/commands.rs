@@ -4,6 +4,7 @@
 mod absent;
 pub mod calibrate;
 pub mod completions;
+pub mod data_set_map;
 pub mod demo;
 pub mod demo_flight;
 pub mod elsewhere;

@@ -24,6 +24,12 @@ pub struct Drawings {
 }
 
 impl Drawings {
+    /// The names of the files that are drawn of these photos.
+    pub fn names(photos: &[PathBuf]) -> Vec<String> {
+        let names = photos::picture_names(photos).into_iter();
+        names.map(|name| name + ".jpg").collect()
+    }
+
     /// Opens the folder, and checks every file name before the work begins.
     ///
     /// # Errors
@@ -35,10 +41,7 @@ impl Drawings {
         photos: &[PathBuf],
         map: Option<Box<dyn Raster>>,
     ) -> Result<Self> {
-        let names: Vec<String> = photos::picture_names(photos)
-            .into_iter()
-            .map(|name| name + ".jpg")
-            .collect();
+        let names = Self::names(photos);
         if let Some(photo) = photos.iter().find(|photo| is_directly_in(photo, folder)) {
             bail!(
                 "{}: {} is in this folder, and the next run would take the drawings for photos; choose another folder than \

@@ -4,6 +4,7 @@ mod answer_output;
 mod row_output;
 mod stream;
 mod table;
+mod text_target;
 
 use std::path::Path;
 
@@ -14,6 +15,7 @@ pub use answer_output::AnswerOutput;
 pub use grimnet_answer::or_dash;
 pub use row_output::RowOutput;
 pub use stream::{AnswerStream, TextFormat, TextStream};
+pub use text_target::TextTarget;
 
 /// What is said where a database was asked for on standard output.
 pub const NOT_TEXT: &str = "a GeoPackage is a file; give its name with -o FILE.gpkg";

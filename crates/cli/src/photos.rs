@@ -32,15 +32,7 @@ pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
 
 fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
     if argument.is_dir() {
-        let mut photos = Vec::new();
-        for entry in fs_err::read_dir(argument)? {
-            let path = entry?.path();
-            if path.is_file() && has_photo_ending(&path) {
-                photos.push(path);
-            }
-        }
-        photos.sort();
-        return Ok(photos);
+        return Ok(in_folder(argument)?);
     }
     let text = argument.to_string_lossy();
     if argument.exists() || !text.contains(['*', '?', '[']) {
@@ -52,6 +44,22 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         .filter_map(Result::ok)
         .filter(|p| p.is_file())
         .collect())
+}
+
+/// The pictures directly in a folder, sorted.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn in_folder(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut photos = Vec::new();
+    for entry in fs_err::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_file() && has_photo_ending(&path) {
+            photos.push(path);
+        }
+    }
+    photos.sort();
+    Ok(photos)
 }
 
 /// A different name for the drawing of each photo, without ending: the photo's name; if several photos share it, with the name

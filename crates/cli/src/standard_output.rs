@@ -16,7 +16,7 @@ impl Write for StandardOutput {
     }
 }
 
-/// The kind stays, by which a reader that went away is told from other errors.
+/// The kind stays, by which a reader that went away is distinguished from other errors.
 fn named(error: io::Error) -> io::Error {
     let kind = error.kind();
     if kind == io::ErrorKind::Interrupted {

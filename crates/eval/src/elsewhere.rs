@@ -290,6 +290,17 @@ mod tests {
         }
     }
 
+    /// On a map of one kilometre, with a ground width and a heading given to some trials.
+    fn options(trials: usize, seed: u64) -> ElsewhereOptions {
+        ElsewhereOptions {
+            trials,
+            seed,
+            map_width_m: 1000.0,
+            nothing_given: false,
+            photo_limits: PhotoLimits::DEFAULT,
+        }
+    }
+
     #[test]
     fn trials_are_drawn_as_stated_and_counted_by_group() {
         let folder = tempfile::tempdir().unwrap();
@@ -297,13 +308,7 @@ mod tests {
             source(folder.path(), "farms", 3, true),
             source(folder.path(), "coast", 50, false),
         ];
-        let options = ElsewhereOptions {
-            trials: 40,
-            seed: 7,
-            map_width_m: 1000.0,
-            nothing_given: false,
-            photo_limits: PhotoLimits::DEFAULT,
-        };
+        let options = options(40, 7);
         let mut seen = 0;
         let trials = run(&Gullible, &sources, &options, &mut |_| seen += 1);
         assert_eq!((trials.len(), seen), (80, 80));
@@ -392,13 +397,7 @@ mod tests {
             let picture = RgbImage::from_pixel(96, 80, Rgb([40, 90, 120]));
             write_jpeg_with_exif(path, &picture, 90, &tags()).unwrap();
         }
-        let mut options = ElsewhereOptions {
-            trials: 6,
-            seed: 1,
-            map_width_m: 1000.0,
-            nothing_given: false,
-            photo_limits: PhotoLimits::DEFAULT,
-        };
+        let mut options = options(6, 1);
         let given = run(&Telling, &[coast.clone()], &options, &mut |_| ());
         assert!(given.iter().any(|t| t.scale == Scale::Metadata));
         assert!(given.iter().all(|t| t.reason.as_deref() == Some("known")));
@@ -440,13 +439,7 @@ mod tests {
         let mut one = source(folder.path(), "farms", 2, false);
         fs_err::write(&one.pictures[0], "no picture").unwrap();
         one.pictures.push(folder.path().join("gone.png"));
-        let options = ElsewhereOptions {
-            trials: 9,
-            seed: 1,
-            map_width_m: 1000.0,
-            nothing_given: false,
-            photo_limits: PhotoLimits::DEFAULT,
-        };
+        let options = options(9, 1);
         assert_eq!(run(&Gullible, &[one], &options, &mut |_| ()).len(), 3);
         let none = ElsewhereSummary::of(&[]);
         assert_eq!((none.all.trials, none.all.share_interval), (0, [0.0, 1.0]));

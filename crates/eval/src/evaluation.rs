@@ -237,7 +237,7 @@ mod tests {
     use super::*;
     use crate::scene::{PhotoSource, Truth};
 
-    /// Answers ten metres east of zero if the heading is told, refuses dark photos.
+    /// Answers ten metres east of zero if the heading is given, refuses dark photos.
     struct Fixed;
 
     impl Method for Fixed {
@@ -253,9 +253,9 @@ mod tests {
                 10.0,
                 0.0,
             );
-            let told = *prior != Prior::none().with_unknown_heading();
+            let is_given = *prior != Prior::none().with_unknown_heading();
             Ok(Found {
-                fix: told.then_some(ScoredFix {
+                fix: is_given.then_some(ScoredFix {
                     position,
                     covariance_en_m2: [4.0, 0.0, 4.0],
                     radius95_m: 5.0,

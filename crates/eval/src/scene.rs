@@ -23,7 +23,7 @@ pub struct Scene {
     pub shots: Vec<Shot>,
 }
 
-/// One photo, its truth, and what the localiser may be told of it.
+/// One photo, its truth, and what the localiser may be given of it.
 #[derive(Debug, Clone)]
 pub struct Shot {
     /// Name of the photo.
@@ -34,7 +34,7 @@ pub struct Shot {
     pub truth: Truth,
     /// Everything that is known of the view beside the photo's metadata, with the heading.
     pub known: Prior,
-    /// Ground width of the photo that the localiser is told instead of its metadata, metres.
+    /// Ground width of the photo that the localiser is given instead of its metadata, metres.
     pub footprint_width_m: Option<f64>,
 }
 
@@ -127,7 +127,7 @@ impl PhotoSource {
     }
 }
 
-/// What the localiser is told of the heading.
+/// What the localiser is given of the heading.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Hash)]
 pub enum HeadingMode {
     /// The true heading, where it is known; otherwise as [`HeadingMode::FromPhoto`].
@@ -152,7 +152,7 @@ impl HeadingMode {
 }
 
 impl Shot {
-    /// What the localiser is told of this shot's photo, which has this width and height at full size as displayed, px.
+    /// What the localiser is given of this shot's photo, which has this width and height at full size as displayed, px.
     #[must_use]
     pub fn prior(&self, heading: HeadingMode, full_size_px: (u32, u32)) -> Prior {
         let mut prior = self.known;

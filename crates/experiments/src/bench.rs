@@ -145,10 +145,10 @@ impl<'a> Bench<'a> {
             run(&localizer, localizer.pack(), scene, setup)?
         } else {
             let among_retrieved = setup.method == Localisation::SiftAmongRetrieved;
-            let told = (heading_mode(setup), change(setup));
+            let given = (heading_mode(setup), change(setup));
             let sift = self
                 .sift_maps
-                .method(&localizer, scene, told, among_retrieved)?;
+                .method(&localizer, scene, given, among_retrieved)?;
             run(&sift, localizer.pack(), scene, setup)?
         };
         self.measured.insert(key, measured.clone());
@@ -218,7 +218,7 @@ pub fn pack_of(
     Ok(path)
 }
 
-/// What a setup tells of the heading.
+/// What a setup gives of the heading.
 fn heading_mode(setup: &Setup) -> HeadingMode {
     match setup.given {
         Given::Heading | Given::HeadingAndScale => HeadingMode::Known,
@@ -226,7 +226,7 @@ fn heading_mode(setup: &Setup) -> HeadingMode {
     }
 }
 
-/// What a setup changes of photos and tells of them.
+/// What a setup changes of photos and gives of them.
 fn change(setup: &Setup) -> Change {
     Change {
         photometry: setup.photometry,

@@ -1,4 +1,4 @@
-//! A method on changed photos, of which it is told no more than a setup says.
+//! A method on changed photos, of which it is given no more than a setup says.
 
 use std::borrow::Cow;
 
@@ -9,12 +9,12 @@ use grimnet_photo::{HeadingPrior, Metadata, Photo, ViewPrior};
 use crate::given::Given;
 use crate::photometry::Photometry;
 
-/// A change of photos, and how much of what is known of them is told.
+/// A change of photos, and how much of what is known of them is given.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Change {
     /// The change of their pixels.
     pub photometry: Photometry,
-    /// What is told.
+    /// What is given.
     pub given: Given,
 }
 
@@ -96,7 +96,7 @@ mod tests {
     }
 
     #[test]
-    fn no_more_is_told_than_is_given() {
+    fn nothing_else_is_known_than_is_given() {
         assert_eq!(view(Given::HeadingAndScale), (Some(40.0), Some(114.0)));
         assert_eq!(view(Given::Heading), (Some(40.0), None));
         assert_eq!(view(Given::Nothing), (None, None));

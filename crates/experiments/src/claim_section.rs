@@ -117,9 +117,9 @@ fn conditions(page: &mut String, claim: &Claim, about: &Value) {
         } else {
             "not calibrated"
         },
-        about["arithmetic"]
+        about["precision"]
             .as_str()
-            .map(|arithmetic| format!(" in {arithmetic}"))
+            .map(|precision| format!(" in {precision}"))
             .unwrap_or_default(),
         text("version"),
         text("commit"),

@@ -136,9 +136,9 @@ impl Networks {
         })
     }
 
-    /// Calls `tell` after every step with the network's name.
-    pub fn on_progress(&mut self, tell: impl Fn(&str, &Progress) + 'static) {
-        self.on_progress = Box::new(tell);
+    /// Calls `on_progress` after every step with the network's name.
+    pub fn on_progress(&mut self, on_progress: impl Fn(&str, &Progress) + 'static) {
+        self.on_progress = Box::new(on_progress);
     }
 
     /// The networks of the configuration changed by `change`, one for each seed: trained, resumed, or opened if they are finished.

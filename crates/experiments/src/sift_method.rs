@@ -45,7 +45,7 @@ pub enum SiftMethodError {
 }
 
 impl SiftMaps {
-    /// Makes the features of every level that a photo of `scene` needs, told as `change` says; the time of a frame does not count them.
+    /// Makes the features of every level that a photo of `scene` needs, changed as `change` says; the time of a frame does not count them.
     ///
     /// # Errors
     /// The map or a photo cannot be read.

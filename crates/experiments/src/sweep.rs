@@ -99,20 +99,6 @@ impl Sweep {
 
     /// The steps over `flight`.
     fn steps(self, flight: &WorldFlight) -> Vec<Step> {
-        let lit = |value: f64, photometry: Photometry| Step {
-            photometry,
-            ..Step::over(flight.clone(), value)
-        };
-        let posed = |name: String, change: PoseChange, given: Given| Step {
-            given,
-            ..Step::over(
-                WorldFlight {
-                    change,
-                    ..flight.clone()
-                },
-                name,
-            )
-        };
         let all = Given::HeadingAndScale;
         match self {
             Self::Yaw => [
@@ -125,7 +111,7 @@ impl Sweep {
             .flat_map(|given| {
                 [-90.0, -30.0, 0.0, 30.0, 45.0, 90.0, 135.0, 180.0].map(|deg| {
                     let name = format!("{deg}, {}", given.words());
-                    posed(name, PoseChange::Heading(deg), given)
+                    Step::with_pose(flight, name, PoseChange::Heading(deg), given)
                 })
             })
             .collect(),
@@ -133,12 +119,14 @@ impl Sweep {
                 .into_iter()
                 .flat_map(|factor| {
                     [
-                        posed(
+                        Step::with_pose(
+                            flight,
                             format!("{factor}, reported"),
                             PoseChange::Height(factor),
                             all,
                         ),
-                        posed(
+                        Step::with_pose(
+                            flight,
                             format!("{factor}, reported as 1"),
                             PoseChange::UnreportedHeight(factor),
                             all,
@@ -147,19 +135,19 @@ impl Sweep {
                 })
                 .collect(),
             Self::Pitch => [0.0, 5.0, 10.0, 20.0, 30.0, 45.0]
-                .map(|deg| posed(deg.to_string(), PoseChange::Pitch(deg), all))
+                .map(|deg| Step::with_pose(flight, deg.to_string(), PoseChange::Pitch(deg), all))
                 .into(),
             Self::Brightness => [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0]
-                .map(|f| lit(f, Photometry::Brightness(f)))
+                .map(|f| Step::with_photometry(flight, f, Photometry::Brightness(f)))
                 .into(),
             Self::Contrast => [0.1, 0.2, 0.4, 0.6, 1.0, 1.5]
-                .map(|f| lit(f, Photometry::Contrast(f)))
+                .map(|f| Step::with_photometry(flight, f, Photometry::Contrast(f)))
                 .into(),
             Self::Blur => [0.0, 1.0, 2.0, 4.0, 8.0]
-                .map(|s| lit(s, Photometry::Blur(s)))
+                .map(|s| Step::with_photometry(flight, s, Photometry::Blur(s)))
                 .into(),
             Self::Noise => [0.0, 10.0, 20.0, 40.0, 80.0]
-                .map(|s| lit(s, Photometry::Noise(s)))
+                .map(|s| Step::with_photometry(flight, s, Photometry::Noise(s)))
                 .into(),
             Self::Season => Season::ALL
                 .map(|season| {
@@ -207,6 +195,26 @@ impl Step {
             flight,
             photometry: Photometry::Original,
             given: Given::HeadingAndScale,
+        }
+    }
+
+    /// As [`Step::over`], with another camera pose.
+    fn with_pose(flight: &WorldFlight, name: String, change: PoseChange, given: Given) -> Self {
+        let flight = WorldFlight {
+            change,
+            ..flight.clone()
+        };
+        Self {
+            given,
+            ..Self::over(flight, name)
+        }
+    }
+
+    /// As [`Step::over`], with the photos' pixels changed.
+    fn with_photometry(flight: &WorldFlight, value: f64, photometry: Photometry) -> Self {
+        Self {
+            photometry,
+            ..Self::over(flight.clone(), value)
         }
     }
 
@@ -260,7 +268,7 @@ pub fn run(
     let mut rows: Vec<Frames> = Vec::new();
     for flight in flights {
         let map = flight.draw_map(folder)?;
-        // Steps that change what is told or the light share their photos.
+        // Steps that change what is given or the light share their photos.
         let mut drawn: Vec<(WorldFlight, Scene)> = Vec::new();
         for (i, step) in sweep.steps(flight).into_iter().enumerate() {
             let at = match drawn.iter().position(|(flown, _)| *flown == step.flight) {

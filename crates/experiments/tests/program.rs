@@ -173,18 +173,18 @@ fn five_scenes(folder: &Path) -> (std::path::PathBuf, Vec<(&'static str, std::pa
             .unwrap();
         let shot = &scene.shots[0];
         let photo = shot.photo.open().unwrap();
-        let told = &photo.metadata;
-        let height_m = told.relative_altitude_m.unwrap();
-        let focal_px = told.calibrated_focal_px.unwrap();
+        let metadata = &photo.metadata;
+        let height_m = metadata.relative_altitude_m.unwrap();
+        let focal_px = metadata.calibrated_focal_px.unwrap();
         let tags = PhotoTags {
             lat_deg: shot.truth.position.lat_deg,
             lon_deg: shot.truth.position.lon_deg,
             gps_altitude_m: height_m,
             relative_altitude_m: height_m,
-            gimbal_yaw_deg: told.gimbal_yaw_deg.unwrap(),
-            gimbal_pitch_deg: told.gimbal_pitch_deg.unwrap(),
-            gimbal_roll_deg: told.gimbal_roll_deg.unwrap(),
-            flight_yaw_deg: told.gimbal_yaw_deg.unwrap(),
+            gimbal_yaw_deg: metadata.gimbal_yaw_deg.unwrap(),
+            gimbal_pitch_deg: metadata.gimbal_pitch_deg.unwrap(),
+            gimbal_roll_deg: metadata.gimbal_roll_deg.unwrap(),
+            flight_yaw_deg: metadata.gimbal_yaw_deg.unwrap(),
             focal_length_mm: 4.5,
             focal_35mm: 36.0 * focal_px / f64::from(photo.image.width()),
             calibrated_focal_px: focal_px,
@@ -261,7 +261,7 @@ fn each_scene_without_a_map_gets_the_one_that_is_named_for_it() {
 }
 
 #[test]
-fn what_cannot_be_done_is_told_before_any_work() {
+fn what_cannot_be_done_is_an_error_before_any_work() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let out = out.to_str().unwrap();

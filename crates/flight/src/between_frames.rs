@@ -42,9 +42,9 @@ pub(crate) fn motion_between(
         .filter(|_| second.focal_length_px.is_some())
         .map(|(first, second)| [frame_tilt(&first), frame_tilt(&second)]);
     // The filter knows the error of the attitude, and how far a camera may be tilted of which none is known. What it cannot know
-    // is an attitude that was told and could not be taken out.
-    let is_told = first.attitude.or(second.attitude).is_some();
-    let sigma_deg = if tilts.is_none() && is_told {
+    // is an attitude of one of them that could not be taken out.
+    let is_known_of_one = first.attitude.or(second.attitude).is_some();
+    let sigma_deg = if tilts.is_none() && is_known_of_one {
         change_sigma_deg(
             options.unknown_tilt_sigma_deg,
             options.unknown_tilt_correlation_s,

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use grimnet_locate::{FrameFeatures, Localizer, LocateError, Outcome, Prior, Reason};
+use grimnet_locate::{Localizer, LocateError, Outcome};
 use grimnet_photo::{Photo, View, focal_px};
 use grimnet_track::{
     Attitude, Height, Input, InputError, Miss, OptionsError, Taken, TrackOptions, TrackPoint,
@@ -11,12 +11,16 @@ use grimnet_track::{
 };
 
 use crate::between_frames::{SearchedFrame, motion_between};
+use crate::consistency::{ConsistencyChecks, PhotoTelemetry};
+use crate::exposure::Exposure;
 use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
+use crate::frame_history::FrameHistory;
+use crate::frame_search::{Found, is_without_texture, search_frame};
 use crate::position_fix::position_fix;
 use crate::recent::Recent;
 use crate::recorded_attitude::recorded_attitude;
-use crate::search_plan::{PlannedSearch, Steering, plan};
-use crate::told::{Doubt, Told, ToldOfPhoto};
+use crate::search_plan::{Steering, plan};
+use crate::warning::{ClockWarning, Warning};
 use crate::whole_map::{WholeMap, map_area_m2};
 
 /// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
@@ -49,14 +53,15 @@ pub struct Flight {
     tracker: Tracker,
     whole_map_after_misses: u32,
     recent: Recent,
-    told: Told,
+    checks: ConsistencyChecks,
     whole_map: WholeMap,
     /// Ground resolution of the last fix, for the reference focal length, metres per pixel.
     last_gsd_m: Option<f64>,
     /// The frame before.
     last_frame: Option<SearchedFrame>,
-    /// Times of the latest frames, seconds.
-    frame_times_s: Vec<f64>,
+    frames: FrameHistory,
+    /// By how much a clock was set the last time, seconds.
+    clock_step_s: Option<f64>,
 }
 
 impl Flight {
@@ -78,11 +83,12 @@ impl Flight {
             localizer,
             whole_map_after_misses: options.whole_map_after_misses,
             recent: Recent::default(),
-            told: Told::default(),
+            checks: ConsistencyChecks::default(),
             whole_map: WholeMap::default(),
             last_gsd_m: None,
             last_frame: None,
-            frame_times_s: Vec::new(),
+            frames: FrameHistory::default(),
+            clock_step_s: None,
         })
     }
 
@@ -96,7 +102,7 @@ impl Flight {
         &self.tracker
     }
 
-    /// Takes in telemetry: attitude, height, velocity. `None` if it is left out because fixes contradicted it ([`Flight::doubts`]).
+    /// Takes in telemetry: attitude, height, velocity. `None` if it is left out because fixes contradicted it ([`Flight::warnings`]).
     ///
     /// # Errors
     /// As [`Tracker::push`].
@@ -107,19 +113,25 @@ impl Flight {
         } else {
             Some(self.tracker.push(input)?)
         };
+        if taken == Some(Taken::Restarted) {
+            self.restart_clock();
+        }
         self.recent.take(&input);
-        self.told.take(&input);
+        self.checks.take(&input);
         Ok(taken)
     }
 
-    /// What is wrong with the telemetry, where enough fixes agree on it.
-    pub fn doubts(&self) -> impl Iterator<Item = Doubt> {
-        self.told.doubts()
+    /// What is wrong with the times of the inputs and with the telemetry, where enough of them agree on it.
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        let clock = self
+            .clock_step_s
+            .map(|by_s| Warning::Clock(ClockWarning { by_s }));
+        clock.into_iter().chain(self.checks.warnings())
     }
 
     /// Whether the flight goes without telemetry of this kind, because fixes contradicted it.
     pub fn leaves_out(&self, input: &Input) -> bool {
-        self.told.leaves_out(input)
+        self.checks.leaves_out(input)
     }
 
     /// The track at a time; see [`Tracker::point_at`].
@@ -135,97 +147,41 @@ impl Flight {
     /// A frame of the same time as an earlier one is the same exposure, such as when a client sends it again because the answer was
     /// lost. It is searched and answered, but it is no more evidence: the filter is given nothing of it. An earlier one that could not be
     /// used does not count.
+    ///
+    /// Where the times of several frames in a row go back among those of earlier ones, the camera's clock was set: the track begins
+    /// again at the new time ([`Warning::Clock`]).
     pub fn frame(&mut self, photo: &Photo, time_s: f64, known: &Known) -> FrameAnswer {
         let started = Instant::now();
-        let is_repeated = self.frame_times_s.contains(&time_s);
         let view = photo.view(&known.prior.view);
-        let px_per_reference_px = self.px_per_reference_px(photo, &view);
-        let mut given = Given::default();
-        if !is_repeated {
-            self.give_attitude(time_s, known, &view, &mut given);
-        }
-        if let Some(agl_m) = known.prior.view.height_agl_m.filter(|_| !is_repeated) {
-            let height = Height {
-                time_s,
-                agl_m,
-                amsl_m: None,
-            };
-            given.push(&mut self.tracker, Input::Height(height));
-        }
-        let half_footprint_m = self.half_footprint_m(photo, &view, px_per_reference_px);
-        let search = self.tracker.search(time_s, half_footprint_m);
-        let yaw_deg = self.yaw_deg(time_s, known);
-        let height_agl_m = self.recent.height_agl_m_at(time_s);
-        let steering = Steering {
-            known: known.prior,
+        let exposure = Exposure {
+            photo,
+            time_s,
+            known,
             view: &view,
-            yaw_deg: yaw_deg.filter(|_| self.told.tells_yaw()),
-            tests_yaw: self.told.tests_yaw(self.whole_map.vain_searches()),
-            tests_height: self.told.tests_height(self.whole_map.vain_searches()),
-            height_agl_m: height_agl_m.filter(|_| !self.told.leaves_out_height()),
-            whole_map: self
-                .whole_map
-                .is_due(search.whole_map, self.whole_map_after_misses),
-            px_per_reference_px,
+            px_per_reference_px: self.px_per_reference_px(photo, &view),
         };
-        let steered_to_whole_map = steering.whole_map;
-        let searches = plan(&search, &steering);
+        let arrival = self.frames.arrive(photo, time_s);
+        let mut given = Given::default();
+        if let Some(by_s) = arrival.clock_step_s {
+            self.tracker.restart();
+            given.after_restart = true;
+            self.restart_clock();
+            self.clock_step_s = Some(by_s);
+        }
+        if !arrival.is_repeated {
+            self.give_telemetry(&exposure, &mut given);
+        }
         let locating = Instant::now();
-        let (outcome, features, searched, count) = self.search(photo, &searches);
+        let mut found = self.locate(&exposure);
         let locate_ms = elapsed_ms(locating);
-        if !is_repeated {
-            let focal_length_px = view
-                .hfov_deg
-                .map(|hfov_deg| focal_px(f64::from(photo.full_size_px.0), hfov_deg));
-            let attitude = known
-                .attitude
-                .or_else(|| self.recent.attitude_at(time_s))
-                .or_else(|| recorded_attitude(&view, time_s));
-            if let Ok(Outcome::Fix(fix)) = &outcome {
-                let told = ToldOfPhoto {
-                    attitude,
-                    yaw_deg: yaw_deg.map(|(yaw_deg, _)| yaw_deg),
-                    height_agl_m,
-                    size_px: photo.full_size_px,
-                    focal_length_px,
-                };
-                let track = self.tracker.point_at(time_s);
-                let track = track.filter(|point| point.state.is_usable());
-                let track = track.and_then(|point| point.estimate);
-                if self.told.fix(time_s, fix, &told, track.as_ref()) {
-                    self.tracker.restart();
-                    given = Given {
-                        after_restart: true,
-                        ..Given::default()
-                    };
-                }
-            }
-            let seen = outcome.as_ref().ok().and_then(Outcome::fix);
-            let heading = seen.and_then(|fix| Some((time_s, fix.heading_deg?)));
-            self.told.compare_times(heading, &self.recent);
-            if let Some(features) = features {
-                let searched = SearchedFrame {
-                    time_s,
-                    features,
-                    attitude: attitude.filter(|_| !self.told.leaves_out_attitude()),
-                    focal_length_px,
-                    px_per_reference_px,
-                };
-                self.give_motion(searched, &mut given);
-            }
-            let whole_map_was_searched =
-                steered_to_whole_map || matches!(searched, Searched::WholeMap);
-            self.give_outcome(time_s, &outcome, px_per_reference_px, &mut given);
-            self.count(time_s, &outcome, whole_map_was_searched);
-            if outcome.is_ok() && time_s.is_finite() {
-                self.remember_frame(time_s);
-            }
+        if !arrival.is_repeated {
+            self.take_in(&exposure, &mut found, arrival.is_new_picture, &mut given);
         }
         FrameAnswer {
             time_s,
-            outcome,
-            searched,
-            searches: count,
+            outcome: found.outcome,
+            searched: found.searched,
+            searches: found.searches,
             inputs: given.inputs,
             after_restart: given.after_restart,
             refused: given.refused,
@@ -237,58 +193,100 @@ impl Flight {
         }
     }
 
-    /// Searches one plan after the other until one gives a fix or no other can.
-    fn search(
-        &self,
-        photo: &Photo,
-        searches: &[PlannedSearch],
-    ) -> (
-        Result<Outcome, LocateError>,
-        Option<FrameFeatures>,
-        Searched,
-        u32,
-    ) {
-        let mut count = 0;
-        let mut last = None;
-        let mut first_features = None;
-        for planned in searches {
-            count += 1;
-            let (outcome, features) = self.locate(photo, &planned.prior);
-            // Those of the fix, else of the first search, whose heading is the most probable.
-            if matches!(outcome, Ok(Outcome::Fix(_))) || first_features.is_none() {
-                first_features = features;
-            }
-            let ends = match &outcome {
-                Ok(Outcome::Fix(_)) | Err(_) => true,
-                Ok(Outcome::NoFix(no_fix)) => is_without_texture(&no_fix.reason),
-            };
-            last = Some((outcome, planned.searched));
-            if ends {
-                break;
-            }
+    /// Searches a frame where track and telemetry say.
+    fn locate(&self, exposure: &Exposure<'_>) -> Found {
+        let search = self
+            .tracker
+            .search(exposure.time_s, self.half_footprint_m(exposure));
+        let vain_searches = self.whole_map.vain_searches();
+        let yaw_deg = exposure
+            .yaw_deg(&self.recent)
+            .filter(|_| self.checks.uses_yaw());
+        let height_agl_m = self.recent.height_agl_m_at(exposure.time_s);
+        let steering = Steering {
+            known: exposure.known.prior,
+            view: exposure.view,
+            yaw_deg: yaw_deg.map(|yaw_deg| (yaw_deg, self.tracker.options().compass_sigma_deg)),
+            tests_yaw: self.checks.tests_yaw(vain_searches),
+            tests_height: self.checks.tests_height(vain_searches),
+            height_agl_m: height_agl_m.filter(|_| !self.checks.leaves_out_height()),
+            whole_map: self
+                .whole_map
+                .is_due(search.whole_map, self.whole_map_after_misses),
+            px_per_reference_px: exposure.px_per_reference_px,
+        };
+        let found = search_frame(&self.localizer, exposure.photo, &plan(&search, &steering));
+        Found {
+            whole_map_was_searched: steering.whole_map
+                || matches!(found.searched, Searched::WholeMap),
+            ..found
         }
-        // A plan has one search at least.
-        let (outcome, searched) = last.unwrap_or_else(|| {
-            let (outcome, features) = self.locate(photo, &Prior::none());
-            first_features = features;
-            (outcome, Searched::WholeMap)
-        });
-        (outcome, first_features, searched, count)
     }
 
-    fn locate(
-        &self,
-        photo: &Photo,
-        prior: &Prior,
-    ) -> (Result<Outcome, LocateError>, Option<FrameFeatures>) {
-        match self.localizer.locate_with_features(photo, prior) {
-            Ok((outcome, features)) => (Ok(outcome), features),
-            Err(error) => (Err(error), None),
+    /// Compares a frame that is not repeated with the telemetry, and gives the filter what was found.
+    fn take_in(
+        &mut self,
+        exposure: &Exposure<'_>,
+        found: &mut Found,
+        is_new_picture: bool,
+        given: &mut Given,
+    ) {
+        let time_s = exposure.time_s;
+        let focal_length_px = exposure.focal_length_px();
+        let attitude = exposure.attitude(&self.recent);
+        if let Ok(Outcome::Fix(fix)) = &found.outcome {
+            let telemetry = PhotoTelemetry {
+                attitude,
+                yaw_deg: exposure.yaw_deg(&self.recent),
+                height_agl_m: self.recent.height_agl_m_at(time_s),
+                size_px: exposure.photo.full_size_px,
+                focal_length_px,
+            };
+            let track = self.tracker.point_at(time_s);
+            let track = track.filter(|point| point.state.is_usable());
+            let track = track.and_then(|point| point.estimate);
+            if self.checks.fix(time_s, fix, &telemetry, track.as_ref()) {
+                self.tracker.restart();
+                *given = Given {
+                    after_restart: true,
+                    clock_was_set: given.clock_was_set,
+                    ..Given::default()
+                };
+            }
         }
+        let fix = found.outcome.as_ref().ok().and_then(Outcome::fix);
+        let heading = fix.and_then(|fix| Some((time_s, fix.heading_deg?)));
+        self.checks.compare_times(heading, &self.recent);
+        if let Some(features) = found.features.take() {
+            let searched = SearchedFrame {
+                time_s,
+                features,
+                attitude: attitude.filter(|_| !self.checks.leaves_out_attitude()),
+                focal_length_px,
+                px_per_reference_px: exposure.px_per_reference_px,
+            };
+            self.give_motion(searched, is_new_picture, given);
+        }
+        self.give_outcome(exposure, &found.outcome, given);
+        if given.clock_was_set {
+            self.restart_clock();
+        }
+        self.count(time_s, &found.outcome, found.whole_map_was_searched);
+        if found.outcome.is_ok() {
+            self.frames.remember(time_s);
+        }
+    }
+
+    /// Forgets the times of what came so far: the filter began again, because a clock was set.
+    fn restart_clock(&mut self) {
+        self.clock_step_s = self.tracker.clock_step_s();
+        self.recent = Recent::default();
+        self.checks.restart_clock();
+        self.frames.restart();
     }
 
     /// Gives the filter the motion from the frame before, and keeps this one.
-    fn give_motion(&mut self, mut frame: SearchedFrame, given: &mut Given) {
+    fn give_motion(&mut self, mut frame: SearchedFrame, is_new_picture: bool, given: &mut Given) {
         let options = self.tracker.options();
         let motion = self.last_frame.as_ref().and_then(|last| {
             // Keypoints of one localiser are always comparable.
@@ -297,6 +295,9 @@ impl Flight {
                 .flatten()
         });
         if let Some(motion) = motion {
+            if let Some(gsd_m) = self.last_gsd_m {
+                self.checks.motion(&motion, gsd_m, is_new_picture);
+            }
             given.push(&mut self.tracker, Input::Motion(motion));
         }
         self.last_frame = Some(frame);
@@ -304,15 +305,15 @@ impl Flight {
 
     fn give_outcome(
         &mut self,
-        time_s: f64,
+        exposure: &Exposure<'_>,
         outcome: &Result<Outcome, LocateError>,
-        px_per_reference_px: f64,
         given: &mut Given,
     ) {
+        let time_s = exposure.time_s;
         match outcome {
             Ok(Outcome::Fix(fix)) => {
                 let mut measured = position_fix(fix, time_s, self.localizer.options().map_error_m);
-                measured.gsd_m *= px_per_reference_px;
+                measured.gsd_m *= exposure.px_per_reference_px;
                 given.push(&mut self.tracker, Input::Fix(measured));
                 self.last_gsd_m = Some(measured.gsd_m);
             }
@@ -337,7 +338,7 @@ impl Flight {
                 if estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0)) {
                     self.whole_map.accepted();
                     if point.is_some_and(|point| point.state.is_usable()) {
-                        self.told.believed();
+                        self.checks.accepted();
                     }
                 } else {
                     self.whole_map.missed(whole_map_was_searched, true);
@@ -353,14 +354,6 @@ impl Flight {
         }
     }
 
-    /// Remembers the time of a frame for as long as the filter takes late ones.
-    fn remember_frame(&mut self, time_s: f64) {
-        let lag_s = self.tracker.options().lag_s;
-        self.frame_times_s
-            .retain(|other_s| (other_s - time_s).abs() <= lag_s);
-        self.frame_times_s.push(time_s);
-    }
-
     /// The fix of the last frame contradicts a track that is believed: it does not tell which of its keypoints lie on the ground.
     fn distrust_last_fix(&mut self) {
         if let Some(last) = &mut self.last_frame {
@@ -368,25 +361,26 @@ impl Flight {
         }
     }
 
-    /// Gives the filter the attitude that the caller knows, else that of the metadata where telemetry told none.
-    fn give_attitude(&mut self, time_s: f64, known: &Known, view: &View, given: &mut Given) {
-        if self.told.leaves_out_attitude() {
-            return;
-        }
-        let attitude = match known.attitude {
+    /// Gives the filter the attitude that the caller knows, else that of the metadata where telemetry reported none; and the height that
+    /// the caller knows.
+    fn give_telemetry(&mut self, exposure: &Exposure<'_>, given: &mut Given) {
+        let time_s = exposure.time_s;
+        let attitude = match exposure.known.attitude {
             Some(attitude) => Some(Attitude { time_s, ..attitude }),
             None if self.recent.attitude_at(time_s).is_some() => None,
-            None => recorded_attitude(view, time_s),
+            None => recorded_attitude(exposure.view, time_s),
         };
-        if let Some(attitude) = attitude {
+        if let Some(attitude) = attitude.filter(|_| !self.checks.leaves_out_attitude()) {
             given.push(&mut self.tracker, Input::Attitude(attitude));
         }
-    }
-
-    /// Yaw that was measured at this time, and its 1-sigma, degrees.
-    fn yaw_deg(&self, time_s: f64, known: &Known) -> Option<(f64, f64)> {
-        let attitude = known.attitude.or_else(|| self.recent.attitude_at(time_s))?;
-        Some((attitude.yaw_deg, self.tracker.options().compass_sigma_deg))
+        if let Some(agl_m) = exposure.known.prior.view.height_agl_m {
+            let height = Height {
+                time_s,
+                agl_m,
+                amsl_m: None,
+            };
+            given.push(&mut self.tracker, Input::Height(height));
+        }
     }
 
     /// Pixels of this photo for one pixel at the focal length that the track's ground resolutions refer to: that of the options
@@ -406,10 +400,12 @@ impl Flight {
         }
     }
 
-    fn half_footprint_m(&self, photo: &Photo, view: &View, px_per_reference_px: f64) -> f64 {
-        let (width_px, height_px) = photo.full_size_px;
-        let of_track_m = self.last_gsd_m.map(|gsd_m| gsd_m / px_per_reference_px);
-        let gsd_m = of_track_m.or_else(|| Some(view.footprint?.gsd_m(width_px)));
+    fn half_footprint_m(&self, exposure: &Exposure<'_>) -> f64 {
+        let (width_px, height_px) = exposure.photo.full_size_px;
+        let of_track_m = self
+            .last_gsd_m
+            .map(|gsd_m| gsd_m / exposure.px_per_reference_px);
+        let gsd_m = of_track_m.or_else(|| Some(exposure.view.footprint?.gsd_m(width_px)));
         gsd_m.map_or(TYPICAL_HALF_FOOTPRINT_M, |gsd_m| {
             0.5 * gsd_m * f64::from(width_px).hypot(f64::from(height_px))
         })
@@ -421,21 +417,19 @@ impl Flight {
 struct Given {
     inputs: Vec<Input>,
     after_restart: bool,
+    /// Whether one of them confirmed that a clock was set, so that the filter began again by itself.
+    clock_was_set: bool,
     refused: Vec<InputError>,
 }
 
 impl Given {
     fn push(&mut self, tracker: &mut Tracker, input: Input) {
         self.inputs.push(input);
-        if let Err(error) = tracker.push(input) {
-            self.refused.push(error);
+        match tracker.push(input) {
+            Ok(taken) => self.clock_was_set |= taken == Taken::Restarted,
+            Err(error) => self.refused.push(error),
         }
     }
-}
-
-/// Whether there is nothing in the photo that could be found anywhere.
-fn is_without_texture(reason: &Reason) -> bool {
-    matches!(reason, Reason::TooFewKeypoints { .. })
 }
 
 fn elapsed_ms(since: Instant) -> f64 {

@@ -10,7 +10,7 @@ pub struct Known {
     /// Heading, height, field of view or ground resolution; each overrides the photo's metadata. `near` limits
     /// what is searched where no window is known.
     pub prior: Prior,
-    /// Attitude of the camera at the exposure; its time is ignored. If it is `None`, the photo's metadata may tell it.
+    /// Attitude of the camera at the exposure; its time is ignored. If it is `None`, the photo's metadata may have it.
     pub attitude: Option<Attitude>,
 }
 
@@ -51,7 +51,7 @@ pub struct FrameAnswer {
     pub searches: u32,
     /// What the filter was given for this frame, in this order, whether it was taken or not.
     pub inputs: Vec<Input>,
-    /// Whether the filter was restarted before it was given them: what it was told before was wrong ([`crate::Doubt`]).
+    /// Whether the filter was restarted before it was given them: what it was given before was wrong ([`crate::Warning`]).
     pub after_restart: bool,
     /// Why the filter did not take some of it.
     pub refused: Vec<InputError>,

@@ -18,34 +18,41 @@
 //! ```
 //!
 //! Telemetry (attitude, height, velocity) goes in with [`Flight::push`], in any order and up to 30 s late. A frame's own metadata
-//! give its attitude where none is told.
+//! give its attitude where no other is known.
 //!
-//! The motion between frames is measured from the keypoints of the searches, and bridges frames without a fix where no velocity is
-//! told. It counts over ground that the map shows or that was followed from there on; over water the filter coasts.
+//! The motion between frames is measured from the keypoints of the searches, and bridges frames without a fix where no velocity
+//! comes. It counts over ground that the map shows or that was followed from there on; over water the filter coasts.
 //!
 //! # What is searched
 //! A tracked frame is searched in one small window, with heading and ground resolution from the track, so that it costs one
-//! hypothesis. Frames without a fix open the window. Where the position is unknown, lost or doubtful, or after a few frames
+//! hypothesis. Frames without a fix open the window. Where the position is unknown, lost or uncertain, or after a few frames
 //! without a fix, the whole map is searched as well.
 //!
 //! # Telemetry that is wrong
-//! What the fixes contradict again and again is told by [`Flight::doubts`]: times, yaw, tilt, height and velocity of another convention.
+//! What the fixes contradict again and again is in [`Flight::warnings`]: times, yaw, tilt, height and velocity of another convention.
 //! Tilt, height and velocity are then left out, and with a wrong yaw the whole attitude.
 //!
 //! # Times
-//! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure.
+//! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure. A clock that is set during the flight,
+//! back or by minutes ahead, is noticed after a few frames ([`Warning::Clock`]): the track begins again at the new time, on the clock of
+//! the frames, and telemetry of another time is refused.
 
 mod between_frames;
+mod consistency;
+mod exposure;
 mod flight;
 mod frame;
+mod frame_history;
+mod frame_search;
 mod position_fix;
 mod recent;
 mod recorded_attitude;
 mod search_plan;
-mod told;
+mod warning;
 mod whole_map;
 
+pub use consistency::{DelayWarning, HeightWarning, TiltWarning, VelocityWarning, YawWarning};
 pub use flight::{Flight, FlightOptions};
 pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 pub use position_fix::position_fix;
-pub use told::{DelayDoubt, Doubt, HeightDoubt, TiltDoubt, VelocityDoubt, YawDoubt};
+pub use warning::{ClockWarning, Warning};

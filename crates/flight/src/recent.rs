@@ -6,6 +6,8 @@ use grimnet_track::{Attitude, Height, Input};
 
 /// So many attitudes are kept: half a minute of 50 Hz.
 const MOST_ATTITUDES: usize = 1500;
+/// Older ones than this are of no frame that the filter takes, seconds.
+const KEPT_S: f64 = 40.0;
 /// An attitude says nothing of a frame further away than this, seconds.
 const ATTITUDE_HOLD_S: f64 = 0.5;
 /// A height says nothing of a frame further away than this, seconds.
@@ -24,6 +26,10 @@ impl Recent {
         match input {
             Input::Attitude(attitude) => {
                 if self.attitudes.len() == MOST_ATTITUDES {
+                    self.attitudes.pop_front();
+                }
+                let is_old = |other: &Attitude| other.time_s < attitude.time_s - KEPT_S;
+                while self.attitudes.front().is_some_and(is_old) {
                     self.attitudes.pop_front();
                 }
                 self.attitudes.push_back(*attitude);
@@ -93,8 +99,10 @@ mod tests {
     fn what_is_kept_is_bounded() {
         let mut recent = Recent::default();
         for number in 0..2 * MOST_ATTITUDES {
-            recent.take(&attitude(number as f64));
+            recent.take(&attitude(0.01 * number as f64));
         }
         assert_eq!(recent.attitudes.len(), MOST_ATTITUDES);
+        recent.take(&attitude(90.0));
+        assert_eq!(recent.attitudes.len(), 1, "the others are too old");
     }
 }

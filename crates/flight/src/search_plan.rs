@@ -9,15 +9,15 @@ use crate::frame::Searched;
 
 /// A window's heading reaches so many standard deviations ([`SearchWindow::heading_deg`]).
 const WINDOW_HEADING_SIGMAS: f64 = 3.0;
-/// If the position is in doubt, so is the heading that comes with it: from this 1-sigma on, the localiser tries other headings
+/// If the position is uncertain, so is the heading that comes with it: from this 1-sigma on, the localiser tries other headings
 /// after it, degrees.
-const DOUBTFUL_HEADING_SIGMA_DEG: f64 = 9.0;
-/// A ground resolution is told to the localiser if it is known to this factor: matching tolerates it.
+const UNCERTAIN_HEADING_SIGMA_DEG: f64 = 9.0;
+/// A ground resolution is given to the localiser if it is known to this factor: matching tolerates it.
 const LARGEST_GSD_FACTOR: f64 = 1.35;
 /// Two windows of one heading: their ranges may differ by this, degrees.
 const SAME_HEADING_DEG: f64 = 10.0;
 
-/// One search: what the localiser is told, and where that makes it look.
+/// One search: what the localiser is given, and where that makes it look.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PlannedSearch {
     pub prior: Prior,
@@ -52,18 +52,18 @@ pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearc
         searches.push(in_window(&window, steering));
     }
     if searches.is_empty() || steering.whole_map {
-        let as_told = on_whole_map(search.windows.first(), steering);
-        searches.push(as_told);
-        let yaw_is_told =
+        let as_steered = on_whole_map(search.windows.first(), steering);
+        searches.push(as_steered);
+        let yaw_is_reported =
             steering.yaw_deg.is_some() && steering.known.view.heading == HeadingPrior::FromMetadata;
-        let mut freed = as_told;
-        if yaw_is_told && steering.tests_yaw {
+        let mut freed = as_steered;
+        if yaw_is_reported && steering.tests_yaw {
             freed.prior.view.heading = HeadingPrior::Unknown;
             searches.push(freed);
         }
-        let height_is_told =
-            as_told.prior.view.height_agl_m.is_some() && steering.known.view.height_agl_m.is_none();
-        if height_is_told && steering.tests_height {
+        let height_is_reported = as_steered.prior.view.height_agl_m.is_some()
+            && steering.known.view.height_agl_m.is_none();
+        if height_is_reported && steering.tests_height {
             freed.prior.view.height_agl_m = None;
             searches.push(freed);
         }
@@ -80,8 +80,8 @@ fn in_window(window: &SearchWindow, steering: &Steering<'_>) -> PlannedSearch {
         near: Some(near),
         ..steering.known
     };
-    tell_heading(&mut prior, steering, window.heading_deg, 0.0);
-    tell_gsd(&mut prior, steering, window.gsd_m);
+    set_heading(&mut prior, steering, window.heading_deg, 0.0);
+    set_gsd(&mut prior, steering, window.gsd_m);
     PlannedSearch {
         prior,
         searched: Searched::Window {
@@ -100,14 +100,14 @@ fn on_whole_map(leading: Option<&SearchWindow>, steering: &Steering<'_>) -> Plan
     {
         prior = prior.with_heading(heading_deg, sigma_deg);
     } else if steering.view.heading.is_none() {
-        tell_heading(
+        set_heading(
             &mut prior,
             steering,
             heading_deg,
-            DOUBTFUL_HEADING_SIGMA_DEG,
+            UNCERTAIN_HEADING_SIGMA_DEG,
         );
     }
-    tell_gsd(
+    set_gsd(
         &mut prior,
         steering,
         leading.and_then(|window| window.gsd_m),
@@ -119,7 +119,7 @@ fn on_whole_map(leading: Option<&SearchWindow>, steering: &Steering<'_>) -> Plan
 }
 
 /// The heading of the track, else of the telemetry, unless the caller states one.
-fn tell_heading(
+fn set_heading(
     prior: &mut Prior,
     steering: &Steering<'_>,
     of_track_deg: Option<(f64, f64)>,
@@ -136,7 +136,7 @@ fn tell_heading(
 }
 
 /// The ground resolution of the track, unless the caller states one or it is too uncertain; else the height of the telemetry.
-fn tell_gsd(prior: &mut Prior, steering: &Steering<'_>, range_m: Option<(f64, f64)>) {
+fn set_gsd(prior: &mut Prior, steering: &Steering<'_>, range_m: Option<(f64, f64)>) {
     let view = &mut prior.view;
     if view.gsd_m.is_some() || view.height_agl_m.is_some() {
         return;
@@ -281,35 +281,35 @@ mod tests {
     #[test]
     fn a_yaw_that_may_be_wrong_is_tested_on_the_whole_map_under_every_heading() {
         let view = View::default();
-        let told = Steering {
+        let reported = Steering {
             yaw_deg: Some((10.0, 8.0)),
             tests_yaw: true,
             ..steering(&view)
         };
-        let searches = plan(&Search::default(), &told);
+        let searches = plan(&Search::default(), &reported);
         assert_eq!(searches.len(), 2);
         assert_eq!(searches[1].prior.view.heading, HeadingPrior::Unknown);
         let stated = Steering {
             known: Prior::none().with_heading(200.0, 5.0),
-            ..told
+            ..reported
         };
         assert_eq!(plan(&Search::default(), &stated).len(), 1);
-        let untold = Steering {
+        let without = Steering {
             yaw_deg: None,
-            ..told
+            ..reported
         };
-        assert_eq!(plan(&Search::default(), &untold).len(), 1);
+        assert_eq!(plan(&Search::default(), &without).len(), 1);
     }
 
     #[test]
     fn a_height_that_may_be_wrong_is_tested_on_the_whole_map_at_every_scale() {
         let view = View::default();
-        let told = Steering {
+        let reported = Steering {
             height_agl_m: Some(380.0),
             tests_height: true,
             ..steering(&view)
         };
-        let searches = plan(&Search::default(), &told);
+        let searches = plan(&Search::default(), &reported);
         let heights = searches.iter().map(|search| search.prior.view.height_agl_m);
         assert_eq!(heights.collect::<Vec<_>>(), [Some(380.0), None]);
         let stated = Steering {
@@ -320,7 +320,7 @@ mod tests {
                 },
                 ..Prior::none()
             },
-            ..told
+            ..reported
         };
         assert_eq!(plan(&Search::default(), &stated).len(), 1);
     }
@@ -343,7 +343,7 @@ mod tests {
             heading_of(&steering(&unknown)),
             HeadingPrior::Known {
                 heading_deg: 90.0,
-                sigma_deg: DOUBTFUL_HEADING_SIGMA_DEG
+                sigma_deg: UNCERTAIN_HEADING_SIGMA_DEG
             }
         );
         let recorded = View {
@@ -354,12 +354,12 @@ mod tests {
             ..View::default()
         };
         assert_eq!(heading_of(&steering(&recorded)), HeadingPrior::FromMetadata);
-        let told = Steering {
+        let reported = Steering {
             yaw_deg: Some((45.0, 8.0)),
             ..steering(&unknown)
         };
         assert_eq!(
-            heading_of(&told),
+            heading_of(&reported),
             HeadingPrior::Known {
                 heading_deg: 45.0,
                 sigma_deg: 8.0
@@ -384,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn a_scale_that_nothing_measured_for_long_is_not_told() {
+    fn a_scale_that_nothing_measured_for_long_is_not_given() {
         let wide = SearchWindow {
             gsd_m: Some((0.02, 0.1)),
             ..window(0.0, 90.0)
@@ -398,7 +398,7 @@ mod tests {
     }
 
     #[test]
-    fn without_any_scale_the_height_of_the_telemetry_is_told() {
+    fn without_any_scale_the_height_of_the_telemetry_is_given() {
         let view = View::default();
         let steering = Steering {
             height_agl_m: Some(120.0),

@@ -4,7 +4,7 @@
 
 use std::sync::{Arc, OnceLock};
 
-use grimnet_flight::{Doubt, Flight, FlightOptions, FrameAnswer, Known, Searched};
+use grimnet_flight::{Flight, FlightOptions, FrameAnswer, Known, Searched, Warning};
 use grimnet_geo::{LonLat, MapOptions, distance_m, open_map};
 use grimnet_locate::{Localizer, Options, Outcome};
 use grimnet_net::Model;
@@ -110,7 +110,7 @@ fn lonlat(pose: &Pose) -> LonLat {
     LonLat::new(lon_deg, lat_deg)
 }
 
-/// What the telemetry tells of the camera.
+/// What is known of the camera.
 fn known(pose: &Pose) -> Known {
     Known {
         prior: grimnet_locate::Prior::none().with_hfov_deg(CAMERA.hfov_deg),
@@ -237,7 +237,7 @@ fn put_elsewhere_it_is_found_again() {
     let mut flight = flight(None);
     fly(&mut flight, 0, 330.0, 180.0, 10);
     let elsewhere = fly(&mut flight, 10, 160.0, 470.0, 14);
-    // The old place is carried on for a moment. From the first fixes that disagree on, it is no longer told as certain.
+    // The old place is carried on for a moment. From the first fixes that disagree on, it is no longer given as certain.
     let first_fix = elsewhere
         .iter()
         .position(|(answer, _)| matches!(answer.outcome, Ok(Outcome::Fix(_))))
@@ -257,7 +257,7 @@ fn put_elsewhere_it_is_found_again() {
 }
 
 #[test]
-fn telemetry_that_turns_later_than_the_photos_is_told() {
+fn telemetry_that_turns_later_than_the_photos_is_noticed() {
     // To the right and to the left in turns: in a steady turn a delay is the same as a compass that is off.
     let pose_at = |time_s: f64| {
         let phase = 0.35 * time_s;
@@ -273,19 +273,19 @@ fn telemetry_that_turns_later_than_the_photos_is_told() {
     };
     let late_s = 2.0;
     let mut flight = flight(None);
-    let mut told_ticks = 0;
+    let mut ticks = 0;
     for number in 0..38 {
         let time_s = f64::from(number) / FRAMES_PER_S;
-        while f64::from(told_ticks) * 0.1 <= time_s {
-            let told_s = f64::from(told_ticks) * 0.1;
+        while f64::from(ticks) * 0.1 <= time_s {
+            let tick_s = f64::from(ticks) * 0.1;
             let attitude = Attitude {
-                time_s: told_s,
-                yaw_deg: pose_at(told_s - late_s).heading_deg,
+                time_s: tick_s,
+                yaw_deg: pose_at(tick_s - late_s).heading_deg,
                 pitch_deg: 0.0,
                 roll_deg: 0.0,
             };
             flight.push(Input::Attitude(attitude)).unwrap();
-            told_ticks += 1;
+            ticks += 1;
         }
         let known = Known {
             attitude: None,
@@ -293,11 +293,11 @@ fn telemetry_that_turns_later_than_the_photos_is_told() {
         };
         flight.frame(&photo(&pose_at(time_s)), time_s, &known);
     }
-    let doubts: Vec<Doubt> = flight.doubts().collect();
-    let [Doubt::Delay(doubt)] = doubts[..] else {
-        panic!("{doubts:?}");
+    let warnings: Vec<Warning> = flight.warnings().collect();
+    let [Warning::Delay(warning)] = warnings[..] else {
+        panic!("{warnings:?}");
     };
-    assert!((doubt.delay_s - late_s).abs() <= 0.5, "{doubt:?}");
+    assert!((warning.delay_s - late_s).abs() <= 0.5, "{warning:?}");
 }
 
 #[test]
@@ -337,8 +337,8 @@ fn the_tilt_of_an_aircraft_in_which_the_camera_is_mounted_turned_is_left_out() {
         answers.push((answer, lonlat(&pose)));
     }
     assert!(matches!(
-        flight.doubts().collect::<Vec<_>>()[..],
-        [Doubt::Yaw(_)]
+        flight.warnings().collect::<Vec<_>>()[..],
+        [Warning::Yaw(_)]
     ));
     for frame in &answers {
         let Some(error_m) = error_m(frame) else {
@@ -375,8 +375,11 @@ fn velocities_that_become_wrong_in_flight_are_left_out() {
         let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
         answers.push((answer, lonlat(&pose)));
     }
-    let doubts: Vec<Doubt> = flight.doubts().collect();
-    assert!(matches!(doubts[..], [Doubt::Velocity(_)]), "{doubts:?}");
+    let warnings: Vec<Warning> = flight.warnings().collect();
+    assert!(
+        matches!(warnings[..], [Warning::Velocity(_)]),
+        "{warnings:?}"
+    );
     let restarts: Vec<usize> = (0..22)
         .filter(|number| answers[*number].0.after_restart)
         .collect();
@@ -391,4 +394,104 @@ fn velocities_that_become_wrong_in_flight_are_left_out() {
         );
     }
     assert!(error_m(&answers[21]).is_some());
+}
+
+/// Gives the velocities of the second before a frame, ten a second.
+fn push_velocities(flight: &mut Flight, time_s: f64, [east_m_s, north_m_s]: [f64; 2]) {
+    for tick in 0..10 {
+        let velocity = Input::Velocity(Velocity {
+            time_s: time_s - 0.9 + 0.1 * f64::from(tick),
+            east_m_s,
+            north_m_s,
+            sigma_m_s: 0.5,
+        });
+        // Refused while a clock is being set.
+        let _ = flight.push(velocity);
+    }
+}
+
+#[test]
+fn velocities_of_an_aircraft_that_hovers_are_left_out() {
+    let mut flight = flight(None);
+    let mut answers = Vec::new();
+    for number in 0..20 {
+        let time_s = f64::from(number);
+        let spoofed_m_s = if number < 8 { 0.0 } else { 5.0 };
+        push_velocities(&mut flight, time_s, [spoofed_m_s, 0.0]);
+        // It sways by half a metre, so that no picture is the same again.
+        let (x_m, y_m) = (0.5 * time_s.sin(), 0.5 * (1.3 * time_s).cos());
+        let pose = pose(300.0 + x_m, 320.0 + y_m);
+        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+        answers.push((answer, lonlat(&pose)));
+    }
+    let warnings: Vec<Warning> = flight.warnings().collect();
+    let [Warning::Velocity(warning)] = warnings[..] else {
+        panic!("{warnings:?}");
+    };
+    assert_eq!(warning.factor, f64::INFINITY);
+    let restart = answers.iter().position(|(answer, _)| answer.after_restart);
+    assert!(restart.is_some_and(|number| number < 15), "{restart:?}");
+    for frame in &answers[restart.unwrap()..] {
+        let error_m = error_m(frame);
+        assert!(error_m.is_none_or(|error_m| error_m < 5.0), "{frame:?}");
+    }
+    assert!(error_m(&answers[19]).is_some());
+}
+
+#[test]
+fn velocities_of_which_the_track_lags_behind_are_left_out() {
+    let mut flight = flight(None);
+    let mut answers = Vec::new();
+    for number in 0..44 {
+        let time_s = f64::from(number) / FRAMES_PER_S;
+        let cross_m_s = if number < 14 { 0.0 } else { 5.0 };
+        push_velocities(&mut flight, time_s, [8.0, cross_m_s]);
+        let pose = pose(160.0 + 8.0 * time_s, 320.0);
+        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+        answers.push((answer, lonlat(&pose)));
+    }
+    let warnings: Vec<Warning> = flight.warnings().collect();
+    assert!(
+        matches!(warnings[..], [Warning::Velocity(_)]),
+        "{warnings:?}"
+    );
+    let restart = answers.iter().position(|(answer, _)| answer.after_restart);
+    assert!(restart.is_some_and(|number| number < 36), "{restart:?}");
+    assert!(error_m(&answers[43]).is_some_and(|error_m| error_m < 5.0));
+}
+
+/// A flight whose clock is set after 14 frames. Gives its warnings and its answers from there on.
+fn with_clock_set(by_s: f64, frames_per_s: f64) -> (Vec<Warning>, Vec<(FrameAnswer, LonLat)>) {
+    let mut flight = flight(None);
+    let mut answers = Vec::new();
+    for number in 0..26 {
+        let flown_s = f64::from(number) / frames_per_s;
+        let time_s = 1000.0 + flown_s + if number < 14 { 0.0 } else { by_s };
+        let speed_m_s = 6.0 * frames_per_s;
+        push_velocities(&mut flight, time_s, [speed_m_s, 0.0]);
+        let pose = pose(160.0 + speed_m_s * flown_s, 320.0);
+        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+        answers.push((answer, lonlat(&pose)));
+    }
+    (flight.warnings().collect(), answers.split_off(14))
+}
+
+#[test]
+fn a_clock_that_is_set_during_the_flight_costs_a_few_frames() {
+    for by_s in [-9.0, -40.0, -250.0, 400.0] {
+        let (warnings, answers) = with_clock_set(by_s, 1.0);
+        let [Warning::Clock(warning)] = warnings[..] else {
+            panic!("{by_s}: {warnings:?}");
+        };
+        assert!((warning.by_s - by_s).abs() < 2.0, "{by_s}: {warning:?}");
+        // Two frames may have come late.
+        for frame in &answers[2..] {
+            let error_m = error_m(frame);
+            assert!(
+                error_m.is_none_or(|error_m| error_m < 5.0),
+                "{by_s}: {frame:?}"
+            );
+        }
+        assert!(error_m(&answers[7]).is_some(), "{by_s}: {:?}", answers[7]);
+    }
 }

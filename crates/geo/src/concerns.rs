@@ -14,7 +14,7 @@ const SAMPLES: u32 = 48;
 const SAMPLE_PX: f64 = 32.0;
 /// Darkest pixel that is not black, the sum of its colours.
 const BLACK_SUM: u16 = 12;
-/// Share of the map above which missing or black parts are told.
+/// Share of the map above which missing or black parts are reported.
 const MUCH: f64 = 0.4;
 /// Standard deviation of brightness below which a map is of one colour, grey values.
 const FLAT: f64 = 3.0;
@@ -27,7 +27,7 @@ const SQUARE_ASPECT: f64 = 1.15;
 const SQUARE_IN_DEGREES: f64 = 1.05;
 /// Maps nearer to latitude 0, longitude 0 are there by mistake, degrees.
 const NULL_ISLAND_DEG: f64 = 1.0;
-/// Ratio of ground resolutions at the edges above which one number does not tell it.
+/// Ratio of ground resolutions at the edges above which one number does not describe it.
 const UNEVEN: f64 = 1.05;
 
 /// Something that looks wrong. The map can be used all the same.
@@ -71,7 +71,7 @@ pub enum Concern {
         gsd_m: (f64, f64),
     },
     /// What the map's files say.
-    Told(String),
+    Source(String),
 }
 
 impl Concern {
@@ -86,7 +86,7 @@ impl Concern {
             Self::OneColour => "one_colour",
             Self::Resolution { .. } => "resolution",
             Self::UnevenResolution { .. } => "uneven_resolution",
-            Self::Told(_) => "source",
+            Self::Source(_) => "source",
         }
     }
 }
@@ -137,7 +137,7 @@ impl fmt::Display for Concern {
                 "its ground resolution differs between its edges ({fine:.3} to {coarse:.3} m per pixel): the levels of a pack are \
                  right at its centre; cut it into smaller maps"
             ),
-            Self::Told(text) => f.write_str(text),
+            Self::Source(text) => f.write_str(text),
         }
     }
 }
@@ -190,9 +190,9 @@ pub fn concerns(map: &dyn Raster, overview: &RasterPatch) -> Result<Vec<Concern>
         map.georeference()
             .crs()
             .caveat()
-            .map(|c| Concern::Told(c.to_string())),
+            .map(|c| Concern::Source(c.to_string())),
     );
-    found.extend(map.caveats().into_iter().map(Concern::Told));
+    found.extend(map.caveats().into_iter().map(Concern::Source));
     Ok(found)
 }
 

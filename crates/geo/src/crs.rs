@@ -7,16 +7,12 @@ use proj4rs::Proj;
 use proj4rs::adaptors::transform_vertex_2d;
 use serde::{Deserialize, Serialize};
 
+use crate::datum_shifts::{caveat_of, with_better_shift};
 use crate::metres::wrap_longitude_deg;
 use crate::units::degrees_per_unit_of_epsg;
 use crate::{GeoError, LonLat};
 
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
-
-/// S-JTSK to WGS 84 in the list of definitions: three parameters, 10 m off.
-const S_JTSK_COARSE: &str = "+towgs84=589,76,480,0,0,0,0";
-/// S-JTSK to WGS 84 (5), EPSG:5239, as a position vector transformation: 1 m, PROJ's choice.
-const S_JTSK_FINE: &str = "+towgs84=572.213,85.334,461.94,4.9732,1.529,5.2484,3.5378";
 
 static WGS84_PROJ: LazyLock<Option<Proj>> = LazyLock::new(|| Proj::from_proj_string(WGS84).ok());
 
@@ -24,7 +20,7 @@ static WGS84_PROJ: LazyLock<Option<Proj>> = LazyLock::new(|| Proj::from_proj_str
 ///
 /// Definitions come from the EPSG registry (`crs-definitions`), transformations from `proj4rs`.
 /// Datum shifts are those of the definition (`+towgs84`), good to some metres; a CRS whose shift is
-/// a grid of corrections (NAD 27) is refused, one without any shift has a [`Crs::caveat`].
+/// a grid of corrections (NAD 27) is refused, one without any shift, or with a coarse one, has a [`Crs::caveat`].
 #[derive(Clone)]
 pub struct Crs {
     definition: String,
@@ -64,10 +60,7 @@ impl Crs {
             .ok()
             .and_then(crs_definitions::from_code)
             .ok_or_else(|| unknown("the code is not in the list of known systems"))?;
-        Self::from_parts(
-            definition.clone(),
-            &def.proj4.replace(S_JTSK_COARSE, S_JTSK_FINE),
-        )
+        Self::from_parts(definition.clone(), &with_better_shift(def.proj4))
     }
 
     /// By PROJ string (`+proj=...`).
@@ -168,7 +161,7 @@ impl Crs {
     }
 
     /// A warning about the accuracy, if there is a reason: without a datum shift to WGS 84 in the definition, positions
-    /// can be off by hundreds of metres.
+    /// can be off by hundreds of metres, with one of three parameters by tens.
     pub fn caveat(&self) -> Option<&str> {
         self.caveat.as_deref()
     }
@@ -257,18 +250,6 @@ impl Crs {
             reason: reason.to_string(),
         }
     }
-}
-
-/// A warning about the accuracy of a definition.
-fn caveat_of(proj_string: &str) -> Option<String> {
-    let has = |key: &str| proj_string.contains(key);
-    let shift_known = has("+datum=") || has("+towgs84=") || has("+nadgrids=@null");
-    // GRS 80 without a shift: a plate-fixed frame, within one or two metres of WGS 84.
-    let modern = has("+ellps=GRS80") || has("+ellps=WGS84");
-    (!shift_known && !modern).then(|| {
-        "its definition has no shift to WGS 84: positions can be off by hundreds of metres"
-            .to_string()
-    })
 }
 
 impl std::fmt::Debug for Crs {

@@ -15,6 +15,14 @@ const USER_DEFINED: u16 = 32767;
 const MODEL_PROJECTED: u16 = 1;
 /// GTModelTypeGeoKey: geographic.
 const MODEL_GEOGRAPHIC: u16 = 2;
+/// Web Mercator, which has no projection method of its own in GeoTIFF 1.0.
+const WEB_MERCATOR: u32 = 3857;
+/// What citations call it that ArcGIS and GDAL write in place of the code.
+const WEB_MERCATOR_NAMES: [&str; 3] = [
+    "Mercator_Auxiliary_Sphere",
+    "Web_Mercator",
+    "Pseudo-Mercator",
+];
 
 // Keys that the library does not name (OGC GeoTIFF 1.1, annex B).
 const KEY_PRIME_MERIDIAN: u16 = 2051;
@@ -64,9 +72,18 @@ impl From<Crs> for FileCrs {
 pub(crate) fn crs_from_geokeys(keys: &GeoKeyDirectory, path: &Path) -> Result<FileCrs, GeoError> {
     let result = match keys.get_short(ids::GT_MODEL_TYPE) {
         Some(MODEL_GEOGRAPHIC) => geographic(keys),
+        _ if is_named_web_mercator(keys) => Crs::from_epsg(WEB_MERCATOR)
+            .map(FileCrs::from)
+            .map_err(Problem::Crs),
         Some(MODEL_PROJECTED) | None => projected(keys),
         // Some writers leave the model type undefined and give a code all the same.
-        Some(0 | USER_DEFINED) if code(keys, ids::PROJECTED_CRS_TYPE).is_some() => projected(keys),
+        Some(0 | USER_DEFINED)
+            if keys
+                .get_short(ids::PROJECTED_CRS_TYPE)
+                .is_some_and(|c| c != 0) =>
+        {
+            projected(keys)
+        }
         Some(0 | USER_DEFINED) if code(keys, ids::GEODETIC_CRS_TYPE).is_some() => geographic(keys),
         Some(other) => Err(Problem::Unsupported(format!("model type {other}"))),
     };
@@ -113,6 +130,26 @@ fn citation(keys: &GeoKeyDirectory) -> String {
             || "user-defined".to_string(),
             |text| text.trim_end_matches('|').to_string(),
         )
+}
+
+/// Whether the citations alone say that a projected system is Web Mercator: its keys are those of a Mercator projection of the
+/// ellipsoid, which is another.
+fn is_named_web_mercator(keys: &GeoKeyDirectory) -> bool {
+    let is_named = [ids::PROJ_CITATION, ids::GT_CITATION]
+        .iter()
+        .filter_map(|&key| keys.get_ascii(key))
+        .any(|text| WEB_MERCATOR_NAMES.iter().any(|name| text.contains(name)));
+    // Its variants with another origin or unit have names of their own.
+    let is_plain = [
+        KEY_NATURAL_ORIGIN_LON,
+        KEY_NATURAL_ORIGIN_LAT,
+        KEY_FALSE_EASTING,
+        KEY_FALSE_NORTHING,
+    ]
+    .iter()
+    .all(|&key| number(keys, key).unwrap_or(0.0) == 0.0)
+        && matches!(metres_per_linear_unit(keys), Ok(None | Some(1.0)));
+    is_named && is_plain && code(keys, ids::PROJECTED_CRS_TYPE).is_none()
 }
 
 fn geographic(keys: &GeoKeyDirectory) -> Result<FileCrs, Problem> {

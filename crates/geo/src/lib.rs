@@ -36,6 +36,7 @@ mod content_hash;
 mod corners;
 mod crs;
 mod csv_mosaic;
+mod datum_shifts;
 mod error;
 mod geokeys;
 mod georeference;

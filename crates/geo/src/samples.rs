@@ -184,18 +184,22 @@ impl Samples<'_> {
     }
 
     /// Clears the mask where all colour bands have the nodata value or are not numbers, and where
-    /// alpha is below half.
+    /// alpha is below half (8 bits) or zero: what is opaque in other samples depends on their bits and their writer.
     pub fn mark_missing(&self, nodata: Option<f64>, mask: &mut [u8]) {
         let float = matches!(self.kind, SampleKind::F32 | SampleKind::F64);
         if nodata.is_none() && self.bands.alpha.is_none() && !float {
             return;
         }
         let half = match self.kind {
-            SampleKind::U16 => 32768.0,
             SampleKind::F32 | SampleKind::F64 => f64::MIN_POSITIVE,
             SampleKind::U8 => 128.0,
             _ => 1.0,
         };
+        // Files state it as decimal text, often with fewer digits than the samples have.
+        let nodata = nodata.map(|value| match self.kind {
+            SampleKind::F32 => f64::from(value as f32),
+            _ => value,
+        });
         let colors: &[usize] = if self.bands.is_grey() {
             &[0]
         } else {
@@ -265,5 +269,48 @@ impl Samples<'_> {
                 }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(kind: SampleKind, bytes: &[u8], alpha: Option<usize>, nodata: Option<f64>) -> Vec<u8> {
+        let count = 1 + usize::from(alpha.is_some());
+        let samples = Samples {
+            bytes,
+            kind,
+            bands: Bands::first(count, 1, alpha),
+        };
+        let mut mask = vec![255; bytes.len() / (count * kind.bytes())];
+        samples.mark_missing(nodata, &mut mask);
+        mask
+    }
+
+    /// GDAL compares 32-bit samples with the value rounded to 32 bits: the text has 15 digits here.
+    #[test]
+    fn nodata_of_floats_is_compared_as_a_float() {
+        for (text, value) in [("-3.40282346638529e+38", f32::MIN), ("0.1", 0.1_f32)] {
+            let bytes = [value.to_ne_bytes(), 5_f32.to_ne_bytes()].concat();
+            let nodata = Some(text.parse().unwrap());
+            assert_eq!(
+                seen(SampleKind::F32, &bytes, None, nodata),
+                [0, 255],
+                "{text}"
+            );
+        }
+    }
+
+    /// 12 bits in 16: the largest alpha is 4095.
+    #[test]
+    fn alpha_of_few_bits_is_opaque() {
+        let pixel = |alpha: u16| [700_u16.to_ne_bytes(), alpha.to_ne_bytes()].concat();
+        let bytes = [pixel(0), pixel(4095), pixel(65535)].concat();
+        assert_eq!(seen(SampleKind::U16, &bytes, Some(1), None), [0, 255, 255]);
+        assert_eq!(
+            seen(SampleKind::U8, &[9, 127, 9, 128], Some(1), None),
+            [0, 255]
+        );
     }
 }

@@ -172,12 +172,42 @@ fn crs_are_read_in_the_ways_they_are_written() {
             .unwrap()
             .contains("no shift")
     );
-    for exact in [4326, 3857, 32651, 3826, 28992, 27700, 2056, 7844] {
+    // One shift of three parameters for all of Europe.
+    for coarse in [
+        "EPSG:23032",
+        "+proj=longlat +ellps=intl +towgs84=-87,-98,-121,0,0,0,0",
+    ] {
+        let caveat = Crs::parse(coarse).unwrap().caveat().unwrap().to_string();
+        assert!(
+            caveat.contains("three parameters") && caveat.contains("gdalwarp"),
+            "{coarse}: {caveat}"
+        );
+    }
+    // The ellipsoid by its numbers, as files give it.
+    let by_numbers = "+proj=laea +lat_0=52 +lon_0=10 +a=6378137 +rf=298.257222101 +units=m";
+    assert_eq!(Crs::parse(by_numbers).unwrap().caveat(), None);
+    for exact in [
+        4326, 3857, 32651, 3826, 28992, 27700, 2056, 7844, 5514, 3844, 2039, 5562,
+    ] {
         assert_eq!(
             Crs::from_epsg(exact).unwrap().caveat(),
             None,
             "EPSG:{exact}"
         );
+    }
+}
+
+/// Coordinates of longitudes and latitudes by pyproj 3.7.2 (PROJ 9.5.1) without grids.
+#[test]
+fn datum_shifts_are_those_of_the_registry() {
+    for (code, x, y, lon_deg, lat_deg) in [
+        (3844, 564_954.224_308_6, 484_257.944_090_8, 25.835, 45.855),
+        (2039, 193_346.087_678_6, 585_940.482_429_6, 34.93, 31.365),
+        (6384, 300_116.789_558_4, 5_292_966.506_607, 30.0, 47.77),
+    ] {
+        let found = Crs::from_epsg(code).unwrap().lonlat_from_xy(x, y).unwrap();
+        let off_m = distance_m(found, LonLat::new(lon_deg, lat_deg));
+        assert!(off_m < 0.01, "EPSG:{code}: {off_m} m");
     }
 }
 

@@ -37,6 +37,6 @@ pub use grimnet_locate::{
     Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, Near, NeededPixels, NoFix,
     Options, Outcome, Prior, Reason, Rejection, ViewPrior,
 };
-pub use grimnet_net::{Arithmetic, Model, NetError};
+pub use grimnet_net::{Model, NetError, Precision};
 pub use grimnet_pack::{Pack, PackError};
 pub use grimnet_photo::{Photo, PhotoError, PhotoLimits};

@@ -4,7 +4,7 @@ use std::sync::OnceLock;
 
 /// Assumed where the size cannot be found out, bytes: what a core of the smaller processors in use has.
 const ASSUMED_L2_BYTES: usize = 512 << 10;
-/// Sizes outside of this range are not believed, bytes.
+/// Sizes outside of this range are implausible, bytes.
 const PLAUSIBLE_L2_BYTES: std::ops::RangeInclusive<usize> = 128 << 10..=4 << 20;
 
 /// Bytes of the L2 cache that one core may use, as the processor or the operating system states it.

@@ -65,6 +65,8 @@ pub enum NotSending {
     TooUncertain,
     /// The position is that of the image centre, since no height is known.
     ImageCentre,
+    /// No recent fix supports the position, and the message would put it in the place of the autopilot's own.
+    NoRecentFix,
     /// No autopilot is heard.
     NoAutopilot,
     /// The autopilot has not told the origin of its metres.
@@ -78,6 +80,9 @@ impl fmt::Display for NotSending {
             Self::TooUncertain => "the position is too uncertain",
             Self::ImageCentre => {
                 "no height is known, so the position is that of the image centre and not of the aircraft"
+            }
+            Self::NoRecentFix => {
+                "no recent fix supports the position, which would replace the autopilot's own"
             }
             Self::NoAutopilot => "no autopilot is heard",
             Self::NoOrigin => "the autopilot has not told the origin of its local frame",

@@ -11,7 +11,7 @@ pub struct LinkOptions {
     pub address: Address,
     /// The message that carries positions. `None`: [`Output::for_autopilot`].
     pub output: Option<Output>,
-    /// The autopilot's MAVLink system. `None`: the first one that is heard.
+    /// The autopilot's MAVLink system. `None`: the first one that is heard, and none but that one later.
     pub system_id: Option<u8>,
     /// Positions with a 95 % radius above this are not sent, metres.
     pub max_radius95_m: f64,

@@ -12,8 +12,8 @@ pub enum Output {
     Odometry,
     /// GLOBAL_POSITION_SENSOR: for PX4 from 1.18.
     GlobalPositionSensor,
-    /// The command MAV_CMD_EXTERNAL_POSITION_ESTIMATE, which sets the position once a second: for ArduPilot from 4.5 and PX4
-    /// from 1.15 while they have no other position.
+    /// The command MAV_CMD_EXTERNAL_POSITION_ESTIMATE, which sets the position once a second while fixes support it: for ArduPilot
+    /// from 4.5 and PX4 from 1.15 while they have no other position.
     PositionEstimate,
     /// GPS_INPUT, which ArduPilot takes for a GNSS receiver. Only where nothing else is possible: it hides that the position
     /// comes from a camera.

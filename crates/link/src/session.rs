@@ -160,7 +160,8 @@ impl Session {
         let known = self.autopilot.filter(|_| !self.assumed);
         let same = known
             .is_some_and(|known| (known.system_id, known.kind) == (heard.system_id, heard.kind));
-        if !same && known.is_some() && !self.silent {
+        // A silent autopilot may come back with other software, but positions of one aircraft never go to another one.
+        if known.is_some_and(|known| known.system_id != heard.system_id || !(same || self.silent)) {
             return;
         }
         if !same {
@@ -324,6 +325,10 @@ impl Session {
             .options
             .output
             .unwrap_or_else(|| Output::for_autopilot(&autopilot));
+        // It replaces the autopilot's position, however uncertain it is; the others are weighed by their variance.
+        if output == Output::PositionEstimate && state != TrackState::Tracking {
+            return Err(NotSending::NoRecentFix);
+        }
         self.position
             .set_seconds(1.0 / output.rate_hz(autopilot.kind));
         let position = Position {

@@ -372,6 +372,57 @@ fn others_on_the_link_are_not_taken_for_the_autopilot() {
 }
 
 #[test]
+fn positions_never_go_to_another_aircraft_than_the_first() {
+    let mut flight = Flight::new(|_| {});
+    flight.second(ARDUPILOT);
+    flight.says_origin();
+    flight.second(ARDUPILOT);
+    assert!(!flight.odometry().is_empty());
+    // It falls silent, and another aircraft is heard on the same network.
+    let other = MavHeader {
+        system_id: 4,
+        ..HEADER
+    };
+    let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        autopilot: ARDUPILOT,
+        ..HEARTBEAT_DATA::default()
+    });
+    let origin = MavMessage::GPS_GLOBAL_ORIGIN(GPS_GLOBAL_ORIGIN_DATA::default());
+    for _ in 0..20 {
+        flight.step(0.5);
+        for message in [&heartbeat, &origin] {
+            flight.session.receive(&other, message, flight.now_s);
+        }
+    }
+    assert_eq!(flight.session.autopilot(), None);
+    flight.odometry();
+    flight.step(0.5);
+    assert!(flight.odometry().is_empty());
+    assert_eq!(flight.session.system_id(), 3);
+    // The first one comes back, with other software too.
+    flight.second(PX4);
+    let back = flight.session.autopilot().unwrap();
+    assert_eq!((back.system_id, back.kind), (3, AutopilotKind::Px4));
+}
+
+#[test]
+fn a_position_is_set_only_while_fixes_support_it() {
+    let mut flight = Flight::new(|options| options.output = Some(Output::PositionEstimate));
+    let mut sent_in_three_seconds = |state| {
+        flight.set_state(state);
+        flight.sent.clear();
+        (0..3).for_each(|_| flight.second(ARDUPILOT));
+        let is_position = |message: &&MavMessage| matches!(message, MavMessage::COMMAND_INT(_));
+        flight.sent.iter().filter(is_position).count()
+    };
+    assert!(sent_in_three_seconds(TrackState::Tracking) >= 2);
+    assert_eq!(sent_in_three_seconds(TrackState::Coasting), 0);
+    assert!(sent_in_three_seconds(TrackState::Tracking) >= 2);
+    let why = LinkEvent::NotSending(NotSending::NoRecentFix);
+    assert!(flight.events.contains(&why));
+}
+
+#[test]
 fn a_dry_run_tells_and_sends_nothing() {
     let mut flight = Flight::new(|options| options.dry_run = true);
     for _ in 0..100 {

@@ -74,8 +74,8 @@ impl Support {
             model.log_spread,
             model.held_back,
         ];
-        let weighed = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
-        let log_odds = model.intercept + weighed.sum::<f64>();
+        let weighted = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
+        let log_odds = model.intercept + weighted.sum::<f64>();
         1.0 / (1.0 + (-log_odds).exp())
     }
 }
@@ -85,7 +85,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn confidence_is_the_logistic_of_the_weighed_evidence() {
+    fn confidence_is_the_logistic_of_the_weighted_evidence() {
         let support = Support {
             inliers: 20,
             places: 15,

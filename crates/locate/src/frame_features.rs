@@ -16,7 +16,7 @@ pub struct FrameFeatures {
     pub(crate) scores: Vec<f32>,
     /// Whether the keypoint agreed with the fix on the map: it then lies on the ground, or near it.
     pub(crate) on_map: Vec<bool>,
-    /// Whether the fix is believed.
+    /// Whether the fix is trusted.
     fix_is_trusted: bool,
     /// Whether the keypoint moved with the ground of the photo before.
     pub(crate) followed: Vec<bool>,

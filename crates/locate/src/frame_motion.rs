@@ -24,6 +24,7 @@ use crate::{
     geometry::{
         correspondence::Correspondence,
         covariance::{MIN_RESIDUAL_SIGMA_PX, mapped_point_covariance},
+        distribution::spread,
         estimation::{EstimatedTransform, EstimationOptions, GeometryModel, estimate},
         ransac::{Ransac, Score},
         sampler::Sampling,
@@ -32,7 +33,6 @@ use crate::{
     },
     pipeline::{
         chance::expected_inliers,
-        gates::spread,
         guided_matching::{KeypointPair, match_guided},
     },
     search::{matching::sort_best_first, scratch::Scratch},
@@ -67,7 +67,7 @@ pub struct FrameMotion {
     /// Matches that agree.
     pub inliers: usize,
     /// By how much the surface that is seen may have moved itself, pixels per axis, 1 sigma: 0 over ground that the map shows,
-    /// what the matches cannot tell apart from standing still where it moved with such ground. `None`: nothing tells that it is
+    /// what the matches cannot tell apart from standing still where it moved with such ground. `None`: nothing shows that it is
     /// ground. Waves move by metres a second, and where they repeat the motion may be off by any number of wavelengths.
     pub surface_sigma_px: Option<f64>,
 }
@@ -206,7 +206,7 @@ fn matched(
     ))
 }
 
-/// The motion that pairs of the second photo's levelled points and the first's tell; `None` if they do not determine it.
+/// The motion that pairs of the second photo's levelled points and the first's give; `None` if they do not determine one.
 fn motion_of(agreeing: &[Correspondence], pair: &FramePair, unit_px: f64) -> Option<FrameMotion> {
     let first_from_second = Similarity::fit(agreeing)?;
     // The second camera is straight above the origin of its own levelled view.
@@ -268,7 +268,7 @@ mod tests {
     }
 
     /// Pairs of a level ground seen by two cameras.
-    fn pairs(tilts: [FrameTilt; 2], told: [FrameTilt; 2]) -> Vec<Correspondence> {
+    fn pairs(tilts: [FrameTilt; 2], stated: [FrameTilt; 2]) -> Vec<Correspondence> {
         let ground = (0..64).map(|i| {
             let (row, column) = (i / 8, i % 8);
             [
@@ -281,8 +281,8 @@ mod tests {
                 let first = seen(at, [0.0, 0.0], 100.0, 30.0, &tilts[0], 1000.0);
                 let second = seen(at, [20.0, 15.0], 104.0, 75.0, &tilts[1], 1000.0);
                 Correspondence::new(
-                    levelled(second, &told[1], 1000.0).unwrap(),
-                    levelled(first, &told[0], 1000.0).unwrap(),
+                    levelled(second, &stated[1], 1000.0).unwrap(),
+                    levelled(first, &stated[0], 1000.0).unwrap(),
                 )
             })
             .collect()
@@ -295,7 +295,7 @@ mod tests {
     };
 
     #[test]
-    fn tilt_that_is_told_is_taken_out() {
+    fn a_stated_tilt_is_taken_out() {
         let tilts = [
             FrameTilt {
                 pitch_deg: 12.0,
@@ -313,9 +313,9 @@ mod tests {
         assert_relative_eq!(motion.right_px, -200.0 * sin + 150.0 * cos, epsilon = 1e-3);
         assert_relative_eq!(motion.turn_deg, 45.0, epsilon = 1e-5);
         assert_relative_eq!(motion.height_ratio, 1.04, epsilon = 1e-5);
-        let untold = motion_of(&pairs(tilts, [FrameTilt::default(); 2]), &PAIR, 1.0).unwrap();
-        let off_px =
-            (untold.forward_px - motion.forward_px).hypot(untold.right_px - motion.right_px);
+        let unlevelled = motion_of(&pairs(tilts, [FrameTilt::default(); 2]), &PAIR, 1.0).unwrap();
+        let off_px = (unlevelled.forward_px - motion.forward_px)
+            .hypot(unlevelled.right_px - motion.right_px);
         assert!(off_px > 100.0, "{off_px}");
     }
 
@@ -329,7 +329,7 @@ mod tests {
         let motion = motion_of(&pairs(level, level), &uncertain, 1.0).unwrap();
         // 0.5 degrees at a focal length of 1000 px are 8.7 px; the exact matches add less than a tenth of a pixel.
         assert_relative_eq!(motion.sigma_px(), 8.727, epsilon = 0.01);
-        // A change of roll of half a degree that is not told is an error of that size.
+        // A change of roll of half a degree that is not stated is an error of that size.
         let rolled = [
             FrameTilt::default(),
             FrameTilt {

@@ -4,6 +4,7 @@
 
 pub mod correspondence;
 pub mod covariance;
+pub mod distribution;
 pub mod estimation;
 pub mod homography;
 pub mod plain_homography;

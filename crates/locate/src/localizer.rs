@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use grimnet_net::{Arithmetic, Domain, Extractor, Model, Statistics};
+use grimnet_net::{Domain, Extractor, Model, Precision, Statistics};
 use grimnet_pack::{Mode, Pack};
 use grimnet_photo::Photo;
 
@@ -45,7 +45,7 @@ pub struct Localizer {
 #[must_use]
 pub struct LocalizerBuilder {
     model: Option<Model>,
-    arithmetic: Option<Arithmetic>,
+    precision: Option<Precision>,
     options: Options,
 }
 
@@ -58,10 +58,10 @@ impl LocalizerBuilder {
         }
     }
 
-    /// The arithmetic of the network; that of the model if this is not called. Packs that were built in any can be used.
-    pub fn arithmetic(self, arithmetic: Arithmetic) -> Self {
+    /// The precision of the network; that of the model if this is not called. Packs of every precision can be used.
+    pub fn precision(self, precision: Precision) -> Self {
         Self {
-            arithmetic: Some(arithmetic),
+            precision: Some(precision),
             ..self
         }
     }
@@ -90,10 +90,7 @@ impl LocalizerBuilder {
             Some(model) => model,
             None => Model::bundled()?,
         };
-        let model = match self.arithmetic {
-            Some(arithmetic) => model.with_arithmetic(arithmetic)?,
-            None => model,
-        };
+        let model = model.with_precision_if_given(self.precision)?;
         Ok(Localizer::new(model, pack)?.with_options(self.options))
     }
 }

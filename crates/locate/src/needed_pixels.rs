@@ -51,7 +51,7 @@ impl NeededPixels {
         Self {
             widest_query_px,
             coarsest_gsd_m: gsds_m.last().copied().unwrap_or(f64::INFINITY),
-            widest_factor: largest(&options.doubtful_scales),
+            widest_factor: largest(&options.uncertain_scales),
             prior: *prior,
         }
     }
@@ -62,7 +62,7 @@ impl NeededPixels {
     pub fn long_side_px(&self, metadata: &Metadata, full_size_px: (u32, u32)) -> u32 {
         let view = View::resolve(metadata, full_size_px, &self.prior);
         let of_footprint_px = view.footprint.map_or(0.0, |footprint| {
-            let factor = if footprint.is_doubtful() {
+            let factor = if footprint.is_uncertain() {
                 self.widest_factor
             } else {
                 1.0

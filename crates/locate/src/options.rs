@@ -254,8 +254,9 @@ pub struct Options {
     pub adapt: Adapt,
     /// Number of evenly spaced headings that are tried if the heading is unknown; 12 is one every 30 degrees.
     pub headings: usize,
-    /// Factors on a doubtful ground width that are tried after the width itself.
-    pub doubtful_scales: Vec<f64>,
+    /// Factors on an uncertain ground width that are tried after the width itself.
+    #[serde(alias = "doubtful_scales")]
+    pub uncertain_scales: Vec<f64>,
     /// Ground widths that are tried if none is known, as factors on the width of a tile, for each level of the pack.
     pub unknown_scales: Vec<f64>,
     /// Largest side of a query, cropped around the photo's centre, pixels.
@@ -316,7 +317,7 @@ impl Default for Options {
             coordinates: Coordinates::Georeference,
             adapt: Adapt::None,
             headings: 12,
-            doubtful_scales: vec![0.75, 1.33],
+            uncertain_scales: vec![0.75, 1.33],
             unknown_scales: vec![0.95, 0.67],
             query_side_px: 512,
             hypothesis_side_px: 384,

@@ -61,8 +61,8 @@ impl Options {
             (1..=MAX_HEADINGS).contains(&self.headings),
             "1 to 360",
         )?;
-        for &factor in &self.doubtful_scales {
-            require("doubtful_scales", factor, is_positive(factor), POSITIVE)?;
+        for &factor in &self.uncertain_scales {
+            require("uncertain_scales", factor, is_positive(factor), POSITIVE)?;
         }
         require(
             "unknown_scales",

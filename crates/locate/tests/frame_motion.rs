@@ -74,7 +74,7 @@ fn town() -> &'static Town {
     })
 }
 
-/// Features of a photo from `pose`, whose heading is told to the localiser, and whether it found the photo.
+/// Features of a photo from `pose`, whose heading is given to the localiser, and whether it found the photo.
 fn frame(pose: &Pose) -> (FrameFeatures, bool) {
     let town = town();
     let image = town
@@ -158,7 +158,7 @@ fn translation_and_turns_are_measured() {
 }
 
 #[test]
-fn tilt_that_is_told_is_taken_out_of_the_motion() {
+fn a_stated_tilt_is_taken_out_of_the_motion() {
     let first = Pose {
         pitch_off_nadir_deg: 9.0,
         ..pose(230.0, 240.0, 20.0)
@@ -168,13 +168,13 @@ fn tilt_that_is_told_is_taken_out_of_the_motion() {
         roll_deg: -14.0,
         ..pose(246.0, 256.0, 40.0)
     };
-    let told = between(&first, &second, [tilt_of(&first), tilt_of(&second)], 0.0);
-    let untold = between(&first, &second, [FrameTilt::default(); 2], 0.0);
+    let stated = between(&first, &second, [tilt_of(&first), tilt_of(&second)], 0.0);
+    let ignored = between(&first, &second, [FrameTilt::default(); 2], 0.0);
     let length_px = true_motion_px(&first, &second).norm();
     let off_px = |motion| error_px(motion, &first, &second).norm();
-    assert!(off_px(&told) < 0.06 * length_px + 2.0, "{told:?}");
+    assert!(off_px(&stated) < 0.06 * length_px + 2.0, "{stated:?}");
     // 14 degrees at 110 m are 27 m: more than the motion itself.
-    assert!(off_px(&untold) > 0.5 * length_px, "{untold:?}");
+    assert!(off_px(&ignored) > 0.5 * length_px, "{ignored:?}");
 }
 
 #[test]
@@ -299,8 +299,8 @@ fn ground_is_followed_from_a_fix_on() {
     for features in [&mut b, &mut c, &mut d] {
         features.distrust_fix();
     }
-    let untold = localizer.motion_between(&b, &mut c.clone(), &pair);
-    assert_eq!(untold.unwrap().unwrap().surface_sigma_px, None);
+    let unstated = localizer.motion_between(&b, &mut c.clone(), &pair);
+    assert_eq!(unstated.unwrap().unwrap().surface_sigma_px, None);
     let surface_px = |first: &FrameFeatures, second: &mut FrameFeatures| {
         let motion = localizer.motion_between(first, second, &pair).unwrap();
         motion.unwrap().surface_sigma_px

@@ -10,7 +10,7 @@
 
 use std::error::Error;
 
-use grimnet_net::{Model, Precision};
+use grimnet_net::{DataType, Model};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -22,9 +22,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         [] => model,
         [precision] => {
             let precision = match precision.as_str() {
-                "i8" => Precision::I8,
-                "f16" => Precision::F16,
-                "f32" => Precision::F32,
+                "i8" => DataType::I8,
+                "f16" => DataType::F16,
+                "f32" => DataType::F32,
                 other => return Err(format!("precision '{other}': expected i8, f16 or f32").into()),
             };
             model.with_whitening_precision(precision)?

@@ -12,7 +12,7 @@ use std::error::Error;
 use std::io::Write;
 use std::time::{Duration, Instant};
 
-use grimnet_net::{Arithmetic, Domain, ExtractOptions, Extractor, Model, NetSpec, Precision};
+use grimnet_net::{DataType, Domain, ExtractOptions, Extractor, Model, NetSpec, Precision};
 use image::{Rgb, RgbImage};
 
 /// How long each figure is measured.
@@ -24,9 +24,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [preset, side, threads @ ..] = &arguments[..] else {
         return Err("usage: time_network compact|vgg16 SIDE_PX [f32|int8] [THREADS...]".into());
     };
-    let (arithmetic, threads) = match threads {
+    let (precision, threads) = match threads {
         [name, rest @ ..] if name.parse::<usize>().is_err() => (name.parse()?, rest),
-        _ => (Arithmetic::F32, threads),
+        _ => (Precision::F32, threads),
     };
     let spec = NetSpec::preset(preset).ok_or("the presets are compact and vgg16")?;
     let side: u32 = side.parse()?;
@@ -40,8 +40,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         threads
     };
     let model = Model::random(&spec, 0)?
-        .with_whitening_precision(Precision::I8)?
-        .with_arithmetic(arithmetic)?;
+        .with_whitening_precision(DataType::I8)?
+        .with_precision(precision)?;
     let extractor = Extractor::new(&model, Domain::Uav)?;
     let picture = RgbImage::from_fn(side, side, |x, y| {
         let noise = (x.wrapping_mul(0x9e37_79b9) ^ y.wrapping_mul(0x85eb_ca6b))
@@ -77,7 +77,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let (network, features, own) = (network?, features?, own?);
         writeln!(
             std::io::stdout(),
-            "grimnet {preset} {arithmetic} {side} px threads {threads}: network {network}; features ({found} keypoints) {features}; own statistics {own}",
+            "grimnet {preset} {precision} {side} px threads {threads}: network {network}; features ({found} keypoints) {features}; own statistics {own}",
         )?;
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! The forward pass with activations and weights of bytes ([`crate::Arithmetic::Int8`]).
+//! The forward pass with activations and weights of bytes ([`crate::Precision::Int8`]).
 //!
 //! Keypoints come from the picture in single precision, and are those of the ordinary network. Descriptors and the products of NetVLAD's
 //! assignment are floats again.
@@ -53,7 +53,7 @@ pub(crate) struct ByteScratch {
 }
 
 impl ByteNetwork {
-    /// For a network that [`crate::Arithmetic::supports`].
+    /// For a network that [`crate::Precision::supports`].
     pub(crate) fn new(source: &LayerSource) -> Result<Self, NetError> {
         let spec = source.model.spec();
         let picture = picture_scale(spec);

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use grimnet_kernels::KernelError;
 
-use crate::Arithmetic;
+use crate::Precision;
 
 /// An error of the network crate.
 #[derive(Debug, thiserror::Error)]
@@ -65,18 +65,18 @@ pub enum NetError {
     /// Normalisation statistics cannot be used with this model, or their bytes are damaged.
     #[error("the normalisation statistics cannot be used: {0}; compute them again with this model")]
     Statistics(StatisticsError),
-    /// A tensor's values were asked for in a precision in which it cannot be stored.
+    /// The whitening projection was asked for in another precision, and the model has none.
     #[error("the model has no whitening projection whose precision could be changed")]
     NoWhitening,
-    /// The network cannot be computed in this arithmetic.
+    /// The network cannot be computed in this precision.
     #[error(
-        "network `{preset}` cannot be computed in {arithmetic}: that is made for networks of the form of `compact`; use f32"
+        "network `{preset}` cannot be computed in {precision}: that is made for networks of the form of `compact`; use f32"
     )]
-    Arithmetic {
+    UnsupportedPrecision {
         /// The network.
         preset: String,
-        /// The arithmetic asked for.
-        arithmetic: Arithmetic,
+        /// The precision asked for.
+        precision: Precision,
     },
     /// A convolution kernel does not support a layer's shape.
     #[error(transparent)]

@@ -13,11 +13,11 @@ use crate::seen::{Seen, check_mask};
 use crate::spec::SIZE_MULTIPLE_PX;
 use crate::vlad::{VladLayer, VladScratch};
 use crate::{
-    Arithmetic, Dense, Domain, ExtractOptions, Features, Model, NetError, Purpose, Statistics,
+    Dense, Domain, ExtractOptions, Features, Model, NetError, Precision, Purpose, Statistics,
     VladInput,
 };
 
-/// The network for one domain, with the normalisation folded into the weights, in the model's [`Arithmetic`]. It may be used by several threads at once.
+/// The network for one domain, with the normalisation folded into the weights, in the model's [`Precision`]. It may be used by several threads at once.
 /// Memory is pooled: it does not grow once every thread has processed an image of the largest size.
 pub struct Extractor {
     model: Model,
@@ -116,7 +116,7 @@ impl Extractor {
             instance: OnceLock::new(),
             shared: Arc::new(shared),
         };
-        // Unlike the other networks, this one is sure to be used: that it cannot be built is told here.
+        // Unlike the other networks, this one is sure to be used: if it cannot be built, that is an error here.
         extractor.folded(Purpose::Answer)?;
         Ok(extractor)
     }
@@ -124,11 +124,11 @@ impl Extractor {
     /// The network for passes of this purpose.
     fn folded(&self, purpose: Purpose) -> Result<Folded<'_>, NetError> {
         let source = || self.source(false);
-        Ok(match self.model.arithmetic().of(purpose) {
-            Arithmetic::Int8 => {
+        Ok(match self.model.precision().of(purpose) {
+            Precision::Int8 => {
                 Folded::Bytes(made_once(&self.bytes, || ByteNetwork::new(&source()))?)
             }
-            Arithmetic::F32 | Arithmetic::Mixed => {
+            Precision::F32 | Precision::Mixed => {
                 Folded::Floats(made_once(&self.floats, || Network::new(&source()))?)
             }
         })
@@ -186,7 +186,7 @@ impl Extractor {
     }
 
     /// Runs the network normalised with the image's own statistics, over the visible positions, and returns these statistics, always in
-    /// [`Arithmetic::F32`]: adaptation to one photo and, with [`Statistics::mean_of`], to a map or a flight. A layer without a visible position
+    /// [`Precision::F32`]: adaptation to one photo and, with [`Statistics::mean_of`], to a map or a flight. A layer without a visible position
     /// keeps this extractor's statistics.
     ///
     /// # Errors

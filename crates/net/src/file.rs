@@ -16,7 +16,7 @@ use safetensors::{Dtype, SafeTensors};
 use serde_json::{Map, Value, json};
 
 use crate::error::{ModelFileError, ParameterError};
-use crate::parameter::{Parameter, Precision, Values, WHITENING_PROJECTION};
+use crate::parameter::{DataType, Parameter, Values, WHITENING_PROJECTION};
 use crate::{Calibration, Card, Model, NetError, NetSpec};
 
 /// Version of the layout of names and metadata that is written.
@@ -117,10 +117,10 @@ impl Model {
         };
         for (name, parameter) in self.parameters() {
             let (values, scales) = parameter.values.bytes();
-            let (dtype, shape) = (parameter.precision().dtype(), parameter.shape());
+            let (dtype, shape) = (parameter.data_type().name(), parameter.shape());
             add(name.to_owned(), dtype, shape, values.len());
             if let Some(scales) = scales {
-                let dtype = Precision::F32.dtype();
+                let dtype = DataType::F32.name();
                 add(
                     format!("{name}{SCALE_SUFFIX}"),
                     dtype,

@@ -22,7 +22,6 @@
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod activation_range;
-mod arithmetic;
 mod bundled;
 mod byte_network;
 mod calibration;
@@ -45,6 +44,7 @@ mod model_hash;
 mod paper_network;
 mod parameter;
 mod parameter_names;
+mod precision;
 mod random;
 mod seen;
 mod softmax;
@@ -54,7 +54,6 @@ mod statistics;
 mod vlad;
 mod whitening;
 
-pub use arithmetic::{Arithmetic, Purpose, UnknownArithmetic};
 pub use calibration::{Calibration, Confidence, FittedOn, PositionError};
 pub use card::Card;
 pub use dense::Dense;
@@ -67,7 +66,8 @@ pub use features::{ExtractOptions, Features, Keypoint};
 pub use k_means::{KMeans, nearest_by_distance, nearest_by_product};
 pub use model::Model;
 pub use model_hash::ModelHash;
-pub use parameter::{Parameter, Precision};
+pub use parameter::{DataType, Parameter};
+pub use precision::{Precision, Purpose, UnknownPrecision};
 pub use spec::{
     BATCH_NORM_EPSILON, Decoder, Domain, Downsample, KEYPOINT_CELL_PX, KEYPOINT_CLASSES,
     KeypointHead, NetSpec, SIZE_MULTIPLE_PX, Stage, Vlad, VladInput,

@@ -9,9 +9,9 @@ use grimnet_kernels::Isa;
 use crate::card::Card;
 use crate::error::ParameterError;
 use crate::model_hash::{ModelHash, hash};
-use crate::parameter::{Parameter, Precision, Values, WHITENING_MEAN, WHITENING_PROJECTION};
+use crate::parameter::{DataType, Parameter, Values, WHITENING_MEAN, WHITENING_PROJECTION};
 use crate::whitening::whiten;
-use crate::{Arithmetic, Calibration, Domain, NetError, NetSpec, VladSum};
+use crate::{Calibration, Domain, NetError, NetSpec, Precision, VladSum};
 
 /// A network description with its weights, model card and calibration. Cheap to clone; immutable.
 #[derive(Clone)]
@@ -27,7 +27,7 @@ struct Inner {
     parameters: BTreeMap<String, Parameter>,
     hash: ModelHash,
     isa: Isa,
-    arithmetic: Arithmetic,
+    precision: Precision,
 }
 
 impl Model {
@@ -53,7 +53,7 @@ impl Model {
                 }));
             };
             let rows = shape.first().copied().unwrap_or(1);
-            let values = Values::from_f32(values, rows, Precision::of(&name, &shape));
+            let values = Values::from_f32(values, rows, DataType::of(&name, &shape));
             parameters.insert(name, Parameter { shape, values });
         }
         Self::from_parameters(spec, card, parameters)
@@ -69,7 +69,7 @@ impl Model {
         check(&spec, &parameters).map_err(NetError::Parameters)?;
         let hash = hash(&spec, &parameters)?;
         let isa = Isa::detect();
-        let arithmetic = Arithmetic::usual(&spec, isa);
+        let precision = Precision::usual(&spec, isa);
         Ok(Self {
             inner: Arc::new(Inner {
                 spec,
@@ -78,7 +78,7 @@ impl Model {
                 parameters,
                 hash,
                 isa,
-                arithmetic,
+                precision,
             }),
         })
     }
@@ -130,7 +130,7 @@ impl Model {
     /// # Errors
     /// [`NetError::NoWhitening`] if the network has no whitening; [`NetError::Parameters`] if a value exceeds the range
     /// of the precision.
-    pub fn with_whitening_precision(&self, precision: Precision) -> Result<Self, NetError> {
+    pub fn with_whitening_precision(&self, precision: DataType) -> Result<Self, NetError> {
         let mut parameters = self.inner.parameters.clone();
         let projection = parameters
             .get_mut(WHITENING_PROJECTION)
@@ -140,27 +140,38 @@ impl Model {
             Self::from_parameters(self.inner.spec.clone(), self.inner.card.clone(), parameters)?;
         model
             .with_calibration(self.inner.calibration.clone())?
-            .with_arithmetic(self.inner.arithmetic)
+            .with_precision(self.inner.precision)
     }
 
-    /// The arithmetic in which its network is computed.
-    pub fn arithmetic(&self) -> Arithmetic {
-        self.inner.arithmetic
+    /// The precision in which its network is computed.
+    pub fn precision(&self) -> Precision {
+        self.inner.precision
     }
 
-    /// The same model computed in another arithmetic. The identity stays the same: features of both arithmetics can be compared with
+    /// The same model computed in another precision. The identity stays the same: features of all precisions can be compared with
     /// each other.
     ///
     /// # Errors
-    /// [`NetError::Arithmetic`] if the network cannot be computed in it.
-    pub fn with_arithmetic(&self, arithmetic: Arithmetic) -> Result<Self, NetError> {
-        if !arithmetic.supports(self.spec()) {
-            return Err(NetError::Arithmetic {
+    /// [`NetError::UnsupportedPrecision`] if the network cannot be computed in it.
+    pub fn with_precision(&self, precision: Precision) -> Result<Self, NetError> {
+        if !precision.supports(self.spec()) {
+            return Err(NetError::UnsupportedPrecision {
                 preset: self.spec().preset.clone(),
-                arithmetic,
+                precision,
             });
         }
-        Ok(self.changed(|inner| inner.arithmetic = arithmetic))
+        Ok(self.changed(|inner| inner.precision = precision))
+    }
+
+    /// The model in this precision, or as it is without one.
+    ///
+    /// # Errors
+    /// As [`Model::with_precision`].
+    pub fn with_precision_if_given(self, precision: Option<Precision>) -> Result<Self, NetError> {
+        match precision {
+            Some(precision) => self.with_precision(precision),
+            None => Ok(self),
+        }
     }
 
     /// The identity of the model. Packs record it, so that features of different models are never compared.
@@ -370,10 +381,10 @@ mod tests {
                 ..Calibration::default()
             })
             .unwrap();
-        let int8 = model.with_whitening_precision(Precision::I8).unwrap();
+        let int8 = model.with_whitening_precision(DataType::I8).unwrap();
         assert_eq!(
-            int8.parameter(WHITENING_PROJECTION).unwrap().precision(),
-            Precision::I8
+            int8.parameter(WHITENING_PROJECTION).unwrap().data_type(),
+            DataType::I8
         );
         assert_ne!(int8.hash(), model.hash());
         assert_eq!(int8.calibration(), model.calibration());
@@ -392,7 +403,7 @@ mod tests {
         assert!(matches!(
             Model::random(&plain, 3)
                 .unwrap()
-                .with_whitening_precision(Precision::I8),
+                .with_whitening_precision(DataType::I8),
             Err(NetError::NoWhitening)
         ));
     }

@@ -36,7 +36,7 @@ impl fmt::Debug for ModelHash {
     }
 }
 
-/// BLAKE3 of the description, then of every tensor's name, shape, precision and bytes in the order of names. Each part is
+/// BLAKE3 of the description, then of every tensor's name, shape, data type and bytes in the order of names. Each part is
 /// preceded by its length.
 pub(crate) fn hash(
     spec: &NetSpec,
@@ -52,7 +52,7 @@ pub(crate) fn hash(
     add(&spec);
     for (name, parameter) in parameters {
         add(name.as_bytes());
-        add(format!("{}{:?}", parameter.precision().dtype(), parameter.shape).as_bytes());
+        add(format!("{}{:?}", parameter.data_type().name(), parameter.shape).as_bytes());
         let (values, scales) = parameter.values.bytes();
         add(values);
         scales.into_iter().for_each(&mut add);

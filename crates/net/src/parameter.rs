@@ -16,7 +16,7 @@ const INT8_MAX: f32 = 127.0;
 /// Number format in which a tensor is stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Precision {
+pub enum DataType {
     /// Signed 8-bit integers with one `f32` scale per row (symmetric quantisation). Only the whitening projection may be
     /// stored this way.
     I8,
@@ -26,22 +26,22 @@ pub enum Precision {
     F32,
 }
 
-impl Precision {
-    /// The default precision of a tensor: half for the large ones, single for the rest.
+impl DataType {
+    /// The default for a tensor: half precision for the large ones, single for the rest.
     pub(crate) fn of(name: &str, shape: &[usize]) -> Self {
         if shape.len() == 4 || name == WHITENING_PROJECTION {
-            Precision::F16
+            DataType::F16
         } else {
-            Precision::F32
+            DataType::F32
         }
     }
 
-    /// The name of the data type in a safetensors header.
-    pub(crate) fn dtype(self) -> &'static str {
+    /// The name in a safetensors header.
+    pub(crate) fn name(self) -> &'static str {
         match self {
-            Precision::I8 => "I8",
-            Precision::F16 => "F16",
-            Precision::F32 => "F32",
+            DataType::I8 => "I8",
+            DataType::F16 => "F16",
+            DataType::F32 => "F32",
         }
     }
 }
@@ -61,12 +61,12 @@ pub(crate) enum Values {
 }
 
 impl Values {
-    /// Converts `values` (row-major, `rows` rows of equal length) to a precision.
-    pub(crate) fn from_f32(values: Vec<f32>, rows: usize, precision: Precision) -> Self {
-        match precision {
-            Precision::I8 => quantise(&values, rows),
-            Precision::F16 => Values::F16(Vec::from_f32_slice(&values)),
-            Precision::F32 => Values::F32(values),
+    /// Converts `values` (row-major, `rows` rows of equal length) to a data type.
+    pub(crate) fn from_f32(values: Vec<f32>, rows: usize, data_type: DataType) -> Self {
+        match data_type {
+            DataType::I8 => quantise(&values, rows),
+            DataType::F16 => Values::F16(Vec::from_f32_slice(&values)),
+            DataType::F32 => Values::F32(values),
         }
     }
 
@@ -134,11 +134,11 @@ impl Parameter {
 
     /// How it is stored.
     #[must_use]
-    pub fn precision(&self) -> Precision {
+    pub fn data_type(&self) -> DataType {
         match self.values {
-            Values::I8 { .. } => Precision::I8,
-            Values::F16(_) => Precision::F16,
-            Values::F32(_) => Precision::F32,
+            Values::I8 { .. } => DataType::I8,
+            Values::F16(_) => DataType::F16,
+            Values::F32(_) => DataType::F32,
         }
     }
 
@@ -159,15 +159,15 @@ impl Parameter {
         }
     }
 
-    /// The same tensor in another precision.
-    pub(crate) fn converted(&self, precision: Precision) -> Self {
-        if self.precision() == precision {
+    /// The same tensor in another data type.
+    pub(crate) fn converted(&self, data_type: DataType) -> Self {
+        if self.data_type() == data_type {
             return self.clone();
         }
         let rows = self.shape.first().copied().unwrap_or(1);
         Self {
             shape: self.shape.clone(),
-            values: Values::from_f32(self.to_f32(), rows, precision),
+            values: Values::from_f32(self.to_f32(), rows, data_type),
         }
     }
 }
@@ -186,8 +186,8 @@ mod tests {
             shape: vec![4, 100],
             values: Values::F32(values.clone()),
         };
-        let int8 = plain.converted(Precision::I8);
-        assert_eq!(int8.precision(), Precision::I8);
+        let int8 = plain.converted(DataType::I8);
+        assert_eq!(int8.data_type(), DataType::I8);
         let Values::I8 { scales, .. } = &int8.values else {
             unreachable!()
         };
@@ -197,9 +197,9 @@ mod tests {
         }
         assert_eq!(scales[3], 0.0);
         assert!(int8.values.is_finite());
-        let half = int8.converted(Precision::F16);
-        assert_eq!(half.precision(), Precision::F16);
-        assert_eq!(half.converted(Precision::F16), half);
+        let half = int8.converted(DataType::F16);
+        assert_eq!(half.data_type(), DataType::F16);
+        assert_eq!(half.converted(DataType::F16), half);
     }
 
     #[test]

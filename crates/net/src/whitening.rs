@@ -8,7 +8,7 @@ use crate::parameter::{Parameter, Values};
 /// `P (v - mean)` scaled to unit length, for each of the VLAD vectors `rows` (n x K*D). A row of zeros (no position of the
 /// image is visible) stays zeros.
 ///
-/// The projection is read in the precision in which it is stored: for one vector, reading it from memory is most of the
+/// The projection is read in the data type in which it is stored: for one vector, reading it from memory is most of the
 /// work.
 pub(crate) fn whiten(isa: Isa, rows: &[f32], mean: &[f32], projection: &Parameter) -> Vec<f32> {
     let len = mean.len();
@@ -55,7 +55,7 @@ pub(crate) fn whiten(isa: Isa, rows: &[f32], mean: &[f32], projection: &Paramete
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::parameter::Precision;
+    use crate::parameter::DataType;
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
@@ -70,7 +70,7 @@ mod tests {
     const LEN: usize = 1125;
 
     #[test]
-    fn every_precision_and_instruction_set_gives_the_same_descriptor() {
+    fn every_data_type_and_instruction_set_gives_the_same_descriptor() {
         let mut random = ChaCha8Rng::seed_from_u64(5);
         let mut uniform =
             |n: usize| -> Vec<f32> { (0..n).map(|_| random.random_range(-1.0..1.0)).collect() };
@@ -80,12 +80,12 @@ mod tests {
         rows[LEN..2 * LEN].fill(0.0);
         let exact = whiten(Isa::Portable, &rows, &mean, &projection);
         assert!(exact[8..16].iter().all(|&v| v == 0.0));
-        for (precision, tolerance) in [
-            (Precision::F32, 1e-5),
-            (Precision::F16, 1e-3),
-            (Precision::I8, 2e-2),
+        for (data_type, tolerance) in [
+            (DataType::F32, 1e-5),
+            (DataType::F16, 1e-3),
+            (DataType::I8, 2e-2),
         ] {
-            let stored = projection.converted(precision);
+            let stored = projection.converted(data_type);
             // With the stored values in single precision only the rounding of the sums differs.
             let widened = parameter(stored.to_f32(), LEN);
             let same = whiten(Isa::Portable, &rows, &mean, &widened);
@@ -93,7 +93,7 @@ mod tests {
                 let found = whiten(isa, &rows, &mean, &stored);
                 for ((found, same), exact) in found.iter().zip(&same).zip(&exact) {
                     let (a, b) = ((found - same).abs(), (found - exact).abs());
-                    assert!(a < 1e-5 && b < tolerance, "{isa} {precision:?}: {a} {b}");
+                    assert!(a < 1e-5 && b < tolerance, "{isa} {data_type:?}: {a} {b}");
                 }
             }
         }

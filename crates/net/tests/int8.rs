@@ -4,7 +4,7 @@
 
 use grimnet_kernels::Isa;
 use grimnet_net::{
-    Arithmetic, Domain, ExtractOptions, Extractor, Model, NetError, NetSpec, Purpose, Statistics,
+    Domain, ExtractOptions, Extractor, Model, NetError, NetSpec, Precision, Purpose, Statistics,
 };
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
@@ -21,13 +21,10 @@ fn picture(width: u32, height: u32) -> RgbImage {
     })
 }
 
-const FLOATS_AND_BYTES: [Arithmetic; 2] = [Arithmetic::F32, Arithmetic::Int8];
+const FLOATS_AND_BYTES: [Precision; 2] = [Precision::F32, Precision::Int8];
 
-fn bundled(arithmetic: Arithmetic) -> Model {
-    Model::bundled()
-        .unwrap()
-        .with_arithmetic(arithmetic)
-        .unwrap()
+fn bundled(precision: Precision) -> Model {
+    Model::bundled().unwrap().with_precision(precision).unwrap()
 }
 
 fn cosine(a: &[f32], b: &[f32]) -> f32 {
@@ -41,8 +38,8 @@ fn keypoints_are_the_same_and_descriptors_nearly() {
     // A corner is not seen, as where a photo was turned.
     let mask = GrayImage::from_fn(256, 192, |x, y| Luma([if x + y < 90 { 0 } else { 255 }]));
     for domain in Domain::ALL {
-        let [floats, bytes] = FLOATS_AND_BYTES.map(|arithmetic| {
-            let extractor = Extractor::new(&bundled(arithmetic), domain).unwrap();
+        let [floats, bytes] = FLOATS_AND_BYTES.map(|precision| {
+            let extractor = Extractor::new(&bundled(precision), domain).unwrap();
             extractor
                 .extract(&image, Some(&mask), &ExtractOptions::default())
                 .unwrap()
@@ -62,10 +59,10 @@ fn keypoints_are_the_same_and_descriptors_nearly() {
 }
 
 #[test]
-fn mixed_arithmetic_searches_in_bytes_and_answers_in_single_precision() {
+fn mixed_precision_searches_in_bytes_and_answers_in_single_precision() {
     let image = picture(96, 64);
-    let field = |arithmetic, purpose| {
-        let extractor = Extractor::new(&bundled(arithmetic), Domain::Uav).unwrap();
+    let field = |precision, purpose| {
+        let extractor = Extractor::new(&bundled(precision), Domain::Uav).unwrap();
         let dense = extractor.dense_for(purpose, &image, None).unwrap();
         dense.descriptors().to_hwc()
     };
@@ -74,19 +71,19 @@ fn mixed_arithmetic_searches_in_bytes_and_answers_in_single_precision() {
     for (pure, expected) in FLOATS_AND_BYTES.into_iter().zip([&floats, &bytes]) {
         assert_eq!(&field(pure, Purpose::Search), expected);
     }
-    assert_eq!(field(Arithmetic::Mixed, Purpose::Answer), floats);
-    assert_eq!(field(Arithmetic::Mixed, Purpose::Search), bytes);
+    assert_eq!(field(Precision::Mixed, Purpose::Answer), floats);
+    assert_eq!(field(Precision::Mixed, Purpose::Search), bytes);
     let usual = match Isa::detect().has_byte_products() {
-        true => Arithmetic::Mixed,
-        false => Arithmetic::F32,
+        true => Precision::Mixed,
+        false => Precision::F32,
     };
-    assert_eq!(Model::bundled().unwrap().arithmetic(), usual);
+    assert_eq!(Model::bundled().unwrap().precision(), usual);
 }
 
 #[test]
 fn all_instruction_sets_and_numbers_of_threads_give_the_same_descriptors() {
     let image = picture(160, 96);
-    let model = bundled(Arithmetic::Int8);
+    let model = bundled(Precision::Int8);
     let statistics = Statistics::of_model(&model, Domain::Uav).unwrap();
     let mut fields = Vec::new();
     for (isa, threads) in Isa::available()
@@ -118,7 +115,7 @@ fn values_behind_the_mask_have_no_influence() {
             *pixel = Rgb([255, 0, 99]);
         }
     }
-    let extractor = Extractor::new(&bundled(Arithmetic::Int8), Domain::Sat).unwrap();
+    let extractor = Extractor::new(&bundled(Precision::Int8), Domain::Sat).unwrap();
     let options = ExtractOptions::default();
     let [a, b] = [&image, &painted].map(|image| {
         extractor
@@ -132,12 +129,12 @@ fn values_behind_the_mask_have_no_influence() {
 #[test]
 fn statistics_are_computed_in_single_precision_and_adapted_ones_are_used() {
     let image = picture(128, 128);
-    let [floats, bytes] = FLOATS_AND_BYTES
-        .map(|arithmetic| Extractor::new(&bundled(arithmetic), Domain::Uav).unwrap());
+    let [floats, bytes] =
+        FLOATS_AND_BYTES.map(|precision| Extractor::new(&bundled(precision), Domain::Uav).unwrap());
     let own = floats.dense_instance(&image, None).unwrap().1;
     assert_eq!(own, bytes.dense_instance(&image, None).unwrap().1);
-    let adapted = FLOATS_AND_BYTES.map(|arithmetic| {
-        let model = bundled(arithmetic);
+    let adapted = FLOATS_AND_BYTES.map(|precision| {
+        let model = bundled(precision);
         let extractor = Extractor::with_statistics(&model, Domain::Uav, &own).unwrap();
         extractor
             .dense(&image, None)
@@ -152,12 +149,12 @@ fn statistics_are_computed_in_single_precision_and_adapted_ones_are_used() {
 
 #[test]
 fn the_identity_stays_and_other_networks_are_refused() {
-    let model = bundled(Arithmetic::F32);
-    let int8 = model.with_arithmetic(Arithmetic::Int8).unwrap();
+    let model = bundled(Precision::F32);
+    let int8 = model.with_precision(Precision::Int8).unwrap();
     assert_eq!(model.hash(), int8.hash());
     assert_eq!(
-        int8.with_card(Default::default()).arithmetic(),
-        Arithmetic::Int8
+        int8.with_card(Default::default()).precision(),
+        Precision::Int8
     );
     let vgg16 = Model::random(
         &NetSpec {
@@ -167,8 +164,8 @@ fn the_identity_stays_and_other_networks_are_refused() {
         1,
     )
     .unwrap();
-    let error = vgg16.with_arithmetic(Arithmetic::Int8).unwrap_err();
-    assert!(matches!(error, NetError::Arithmetic { .. }));
+    let error = vgg16.with_precision(Precision::Int8).unwrap_err();
+    assert!(matches!(error, NetError::UnsupportedPrecision { .. }));
     assert!(
         error
             .to_string()

@@ -11,7 +11,7 @@ use crate::target::{Identity, Place};
 const HIDDEN_ENDING: &str = ".grim-tmp";
 
 /// Ending of partial outputs that are kept if the process is killed.
-const PARTIAL_ENDING: &str = ".partial";
+pub(crate) const PARTIAL_ENDING: &str = ".partial";
 
 /// Longest file name, bytes, on common file systems (ext4, NTFS, APFS).
 const MAX_NAME_LEN: usize = 255;

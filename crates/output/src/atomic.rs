@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::aside;
 use crate::error::{OutputError, Result, WriteFailed};
+use crate::inputs::Inputs;
 use crate::target::{Place, Snapshot, TargetKind};
 
 /// A file being written: it appears at its path when [`commit`](Self::commit) succeeds, complete and synced to disk. If
@@ -20,6 +21,8 @@ pub struct AtomicFile {
     out: BufWriter<File>,
     /// `None` if the bytes are written through.
     aside: Option<Aside>,
+    /// What it may not replace.
+    inputs: Inputs,
 }
 
 #[derive(Debug)]
@@ -63,6 +66,12 @@ impl AtomicFile {
         Self::begin(path, Some(checked), aside::create_hidden)
     }
 
+    /// This file, whose commit fails if what it would replace has become one of `inputs` by then.
+    pub(crate) fn sparing(mut self, inputs: &Inputs) -> Self {
+        self.inputs = inputs.clone();
+        self
+    }
+
     fn begin(
         path: &Path,
         checked: Option<Snapshot>,
@@ -80,6 +89,7 @@ impl AtomicFile {
                     path: given,
                     out: BufWriter::new(file),
                     aside: None,
+                    inputs: Inputs::default(),
                 })
             }
             TargetKind::Absent | TargetKind::File => {
@@ -96,6 +106,7 @@ impl AtomicFile {
                         keep: false,
                         committed: false,
                     }),
+                    inputs: Inputs::default(),
                 })
             }
         }
@@ -133,6 +144,7 @@ impl AtomicFile {
         let Some(aside) = &mut self.aside else {
             return Ok(());
         };
+        self.inputs.check(&self.path)?;
         let file = self.out.get_mut();
         let replaced = aside.place.path();
         if let Ok(metadata) = fs::metadata(&replaced) {

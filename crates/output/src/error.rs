@@ -44,6 +44,16 @@ pub enum OutputError {
         /// The folder as given.
         folder: PathBuf,
     },
+    /// Two outputs of one run would be written to the same place.
+    #[error("{first} and {second} would both write {}; give each a path of its own", path.display())]
+    Meet {
+        /// What asks for the one output, such as an option.
+        first: String,
+        /// What asks for the other.
+        second: String,
+        /// The path of the other as given.
+        path: PathBuf,
+    },
     /// The file exists, and the program did not write it or it was changed since.
     #[error(
         "{} already exists and is not a file that this program wrote there unchanged; choose another output path, or allow \

@@ -16,7 +16,8 @@ use crate::target::TargetKind;
 /// A folder that one run writes into. Each file is replaced as a whole or not at all, is listed in the folder's
 /// `.grim-output`, and may be replaced or removed by a later run as long as its content is the one that was listed.
 ///
-/// While it is open, no other process can open it.
+/// While it is open, no other process can open it. Folders that were created for it and are still empty when it is dropped
+/// are removed.
 #[derive(Debug, Clone)]
 pub struct OutputFolder {
     inner: Arc<Inner>,
@@ -27,8 +28,22 @@ struct Inner {
     path: PathBuf,
     policy: OutputPolicy,
     state: Mutex<State>,
+    /// The folders that were created for it, the innermost first.
+    created: Vec<PathBuf>,
     /// Holds the lock.
     _lock: Option<File>,
+    /// The folder that this one was opened in, which goes after it.
+    _above: Option<OutputFolder>,
+}
+
+impl Drop for Inner {
+    /// A run that wrote nothing leaves no folder.
+    fn drop(&mut self) {
+        for folder in &self.created {
+            // One that holds something stays.
+            let _ = fs::remove_dir(folder);
+        }
+    }
 }
 
 #[derive(Debug)]
@@ -44,18 +59,23 @@ impl OutputFolder {
     /// [`OutputError::NotAFolder`], [`OutputError::InUse`] if another process has it open, [`OutputError::NotOwn`] if
     /// its `.grim-output` was written by something else, and what the file system refuses.
     pub fn open(path: impl AsRef<Path>, policy: &OutputPolicy) -> Result<Self> {
-        let path = path.as_ref();
-        match TargetKind::of(path)? {
-            TargetKind::Folder => {}
+        Self::open_in(None, path.as_ref(), policy)
+    }
+
+    fn open_in(above: Option<&Self>, path: &Path, policy: &OutputPolicy) -> Result<Self> {
+        let created = match TargetKind::of(path)? {
+            TargetKind::Folder => Vec::new(),
             TargetKind::Absent => {
+                let missing = missing_folders(path);
                 fs::create_dir_all(path).map_err(OutputError::io("create the folder", path))?;
+                missing
             }
             TargetKind::File | TargetKind::Stream => {
                 return Err(OutputError::NotAFolder {
                     path: path.to_owned(),
                 });
             }
-        }
+        };
         let lock = lock(path)?;
         aside::sweep(path);
         let state = State {
@@ -67,7 +87,9 @@ impl OutputFolder {
                 path: path.to_owned(),
                 policy: policy.clone(),
                 state: Mutex::new(state),
+                created,
                 _lock: lock,
+                _above: above.cloned(),
             }),
         })
     }
@@ -77,7 +99,7 @@ impl OutputFolder {
     /// # Errors
     /// As [`open`](Self::open), and [`OutputError::BadName`].
     pub fn subfolder(&self, name: &str) -> Result<Self> {
-        Self::open(self.file_path(name)?, &self.inner.policy)
+        Self::open_in(Some(self), &self.file_path(name)?, &self.inner.policy)
     }
 
     /// The folder's path.
@@ -116,7 +138,7 @@ impl OutputFolder {
         Ok(FolderFile {
             folder: self.clone(),
             name: name.to_owned(),
-            file: AtomicFile::create_checked(&path, checked)?,
+            file: self.inner.policy.create_checked(&path, checked)?,
         })
     }
 
@@ -130,9 +152,9 @@ impl OutputFolder {
             .policy
             .checked_in(&path, name, &self.state().listing)?;
         Ok(FolderFile {
+            file: self.inner.policy.create_checked_partial(&path)?,
             folder: self.clone(),
             name: name.to_owned(),
-            file: AtomicFile::create_partial(&path)?,
         })
     }
 
@@ -234,9 +256,10 @@ impl OutputFolder {
 /// A file of an [`OutputFolder`] being written; see [`AtomicFile`].
 #[derive(Debug)]
 pub struct FolderFile {
+    // Dropped before the folder, which may then be empty.
+    file: AtomicFile,
     folder: OutputFolder,
     name: String,
-    file: AtomicFile,
 }
 
 impl FolderFile {
@@ -278,6 +301,14 @@ impl Seek for FolderFile {
     fn seek(&mut self, position: SeekFrom) -> io::Result<u64> {
         self.file.seek(position)
     }
+}
+
+/// The folders of a path that are not there, the innermost first.
+fn missing_folders(path: &Path) -> Vec<PathBuf> {
+    path.ancestors()
+        .take_while(|folder| !folder.as_os_str().is_empty() && !folder.exists())
+        .map(Path::to_owned)
+        .collect()
 }
 
 /// Locks a folder for this process until the file is dropped. The system lets go of it when the process ends, however it

@@ -5,10 +5,13 @@
 //! 1. **A file is replaced as a whole or not at all.** [`AtomicFile`] and [`write_atomic`] write a temporary file in the
 //!    same folder, sync it to disk and rename it. Devices and pipes (`/dev/null`, `/dev/stdout`, a FIFO) are written
 //!    through and never renamed over.
-//! 2. **Only own files are replaced.** [`OutputPolicy`] refuses to replace an input of the same run, always, and any
-//!    other existing file that the program did not write, unless overwriting was allowed. A file is the program's own
+//! 2. **Only own files are replaced.** [`OutputPolicy`] refuses to replace an input of the same run, always, also one
+//!    that becomes known while the output is written, and any other existing file that the program did not write, unless
+//!    overwriting was allowed. A file is the program's own
 //!    if it starts with one of the magic numbers that the caller names, or if the list `.grim-output` of its folder
 //!    holds its name together with the BLAKE3 hash of its present content. [`OutputFolder`] keeps that list.
+//!
+//! [`check_apart`] refuses outputs of one run that would be written to the same place, before any of them is.
 //!
 //! ```
 //! use grimnet_output::{OutputError, OutputFolder, OutputPolicy};
@@ -32,8 +35,10 @@ mod aside;
 mod atomic;
 mod error;
 mod folder;
+mod inputs;
 mod listing;
 mod name;
+mod planned;
 mod policy;
 mod target;
 
@@ -42,5 +47,6 @@ pub use error::{OutputError, Result};
 pub use folder::{FolderFile, OutputFolder};
 pub use listing::LISTING_NAME;
 pub use name::file_name_from;
+pub use planned::{PlannedOutput, check_apart};
 pub use policy::OutputPolicy;
 pub use target::{TargetKind, linked_path};

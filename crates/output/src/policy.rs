@@ -1,25 +1,22 @@
 //! Which existing files an output may replace.
 
-use std::collections::HashMap;
 use std::fs::{self, File};
 use std::io::{self, Read as _};
-use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::path::Path;
 
 use crate::aside;
 use crate::atomic::AtomicFile;
 use crate::error::{OutputError, Result};
+use crate::inputs::Inputs;
 use crate::listing::Listing;
-use crate::target::{Identity, Place, Snapshot, TargetKind};
+use crate::target::{Place, Snapshot, TargetKind};
 
 /// Which existing files a run may replace: never an input of its own, otherwise only files of this program unless
-/// overwriting is allowed.
+/// overwriting is allowed. Clones share the inputs.
 #[derive(Debug, Clone, Default)]
 pub struct OutputPolicy {
     overwrite: bool,
-    inputs: Arc<HashMap<Identity, PathBuf>>,
-    /// Folders all of whose files are inputs.
-    folders: Arc<HashMap<Identity, PathBuf>>,
+    inputs: Inputs,
 }
 
 impl OutputPolicy {
@@ -44,34 +41,31 @@ impl OutputPolicy {
 
     /// Protects inputs. A path that names nothing needs no protection.
     #[must_use]
-    pub fn protect_all(mut self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
-        let known = Arc::make_mut(&mut self.inputs);
-        for input in inputs {
-            let input = input.as_ref();
-            if let Ok(identity) = Identity::of(input) {
-                known.entry(identity).or_insert_with(|| input.to_owned());
-            }
-        }
+    pub fn protect_all(self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        self.add_inputs(inputs);
         self
     }
 
     /// Protects inputs, and every file below those that are folders.
     #[must_use]
-    pub fn protect_trees(mut self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
-        for input in inputs {
-            let input = input.as_ref();
-            let known = if input.is_dir() {
-                &mut self.folders
-            } else {
-                &mut self.inputs
-            };
-            if let Ok(identity) = Identity::of(input) {
-                Arc::make_mut(known)
-                    .entry(identity)
-                    .or_insert_with(|| input.to_owned());
-            }
-        }
+    pub fn protect_trees(self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) -> Self {
+        self.add_input_trees(inputs);
         self
+    }
+
+    /// As [`protect_all`](Self::protect_all), for inputs that become known during the run: all clones of this policy, and
+    /// the files that are being written under it, spare them from now on.
+    pub fn add_inputs(&self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) {
+        for input in inputs {
+            self.inputs.add(input.as_ref());
+        }
+    }
+
+    /// As [`protect_trees`](Self::protect_trees), for inputs that become known during the run.
+    pub fn add_input_trees(&self, inputs: impl IntoIterator<Item = impl AsRef<Path>>) {
+        for input in inputs {
+            self.inputs.add_tree(input.as_ref());
+        }
     }
 
     /// Checks that a file may be written: call it before long work. A file that starts with one of `magics` is the
@@ -93,14 +87,15 @@ impl OutputPolicy {
     }
 
     /// Checks `path` as [`check_file`](Self::check_file) does and begins to write it. If the file is created or changed by
-    /// somebody else before it is committed, the commit fails with [`OutputError::Changed`].
+    /// somebody else before it is committed, the commit fails with [`OutputError::Changed`]; if it has become an input by
+    /// then, with [`OutputError::ReplacesInput`].
     ///
     /// # Errors
     /// As [`check_file`](Self::check_file).
     pub fn create(&self, path: impl AsRef<Path>, magics: &[&[u8]]) -> Result<AtomicFile> {
         let path = path.as_ref();
         let snapshot = self.checked(path, magics)?;
-        AtomicFile::create_checked(path, snapshot)
+        self.create_checked(path, snapshot)
     }
 
     /// Checks `path` and begins to write it as [`AtomicFile::create_partial`] does.
@@ -110,7 +105,7 @@ impl OutputPolicy {
     pub fn create_partial(&self, path: impl AsRef<Path>) -> Result<AtomicFile> {
         let path = path.as_ref();
         self.checked(path, &[])?;
-        AtomicFile::create_partial(path)
+        self.create_checked_partial(path)
     }
 
     /// Checks `path` and writes it as a whole or not at all.
@@ -132,32 +127,17 @@ impl OutputPolicy {
     /// # Errors
     /// [`OutputError::ReplacesInput`] and [`OutputError::InInputFolder`].
     pub fn check_not_input(&self, path: impl AsRef<Path>) -> Result<()> {
-        let path = path.as_ref();
-        if let Some(input) = Identity::of(path).ok().and_then(|id| self.inputs.get(&id)) {
-            return Err(OutputError::ReplacesInput {
-                path: path.to_owned(),
-                input: input.clone(),
-            });
-        }
-        match self.input_folder_of(path) {
-            Some(folder) => Err(OutputError::InInputFolder {
-                path: path.to_owned(),
-                folder: folder.clone(),
-            }),
-            None => Ok(()),
-        }
+        self.inputs.check(path.as_ref())
     }
 
-    /// The protected folder that an existing file lies in, at any depth.
-    fn input_folder_of(&self, path: &Path) -> Option<&PathBuf> {
-        if self.folders.is_empty() {
-            return None;
-        }
-        let path = fs::canonicalize(path).ok()?;
-        path.ancestors()
-            .skip(1)
-            .filter_map(|folder| Identity::of(folder).ok())
-            .find_map(|identity| self.folders.get(&identity))
+    /// Begins to write a file that was checked when it was as `checked` says.
+    pub(crate) fn create_checked(&self, path: &Path, checked: Snapshot) -> Result<AtomicFile> {
+        Ok(AtomicFile::create_checked(path, checked)?.sparing(&self.inputs))
+    }
+
+    /// As [`create_partial`](Self::create_partial), of a file that was checked just now.
+    pub(crate) fn create_checked_partial(&self, path: &Path) -> Result<AtomicFile> {
+        Ok(AtomicFile::create_partial(path)?.sparing(&self.inputs))
     }
 
     /// Checks a file by its first bytes and by the list of its folder.

@@ -56,6 +56,9 @@ fn names_open_file(path: &Path) -> bool {
         || path.starts_with("/proc/self/fd")
 }
 
+/// Most symbolic links that are followed, one after the other: as Linux.
+pub(crate) const MAX_LINKS: usize = 40;
+
 /// Where a regular file is written: folder and name, after following symbolic links.
 #[derive(Debug, Clone)]
 pub(crate) struct Place {
@@ -66,7 +69,6 @@ pub(crate) struct Place {
 impl Place {
     /// Follows symbolic links, also to a file that is not there yet. A link is thus kept and its file replaced.
     pub(crate) fn of(path: &Path) -> Result<Self> {
-        const MAX_LINKS: usize = 40; // as Linux
         let mut place = path.to_owned();
         for _ in 0..MAX_LINKS {
             let Ok(link) = fs::read_link(&place) else {

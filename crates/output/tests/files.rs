@@ -382,3 +382,26 @@ fn a_temporary_file_of_a_living_writer_is_left_alone() {
     assert_eq!(fs::read(&precious).unwrap(), b"kept");
     assert_eq!(names(folder.path()), ["a", "precious"]);
 }
+
+#[test]
+fn an_input_that_becomes_known_while_a_file_is_written_is_spared() {
+    let folder = tempfile::tempdir().unwrap();
+    let (photo, link) = (folder.path().join("a.jpg"), folder.path().join("link.jpg"));
+    fs::write(&photo, "a photo").unwrap();
+    fs::hard_link(&photo, &link).unwrap();
+    let policy = OutputPolicy::new().overwrite(true);
+    let mut partial = policy.create_partial(&photo).unwrap();
+    let mut whole = policy.create(&photo, &[]).unwrap();
+    partial.write_all(b"a track").unwrap();
+    whole.write_all(b"a page").unwrap();
+    policy.clone().add_inputs([&link]);
+    for file in [partial, whole] {
+        assert!(matches!(
+            file.commit(),
+            Err(OutputError::ReplacesInput { .. })
+        ));
+    }
+    assert_eq!(fs::read(&photo).unwrap(), b"a photo");
+    let kept = folder.path().join("a.jpg.partial");
+    assert_eq!(fs::read(kept).unwrap(), b"a track");
+}

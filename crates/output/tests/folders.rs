@@ -213,3 +213,47 @@ fn the_list_of_a_file_that_is_replaced_often_stays_short() {
     let output = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
     assert!(output.check(["checkpoint"]).is_err());
 }
+
+#[test]
+fn inputs_that_become_known_are_spared_in_open_folders() {
+    let folder = tempfile::tempdir().unwrap();
+    let policy = OutputPolicy::new().overwrite(true);
+    let output = OutputFolder::open(folder.path(), &policy).unwrap();
+    let photos = output.subfolder("photos").unwrap();
+    fs::write(photos.path().join("a.jpg"), "a photo").unwrap();
+    let mut partial = photos.create_partial("a.jpg").unwrap();
+    partial.write_all(b"other").unwrap();
+    policy.add_input_trees([photos.path()]);
+    let refused = [partial.commit(), photos.write_bytes("a.jpg", b"other")];
+    for refused in refused {
+        assert!(matches!(refused, Err(OutputError::InInputFolder { .. })));
+    }
+    assert_eq!(fs::read(photos.path().join("a.jpg")).unwrap(), b"a photo");
+}
+
+#[test]
+fn a_run_that_writes_nothing_leaves_no_folder() {
+    let parent = tempfile::tempdir().unwrap();
+    let path = parent.path().join("a/b");
+    let open = || OutputFolder::open(&path, &OutputPolicy::new()).unwrap();
+    let output = open();
+    let matches = output.subfolder("matches").unwrap();
+    output.check(["summary.json"]).unwrap();
+    let file = matches.create("1.jpg").unwrap();
+    // In whatever order they are dropped.
+    drop(output);
+    drop(matches);
+    assert!(path.join("matches").is_dir());
+    drop(file);
+    assert!(!parent.path().join("a").exists());
+
+    // What was there before stays, and what holds something.
+    fs::create_dir(parent.path().join("a")).unwrap();
+    drop(open());
+    assert!(parent.path().join("a").is_dir() && !path.exists());
+    let output = open();
+    drop(output.subfolder("matches").unwrap());
+    output.write_bytes("summary.json", b"{}").unwrap();
+    drop(output);
+    assert!(path.join("summary.json").is_file() && !path.join("matches").exists());
+}

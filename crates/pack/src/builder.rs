@@ -113,18 +113,14 @@ pub fn build_interruptible(
 ) -> Result<BuildReport> {
     // Behind a link: the working files have to be on the disk of the pack.
     let place = linked_path(out)?;
-    let mut tell = |progress: &Progress| match on_progress(progress) {
+    let mut notify = |progress: &Progress| match on_progress(progress) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(PackError::Stopped {
             path: place.clone(),
         }),
     };
     let (partial, aside) = (beside(&place, "partial"), beside(&place, "assembling"));
-    check_output(out)?;
-    let inputs = OutputPolicy::new().protect_trees(raster.files());
-    for path in [out, &partial, &aside] {
-        inputs.check_not_input(path)?;
-    }
+    check_outputs(raster, out, [&partial, &aside])?;
     check_scale(raster, limits)?;
     if options.mode == Mode::Paper {
         warn_of_another_network(model);
@@ -167,17 +163,16 @@ pub fn build_interruptible(
             plan,
             number: number as u32,
         };
-        levels.push(level.run(state, &mut journal, &mut meter, &mut tell)?);
+        levels.push(level.run(state, &mut journal, &mut meter, &mut notify)?);
     }
     if levels.iter().all(|level| level.tiles.is_empty()) {
         journal.remove()?;
         return Err(without_tiles(raster, &meter.progress));
     }
     meter.progress.phase = Phase::Writing;
-    tell(&meter.progress)?;
+    notify(&meter.progress)?;
     let writer = Writer::create_new(&aside)?;
-    let written = write_pack(writer, &mut journal, levels, manifest, recipe);
-    if let Err(error) = written {
+    if let Err(error) = write_pack(writer, &mut journal, levels, manifest, recipe) {
         // The journal stays; half a pack would only fill the disk.
         let _ = fs_err::remove_file(&aside);
         return Err(error);
@@ -199,14 +194,18 @@ fn without_tiles(raster: &dyn Raster, progress: &Progress) -> PackError {
     }
 }
 
-/// Refuses an output that is a folder or device before hours of work.
-fn check_output(out: &Path) -> Result<()> {
-    match std::fs::metadata(out) {
-        Ok(metadata) if !metadata.is_file() => Err(PackError::NotAFile {
+/// Refuses an output that is a folder or device, and one that would replace the map, before hours of work.
+fn check_outputs(raster: &dyn Raster, out: &Path, working_files: [&Path; 2]) -> Result<()> {
+    if std::fs::metadata(out).is_ok_and(|metadata| !metadata.is_file()) {
+        return Err(PackError::NotAFile {
             path: out.to_path_buf(),
-        }),
-        _ => Ok(()),
+        });
     }
+    let inputs = OutputPolicy::new().protect_trees(raster.files());
+    for path in [out].into_iter().chain(working_files) {
+        inputs.check_not_input(path)?;
+    }
+    Ok(())
 }
 
 /// Warns if the model's network is not the paper's as published: what is measured is then the paper's procedure with it.

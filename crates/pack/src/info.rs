@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use grimnet_net::Arithmetic;
+use grimnet_net::Precision;
 use serde::Serialize;
 
 use crate::index::Index;
@@ -33,9 +33,9 @@ pub struct PackInfo {
     pub descriptor_dim: usize,
     /// Numbers in a tile descriptor.
     pub global_dim: usize,
-    /// The arithmetic in which features were computed.
-    #[serde(skip_serializing_if = "Arithmetic::is_f32")]
-    pub arithmetic: Arithmetic,
+    /// Precision of the network that computed features.
+    #[serde(skip_serializing_if = "Precision::is_f32")]
+    pub precision: Precision,
     /// Whether the weights of the model are random, so that the pack cannot be used to localise.
     pub model_is_random: bool,
     /// Hash of the map, hex.
@@ -115,7 +115,7 @@ impl Pack {
                 .to_owned(),
             descriptor_dim: manifest.model.descriptor_dim,
             global_dim: manifest.model.global_dim,
-            arithmetic: manifest.model.arithmetic,
+            precision: manifest.model.precision,
             model_is_random: card("random").and_then(|v| v.as_bool()).unwrap_or(false),
             map_hash: map.hash.clone(),
             map: map.description.clone(),
@@ -223,13 +223,13 @@ impl fmt::Display for PackInfo {
         } else {
             ""
         };
-        let arithmetic = match self.arithmetic {
-            Arithmetic::F32 => String::new(),
+        let precision = match self.precision {
+            Precision::F32 => String::new(),
             other => format!(", computed in {other}"),
         };
         writeln!(
             f,
-            "model    {} ({}){arithmetic}{random}",
+            "model    {} ({}){precision}{random}",
             Printable(&self.model),
             Printable(&short(&self.model_hash))
         )?;

@@ -1,6 +1,6 @@
 //! The manifest: the JSON at the end of a pack.
 
-use grimnet_net::Arithmetic;
+use grimnet_net::Precision;
 use serde::{Deserialize, Serialize};
 
 use crate::index::Index;
@@ -44,9 +44,14 @@ pub struct ModelSummary {
     pub descriptor_dim: usize,
     /// Numbers in a tile descriptor.
     pub global_dim: usize,
-    /// The arithmetic in which they were computed. Features of all arithmetics can be compared with each other.
-    #[serde(default, skip_serializing_if = "Arithmetic::is_f32")]
-    pub arithmetic: Arithmetic,
+    /// Precision of the network that computed them. Features of all precisions can be compared with each other.
+    // Packs of earlier builds have the key `arithmetic`.
+    #[serde(
+        default,
+        alias = "arithmetic",
+        skip_serializing_if = "Precision::is_f32"
+    )]
+    pub precision: Precision,
 }
 
 /// The map of a pack.
@@ -145,5 +150,26 @@ impl Manifest {
     /// The section called `name`.
     pub(crate) fn section(&self, name: &str) -> Option<&Section> {
         self.sections.iter().find(|s| s.name == name)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn precision_of_a_model_is_read_under_its_earlier_name_too() {
+        let read = |precision: &str| -> ModelSummary {
+            let text = format!(
+                r#"{{"hash": "ab12", "preset": "compact", "card": {{}}, "descriptor_dim": 64, "global_dim": 256{precision}}}"#
+            );
+            serde_json::from_str(&text).unwrap()
+        };
+        assert_eq!(read("").precision, Precision::F32);
+        for name in ["precision", "arithmetic"] {
+            let model = read(&format!(r#", "{name}": "int8""#));
+            assert_eq!(model.precision, Precision::Int8);
+            assert_eq!(serde_json::to_value(model).unwrap()["precision"], "int8");
+        }
     }
 }

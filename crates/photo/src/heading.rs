@@ -2,6 +2,7 @@
 
 use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::metadata::Metadata;
+use crate::nadir_angles::from_nadir_angles;
 use crate::view::{CameraAttitude, Heading, HeadingPrior, View, ViewPrior};
 
 /// 1-sigma of a gimbal's yaw, degrees: typical for the compass of a small drone in flight.
@@ -17,17 +18,26 @@ const PAN_DEG: f64 = 30.0;
 /// Smaller tilts are ignored: they distort less than buildings do, degrees.
 const MIN_TILT_DEG: f64 = 1.0;
 
-/// Sets the view's heading. Returns the attitude, `None` if it is unknown.
+/// Why the angles of a picture that was turned say nothing of it.
+const TURNED: &str = "the picture was turned by a quarter after it was taken (its width and height are exchanged), in an \
+                      unknown direction";
+
+/// Sets the view's heading. Returns the attitude, `None` if it is unknown. `stored_px` is the size of the file's picture.
 pub(crate) fn resolve(
     metadata: &Metadata,
+    stored_px: (u32, u32),
     prior: &ViewPrior,
     view: &mut View,
 ) -> Option<CameraAttitude> {
     let recorded = gimbal_is_recorded(metadata, view);
-    let attitude = if recorded {
-        attitude(metadata, view)
-    } else {
-        None
+    let turned = metadata.was_turned(stored_px);
+    let attitude = match metadata.gimbal_pitch_deg.filter(|_| recorded) {
+        Some(pitch) if turned => {
+            view.set_aside("gimbal pitch", degrees(pitch), TURNED);
+            None
+        }
+        Some(pitch) => attitude(metadata, pitch, view),
+        None => None,
     };
     match prior.heading {
         HeadingPrior::Known {
@@ -51,22 +61,27 @@ pub(crate) fn resolve(
             );
         }
         HeadingPrior::Unknown => {
-            for (field, value) in [
-                ("gimbal yaw", metadata.gimbal_yaw_deg),
-                ("flight yaw", metadata.flight_yaw_deg),
-            ] {
-                if let Some(value) = value.filter(|_| recorded || field == "flight yaw") {
-                    view.set_aside(
-                        field,
-                        degrees(value),
-                        "the caller asked to treat the heading as unknown",
-                    );
-                }
-            }
+            let reason = "the caller asked to treat the heading as unknown";
+            set_yaws_aside(metadata, recorded, reason, view);
+        }
+        HeadingPrior::FromMetadata if turned => {
+            set_yaws_aside(metadata, recorded, TURNED, view);
         }
         HeadingPrior::FromMetadata => from_metadata(metadata, recorded, view),
     }
     attitude
+}
+
+fn set_yaws_aside(metadata: &Metadata, gimbal_is_recorded: bool, reason: &str, view: &mut View) {
+    let gimbal_yaw = metadata.gimbal_yaw_deg.filter(|_| gimbal_is_recorded);
+    for (field, value) in [
+        ("gimbal yaw", gimbal_yaw),
+        ("flight yaw", metadata.flight_yaw_deg),
+    ] {
+        if let Some(value) = value {
+            view.set_aside(field, degrees(value), reason);
+        }
+    }
 }
 
 /// Whether the gimbal's angles were recorded. Drones that do not record them write zeros; a camera that really has all angles
@@ -91,8 +106,7 @@ fn gimbal_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
     true
 }
 
-fn attitude(metadata: &Metadata, view: &mut View) -> Option<CameraAttitude> {
-    let pitch = metadata.gimbal_pitch_deg?;
+fn attitude(metadata: &Metadata, pitch: f64, view: &mut View) -> Option<CameraAttitude> {
     if pitch == 0.0 {
         view.set_aside(
             "gimbal pitch",
@@ -101,8 +115,8 @@ fn attitude(metadata: &Metadata, view: &mut View) -> Option<CameraAttitude> {
         );
         return None;
     }
-    let pitch_from_nadir_deg = pitch + 90.0;
-    let roll_deg = metadata.gimbal_roll_deg.unwrap_or(0.0);
+    let (attitude, _) = camera_angles(metadata);
+    let pitch_from_nadir_deg = attitude.pitch_from_nadir_deg;
     if !(-MAX_PITCH_FROM_NADIR_DEG..=MAX_PITCH_FROM_NADIR_DEG).contains(&pitch_from_nadir_deg) {
         view.set_aside(
             "gimbal pitch",
@@ -131,10 +145,22 @@ fn attitude(metadata: &Metadata, view: &mut View) -> Option<CameraAttitude> {
     } else {
         view.use_evidence("gimbal pitch", degrees(pitch), "nadir");
     }
-    Some(CameraAttitude {
+    Some(attitude)
+}
+
+/// The camera's angles, and the bearing of its picture's top relative to its recorded yaw, degrees clockwise. Where no pitch is
+/// recorded it is taken to look straight down.
+fn camera_angles(metadata: &Metadata) -> (CameraAttitude, f64) {
+    let pitch_from_nadir_deg = metadata.gimbal_pitch_deg.map_or(0.0, |pitch| pitch + 90.0);
+    if let Some(roll_deg) = metadata.nadir_roll_deg {
+        return from_nadir_angles(pitch_from_nadir_deg, roll_deg);
+    }
+    let attitude = CameraAttitude {
         pitch_from_nadir_deg,
-        roll_deg,
-    })
+        roll_deg: metadata.gimbal_roll_deg.unwrap_or(0.0),
+    };
+    let top_deg = Tilt::top_from_yaw_deg(pitch_from_nadir_deg, attitude.roll_deg);
+    (attitude, top_deg)
 }
 
 impl CameraAttitude {
@@ -154,10 +180,9 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         .filter(|_| flight_is_recorded(metadata, view));
     let turn = orientation_turn_deg(metadata.orientation);
     if let Some(yaw) = metadata.gimbal_yaw_deg.filter(|_| recorded) {
-        let pitch_from_nadir = metadata.gimbal_pitch_deg.map_or(0.0, |pitch| pitch + 90.0);
-        let roll = metadata.gimbal_roll_deg.unwrap_or(0.0);
-        let top = if pitch_from_nadir.abs() < MAX_PITCH_FROM_NADIR_DEG {
-            yaw + Tilt::top_from_yaw_deg(pitch_from_nadir, roll)
+        let (attitude, top_from_yaw_deg) = camera_angles(metadata);
+        let top = if attitude.pitch_from_nadir_deg.abs() < MAX_PITCH_FROM_NADIR_DEG {
+            yaw + top_from_yaw_deg
         } else {
             yaw
         };
@@ -177,7 +202,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         if apart > PAN_DEG {
             sigma_deg = FLIGHT_SIGMA_DEG;
             reason.push_str(&format!(
-                "; doubtful, {apart:.0} degrees from the aircraft's yaw"
+                "; uncertain, {apart:.0} degrees from the aircraft's yaw"
             ));
         }
         if turn != 0.0 {
@@ -200,20 +225,21 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         view.use_evidence(
             "flight yaw",
             degrees(yaw),
-            "doubtful: yaw of the aircraft, used because no gimbal yaw is recorded",
+            "uncertain: yaw of the aircraft, used because no gimbal yaw is recorded",
         );
         view.heading = Some(Heading {
             heading_deg: (yaw + turn).rem_euclid(360.0),
             sigma_deg: FLIGHT_SIGMA_DEG,
         });
     } else if let Some(direction) = metadata.image_direction {
-        let mut reason = String::from("doubtful: EXIF image direction");
+        let mut reason = String::from("uncertain: EXIF image direction");
         if direction.magnetic {
             reason.push_str(", relative to magnetic north (declination not applied)");
         }
         view.use_evidence("GPSImgDirection", degrees(direction.bearing_deg), reason);
         view.heading = Some(Heading {
-            heading_deg: (direction.bearing_deg + turn).rem_euclid(360.0),
+            // Where the camera looks: cameras choose the orientation so that this is up in the displayed picture.
+            heading_deg: direction.bearing_deg.rem_euclid(360.0),
             sigma_deg: IMAGE_DIRECTION_SIGMA_DEG,
         });
     }
@@ -239,12 +265,13 @@ fn flight_is_recorded(metadata: &Metadata, view: &mut View) -> bool {
 
 /// Bearing of the displayed picture's top relative to the stored picture's top, degrees clockwise.
 ///
-/// Orientation 6 turns the stored picture clockwise by 90 degrees for display, so its left edge comes to the top.
+/// Orientation 6 turns the stored picture clockwise by 90 degrees for display, so its left edge comes to the top. 5 and 7 are
+/// stored mirrored: their edges lie on the other side of the stored top.
 fn orientation_turn_deg(orientation: u8) -> f64 {
     match orientation {
         3 | 4 => 180.0,
-        5 | 6 => -90.0,
-        7 | 8 => 90.0,
+        6 | 7 => -90.0,
+        5 | 8 => 90.0,
         _ => 0.0,
     }
 }

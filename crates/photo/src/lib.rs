@@ -35,6 +35,7 @@ mod exif_fields;
 mod exposure_time;
 mod heading;
 mod metadata;
+mod nadir_angles;
 mod padded_image;
 mod photo;
 mod photo_file;

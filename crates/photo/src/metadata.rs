@@ -5,6 +5,9 @@ use serde::Serialize;
 use crate::evidence::Evidence;
 use crate::exposure_time::ExposureTime;
 
+/// Two pictures whose aspect ratios differ by less than this share have the same shape: sizes are rounded.
+pub(crate) const SAME_ASPECT: f64 = 0.01;
+
 /// Position recorded by a GNSS receiver. It is never used to localise a photo, only to check an answer.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct GpsPosition {
@@ -35,8 +38,11 @@ pub struct Metadata {
     pub gimbal_yaw_deg: Option<f64>,
     /// Pitch of the gimbal, degrees; -90 looks straight down, 0 at the horizon.
     pub gimbal_pitch_deg: Option<f64>,
-    /// Roll of the gimbal, degrees.
+    /// Roll of the gimbal about the optical axis, degrees.
     pub gimbal_roll_deg: Option<f64>,
+    /// Roll of a camera whose angles count from straight down (`Camera:Roll`), in place of the gimbal's: about the direction of
+    /// the picture's top, degrees, positive with the right side down, so that a camera that looks down then looks to the left.
+    pub nadir_roll_deg: Option<f64>,
     /// Yaw of the aircraft, degrees clockwise from north.
     pub flight_yaw_deg: Option<f64>,
     /// Pitch of the aircraft, degrees.
@@ -81,6 +87,16 @@ impl Metadata {
     /// Whether EXIF orientation turns the stored picture by a quarter, so that width and height change places.
     pub fn swaps_sides(&self) -> bool {
         (5..=8).contains(&self.orientation)
+    }
+
+    /// Whether the picture was turned by a quarter after it was taken: its stored size is that which the camera stored, with width
+    /// and height exchanged. Programs that turn pixels often leave the other metadata.
+    pub(crate) fn was_turned(&self, stored_px: (u32, u32)) -> bool {
+        let aspect = |(width, height): (u32, u32)| f64::from(width) / f64::from(height);
+        let is_like = |other: f64| (aspect(stored_px) / other - 1.0).abs() < SAME_ASPECT;
+        self.original_size_px.is_some_and(|original_px| {
+            is_like(1.0 / aspect(original_px)) && !is_like(aspect(original_px))
+        })
     }
 
     pub(crate) fn note(&mut self, field: &str, value: impl Into<String>, reason: &str) {

@@ -1,7 +1,7 @@
 //! Which field of view, height and ground width are used.
 
 use crate::camera::{EquivalentFocal, focal_px, focal_px_from_35mm, fov_deg};
-use crate::metadata::Metadata;
+use crate::metadata::{Metadata, SAME_ASPECT};
 use crate::view::{CameraAttitude, Footprint, View, ViewPrior};
 
 /// Relative 1-sigma of a ground resolution or height that the caller gives.
@@ -29,15 +29,15 @@ struct Uncertain {
     relative_sigma: f64,
 }
 
-/// Sets the view's field of view, height, tilt and ground width.
+/// Sets the view's field of view, height, tilt and ground width. The sizes are those of the displayed picture and of the stored one.
 pub(crate) fn resolve(
     metadata: &Metadata,
-    size_px: (u32, u32),
+    (size_px, stored_px): ((u32, u32), (u32, u32)),
     prior: &ViewPrior,
     attitude: Option<CameraAttitude>,
     view: &mut View,
 ) {
-    let focal = focal(metadata, size_px, prior, view);
+    let focal = focal(metadata, (size_px, stored_px), prior, view);
     let hfov_deg = focal.map(|focal| fov_deg(f64::from(size_px.0), focal.value));
     view.hfov_deg = hfov_deg;
     view.tilt = attitude
@@ -131,10 +131,10 @@ fn height(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Unc
     found
 }
 
-/// Focal length in pixels of the photo at full size.
+/// Focal length in pixels of the photo at full size, of which the displayed and the stored size are given.
 fn focal(
     metadata: &Metadata,
-    size_px: (u32, u32),
+    (size_px, stored_px): ((u32, u32), (u32, u32)),
     prior: &ViewPrior,
     view: &mut View,
 ) -> Option<Uncertain> {
@@ -152,12 +152,11 @@ fn focal(
             "given by the caller, but not between 1 and 150 degrees",
         );
     }
-    let stored_px = if metadata.swaps_sides() {
-        (size_px.1, size_px.0)
-    } else {
-        size_px
+    let original_px = match metadata.original_size_px {
+        Some((width, height)) if metadata.was_turned(stored_px) => (height, width),
+        Some(original_px) => original_px,
+        None => stored_px,
     };
-    let original_px = metadata.original_size_px.unwrap_or(stored_px);
     let file_from_original = match resized_by(stored_px, original_px) {
         Some(factor) => factor,
         None => {
@@ -192,7 +191,7 @@ fn focal(
 fn resized_by(stored_px: (u32, u32), original_px: (u32, u32)) -> Option<f64> {
     let across = f64::from(stored_px.0) / f64::from(original_px.0);
     let down = f64::from(stored_px.1) / f64::from(original_px.1);
-    ((across / down - 1.0).abs() < 0.01).then_some(across)
+    ((across / down - 1.0).abs() < SAME_ASPECT).then_some(across)
 }
 
 fn focal_of_original(

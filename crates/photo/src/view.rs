@@ -82,7 +82,7 @@ pub struct Footprint {
 impl Footprint {
     /// Whether the width is so uncertain that other widths should be tried: matching tolerates a ratio of 1.5, which must be
     /// more than twice the sigma away.
-    pub fn is_doubtful(&self) -> bool {
+    pub fn is_uncertain(&self) -> bool {
         self.relative_sigma > 0.1
     }
 

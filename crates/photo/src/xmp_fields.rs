@@ -142,8 +142,13 @@ impl Numbers<'_> {
     }
 }
 
-/// Angles under Pix4D's names, which count the pitch from straight down (0 nadir, 90 horizon); DJI's count from the
-/// horizon. Some makers put DJI's numbers under Pix4D's names, so a pitch near 90 either way could be both.
+/// Pitches under Pix4D's names that are believed, degrees from straight down: aircraft hardly look behind them, and some makers
+/// put DJI's numbers under these names, which count from the horizon (-90 straight down).
+const PIX4D_PITCH: std::ops::Range<f64> = -30.0..60.0;
+
+/// Angles under Pix4D's names, which turn a camera that looks straight down: 0, 0, 0 is nadir with the picture's top to the
+/// north, a pitch of 90 looks at the horizon, and the roll is about the direction of the picture's top (Pix4D, "Yaw, Pitch,
+/// Roll and Omega, Phi, Kappa angles").
 fn take_pix4d_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
     let mut angle = |name| numbers.within(Maker::Camera, name, -360.0..=360.0, metadata);
     let (yaw, pitch, roll) = (angle("Yaw"), angle("Pitch"), angle("Roll"));
@@ -156,9 +161,11 @@ fn take_pix4d_angles(numbers: &Numbers<'_>, metadata: &mut Metadata) {
         return;
     }
     metadata.gimbal_yaw_deg = yaw;
-    metadata.gimbal_roll_deg = roll;
     match pitch {
-        Some(pitch) if pitch.abs() < 60.0 => metadata.gimbal_pitch_deg = Some(pitch - 90.0),
+        Some(pitch) if PIX4D_PITCH.contains(&pitch) => {
+            metadata.gimbal_pitch_deg = Some(pitch - 90.0);
+            metadata.nadir_roll_deg = roll;
+        }
         Some(pitch) => metadata.note(
             "XMP Camera:Pitch",
             pitch.to_string(),

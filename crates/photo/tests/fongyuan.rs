@@ -12,7 +12,7 @@ fn data(file: &str) -> PathBuf {
 
 #[test]
 #[ignore = "needs shared data: photos of fongyuan in ../shared/data"]
-fn gimbal_of_zeros_is_set_aside_and_the_scale_is_doubtful() {
+fn gimbal_of_zeros_is_set_aside_and_the_scale_is_uncertain() {
     for file in [
         "fongyuan/photos/DJI_001.jpg",
         "fongyuan/originals/DJI_001.jpg",
@@ -29,7 +29,7 @@ fn gimbal_of_zeros_is_set_aside_and_the_scale_is_doubtful() {
             "{}",
             footprint.width_m
         );
-        assert!(footprint.is_doubtful());
+        assert!(footprint.is_uncertain());
         // The true footprint is 157 m.
         assert!((footprint.width_m - 157.0).abs() < footprint.relative_sigma * footprint.width_m);
         assert!(view.tilt.is_none());

@@ -10,7 +10,7 @@ use grimnet_output::OutputError;
 use grimnet_pack::PackError;
 use grimnet_photo::PhotoError;
 
-/// The error and its causes, each told once: many libraries repeat their cause in their own message.
+/// The error and its causes, each stated once: many libraries repeat their cause in their own message.
 pub fn message(error: &anyhow::Error) -> String {
     let mut text = error.to_string();
     for cause in error.chain().skip(1) {
@@ -50,7 +50,7 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
                 Some(("--map", "--map MAP gives the map"))
             }
             DataSetError::OffMap { .. } => {
-                Some(("--crs", "--crs and --corners tell where the map lies"))
+                Some(("--crs", "--crs and --corners state where the map lies"))
             }
             DataSetError::AnyVisLoc(AnyVisLocError::NotBuilt { .. }) => Some((
                 "--features",
@@ -130,7 +130,7 @@ mod tests {
     use anyhow::Context as _;
 
     #[test]
-    fn each_cause_is_told_once() {
+    fn each_cause_is_stated_once() {
         let inner = io::Error::other("no space left");
         let error = anyhow::Error::new(inner)
             .context("cannot write a.csv: no space left")
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_gone_reader_is_told_from_other_errors() {
+    fn a_gone_reader_is_distinguished_from_other_errors() {
         let of = |kind: io::ErrorKind| {
             Err::<(), _>(io::Error::from(kind))
                 .context("cannot write")

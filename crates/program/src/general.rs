@@ -1,8 +1,8 @@
-//! Options of every command: how much is told, and how many threads compute.
+//! Options of every command: how much is logged, and how many threads compute.
 
 use clap::ArgAction;
 
-use crate::{terminal, values};
+use crate::{file_size, terminal, values};
 
 /// Heading of these options in the help.
 const GENERAL: &str = "General";
@@ -27,7 +27,8 @@ pub struct GeneralOptions {
 }
 
 impl GeneralOptions {
-    /// Starts messages on standard error and the pool of threads; `quiet_filter` is the filter without `-v`.
+    /// Starts messages on standard error and the pool of threads; `quiet_filter` is the filter without `-v`. From then on
+    /// a limit on the size of files is an error of the write.
     ///
     /// # Errors
     /// The threads cannot be started.
@@ -46,6 +47,7 @@ impl GeneralOptions {
             .without_time()
             .with_target(false)
             .init();
+        file_size::report_limit_as_error()?;
         if let Some(threads) = self.threads {
             rayon::ThreadPoolBuilder::new()
                 .num_threads(threads)

@@ -1,4 +1,4 @@
-//! The option `--heading` of evaluations: what the localiser is told of headings.
+//! The option `--heading` of evaluations: what the localiser is given of headings.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use grimnet_eval::scene::HeadingMode;

@@ -10,7 +10,7 @@ use anyhow::{Result, bail};
 /// # Errors
 /// Nothing is there, or something else than a file.
 pub fn check_regular(path: &Path) -> Result<()> {
-    // Not `fs_err`: the path is told once.
+    // Not `fs_err`: the path is stated once.
     match std::fs::metadata(path) {
         Err(error) => bail!("cannot read {}: {error}", path.display()),
         Ok(metadata) if metadata.is_dir() => {

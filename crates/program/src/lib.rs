@@ -7,6 +7,7 @@
 
 pub mod errors;
 pub mod exit;
+pub mod file_size;
 pub mod general;
 pub mod heading_modes;
 pub mod inputs;

@@ -5,8 +5,11 @@ use std::str::FromStr;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use grimnet_geo::{MapOptions, Raster};
+use grimnet_geo::{MapOptions, Raster, open_map};
+use grimnet_output::OutputPolicy;
 use grimnet_pack::Pack;
+
+use crate::inputs;
 
 /// Heading of the options that say where a map lies.
 const MAP: &str = "Map without georeference";
@@ -14,7 +17,7 @@ const MAP: &str = "Map without georeference";
 /// Heading of the options for maps of tiles.
 const TILES: &str = "Map of tiles";
 
-/// Where a map lies, if its file does not tell it.
+/// Where a map lies, if its file does not state it.
 #[derive(Debug, Clone, Default, Args)]
 pub struct MapPlace {
     /// Coordinate system of a map that does not state it, such as EPSG:25833
@@ -65,6 +68,18 @@ impl MapPlace {
             zoom: self.zoom,
             ..MapOptions::default()
         }
+    }
+
+    /// Opens a map as an input of a run: under `policy` no output replaces a file that it is read from.
+    ///
+    /// # Errors
+    /// The map cannot be read, or has no georeference.
+    pub fn open(&self, path: &Path, policy: &OutputPolicy) -> Result<Box<dyn Raster>> {
+        inputs::check_map(path)?;
+        policy.add_inputs([path]);
+        let map = open_map(path, &self.options())?;
+        policy.add_input_trees(map.files());
+        Ok(map)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use anyhow::Result;
-use grimnet_net::{Arithmetic, Model};
+use grimnet_net::{Model, Precision};
 
 use crate::inputs;
 
@@ -13,19 +13,19 @@ pub struct ModelChoice {
     /// Model file [default: the bundled one]
     #[arg(long, value_name = "FILE")]
     pub model: Option<PathBuf>,
-    /// Arithmetic of the network [default: mixed if network and processor have int8, else f32]
+    /// Precision of the network [default: mixed if network and processor have int8, else f32]
     ///
     /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI (AVX-512 or AVX) or Arm's dot product, longer
     /// than f32 on others. mixed uses int8 to search heading and ground width where both are unknown, and f32 for all else. Packs of any work with any.
     #[arg(long, value_name = "mixed|f32|int8")]
-    pub precision: Option<Arithmetic>,
+    pub precision: Option<Precision>,
 }
 
 impl ModelChoice {
     /// Opens the chosen model.
     ///
     /// # Errors
-    /// The file is no model of this program, or its network cannot be computed in the chosen arithmetic.
+    /// The file is no model of this program, or its network cannot be computed in the chosen precision.
     pub fn open(&self) -> Result<Model> {
         let model = match &self.model {
             Some(path) => {
@@ -34,9 +34,6 @@ impl ModelChoice {
             }
             None => Model::bundled()?,
         };
-        Ok(match self.precision {
-            Some(arithmetic) => model.with_arithmetic(arithmetic)?,
-            None => model,
-        })
+        Ok(model.with_precision_if_given(self.precision)?)
     }
 }

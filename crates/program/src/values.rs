@@ -2,7 +2,9 @@
 
 use std::net::SocketAddr;
 use std::ops::RangeInclusive;
+use std::path::{Path, PathBuf};
 
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};
 
 /// Photos that a demo or a calibration may make for each scene: more fill a disk.
@@ -79,6 +81,26 @@ fn number_within(text: &str, range: &RangeInclusive<f64>, what: &str) -> Result<
             range.end()
         )),
     }
+}
+
+/// The path of a file to write that is no text for standard output: `-`, which names that elsewhere, is refused.
+pub fn output_file() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if path == Path::new("-") {
+            return Err("expected the path of a file; `-` is not standard output here (`./-` is a file of that name)");
+        }
+        Ok(path)
+    })
+}
+
+/// The path of a folder to write into; `-` is refused.
+pub fn output_folder() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(|path| {
+        if path == Path::new("-") {
+            return Err("expected the path of a folder; standard output cannot take several files (`./-` is a folder of that name)");
+        }
+        Ok(path)
+    })
 }
 
 /// An address to listen on.
@@ -172,23 +194,23 @@ mod tests {
     }
 
     #[test]
-    fn ranges_are_those_of_the_library_and_are_told() {
+    fn ranges_are_those_of_the_library_and_are_stated() {
         assert_eq!(height_agl_m("2"), Ok(2.0));
         assert_eq!(height_agl_m("20000"), Ok(20_000.0));
         for bad in ["1", "25000", "-5", "nan", "inf"] {
-            let told = "expected a height in metres, from 2 to 20000";
-            assert_eq!(height_agl_m(bad), Err(told.to_owned()), "{bad}");
+            let expected = "expected a height in metres, from 2 to 20000";
+            assert_eq!(height_agl_m(bad), Err(expected.to_owned()), "{bad}");
         }
         for bad in ["0.5", "170"] {
-            let told = "expected an angle in degrees, from 1 to 150";
-            assert_eq!(fov_deg(bad), Err(told.to_owned()), "{bad}");
+            let expected = "expected an angle in degrees, from 1 to 150";
+            assert_eq!(fov_deg(bad), Err(expected.to_owned()), "{bad}");
         }
         assert!(sigma_m("100000").is_ok() && sigma_m("1e308").is_err());
         assert!(gsd_m("0.05").is_ok() && gsd_m("1e-308").is_err() && gsd_m("1e20").is_err());
         assert_eq!(photo_count("100000"), Ok(100_000));
         for bad in ["0", "-1", "1000000000", "many"] {
-            let told = "expected a whole number from 1 to 100000";
-            assert_eq!(photo_count(bad), Err(told.to_owned()), "{bad}");
+            let expected = "expected a whole number from 1 to 100000";
+            assert_eq!(photo_count(bad), Err(expected.to_owned()), "{bad}");
         }
     }
 
@@ -196,8 +218,25 @@ mod tests {
     fn an_address_has_a_number_and_a_port() {
         assert!(socket_address("127.0.0.1:8080").is_ok() && socket_address("[::1]:0").is_ok());
         for bad in ["localhost:8080", "127.0.0.1", "foo", ""] {
-            let told = "expected an IP address and port, such as 127.0.0.1:8080";
-            assert_eq!(socket_address(bad), Err(told.to_owned()), "{bad}");
+            let expected = "expected an IP address and port, such as 127.0.0.1:8080";
+            assert_eq!(socket_address(bad), Err(expected.to_owned()), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_hyphen_is_no_path_of_a_file_or_folder() {
+        use clap::builder::ValueParser;
+        for parser in [
+            ValueParser::from(output_file()),
+            ValueParser::from(output_folder()),
+        ] {
+            let out = clap::Arg::new("out").value_parser(parser);
+            let program = clap::Command::new("program").arg(out);
+            let accepts = |path: &str| {
+                let parsed = program.clone().try_get_matches_from(["program", path]);
+                parsed.is_ok()
+            };
+            assert!(accepts("./-") && accepts("a.csv") && !accepts("-"));
         }
     }
 

@@ -8,6 +8,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
 use crate::errors::{invalid_value, model_error};
+use crate::long_work::detached;
 use crate::model_file::open_model;
 use crate::photo_input::PhotoInput;
 
@@ -59,7 +60,7 @@ impl FeatureExtractor {
                 )));
             }
         };
-        let extractor = py.detach(|| {
+        let extractor = detached(py, || {
             let model = open_model(model.as_ref(), precision)?;
             Extractor::new(&model, domain).map_err(|error| model_error(&error))
         })?;
@@ -88,7 +89,7 @@ impl FeatureExtractor {
             max_keypoints,
             nms_radius_px,
         };
-        let (photo, found) = py.detach(|| -> PyResult<_> {
+        let (photo, found) = detached(py, || {
             let photo = input.decode(max_side_px)?;
             let (padded, mask) = padded(&photo.image);
             let found = self

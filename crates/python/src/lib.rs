@@ -10,6 +10,7 @@ mod answers;
 mod errors;
 mod features;
 mod localizer;
+mod long_work;
 mod matching;
 mod model_file;
 mod pack_build;

@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 
 use crate::answers::answer_object;
 use crate::errors::{locate_error, pack_error};
+use crate::long_work::detached;
 use crate::model_file::open_model;
 use crate::photo_input::PhotoInput;
 use crate::prior_arguments::PriorArguments;
@@ -45,7 +46,7 @@ impl Localizer {
             }),
             ..defaults
         };
-        let inner = py.detach(|| {
+        let inner = detached(py, || {
             options.check().map_err(|error| locate_error(&error))?;
             let model = open_model(model.as_ref(), precision)?;
             let pack = Pack::open(&pack).map_err(|error| pack_error(&error))?;
@@ -86,7 +87,7 @@ impl Localizer {
         .prior()?;
         let input = PhotoInput::of(photo)?;
         let name = input.name();
-        let outcome = py.detach(|| {
+        let outcome = detached(py, || {
             let photo = input.decode_as_needed(&self.inner.needed_pixels(&prior))?;
             self.inner
                 .locate(&photo, &prior)

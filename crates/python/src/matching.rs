@@ -9,6 +9,7 @@ use pyo3::prelude::*;
 
 use crate::errors::invalid_value;
 use crate::features::Features;
+use crate::long_work::detached;
 use crate::photo_input::row_by_row;
 
 /// Pairs of rows that match, in the order of the first.
@@ -61,8 +62,8 @@ pub fn match_features<'py>(
         row_by_row(&first.as_array()),
         row_by_row(&second.as_array()),
     );
-    let found = py.detach(|| -> PyResult<Vec<Match>> {
-        let mut found = Vec::new();
+    let found = detached(py, || {
+        let mut found: Vec<Match> = Vec::new();
         Matcher::new(Isa::detect())
             .mutual(
                 Descriptors::F32(&a),

@@ -8,6 +8,7 @@ use grimnet_output::OutputPolicy;
 use pyo3::prelude::*;
 
 use crate::errors::{build_error, output_error};
+use crate::long_work::detached_with_threads;
 use crate::model_file::open_model;
 
 /// How far a build is.
@@ -106,7 +107,7 @@ pub fn build_pack(
     progress: Option<Py<PyAny>>,
 ) -> PyResult<BuildReport> {
     let mut raised = None;
-    let built = py.detach(|| -> PyResult<_> {
+    let built = detached_with_threads(py, || {
         OutputPolicy::new()
             .overwrite(overwrite)
             .protect(&map)
@@ -135,7 +136,7 @@ pub fn build_pack(
             &map,
             &out,
             &options,
-            |now| match Python::attach(|py| tell(py, now, progress.as_ref())) {
+            |now| match Python::attach(|py| notify(py, now, progress.as_ref())) {
                 Ok(()) => ControlFlow::Continue(()),
                 Err(error) => {
                     raised = Some(error);
@@ -161,7 +162,7 @@ pub fn build_pack(
 }
 
 /// Calls `progress`, and lets Python handle Ctrl-C.
-fn tell(
+fn notify(
     py: Python<'_>,
     now: &grimnet::map::Progress,
     progress: Option<&Py<PyAny>>,
@@ -170,7 +171,7 @@ fn tell(
     let Some(progress) = progress else {
         return Ok(());
     };
-    let told = BuildProgress {
+    let report = BuildProgress {
         phase: match now.phase {
             Phase::Adapting => "adapting",
             Phase::Tiles => "tiles",
@@ -181,5 +182,5 @@ fn tell(
         tiles_total: now.tiles_total,
         time_left_s: now.time_left.map(|left| left.as_secs_f64()),
     };
-    progress.call1(py, (told,)).map(drop)
+    progress.call1(py, (report,)).map(drop)
 }

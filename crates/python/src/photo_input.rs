@@ -15,6 +15,7 @@ use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
 
 use crate::errors::{invalid_value, photo_error};
+use crate::long_work::detached;
 use crate::rgb_copy::rgb_bytes;
 
 /// How bytes are named in errors.
@@ -149,7 +150,7 @@ pub fn read_photo<'py>(
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let py = photo.py();
     let input = PhotoInput::of(photo)?;
-    let image = py.detach(|| input.decode(max_side_px))?.image;
+    let image = detached(py, || input.decode(max_side_px))?.image;
     py.check_signals()?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     image

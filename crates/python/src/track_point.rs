@@ -17,7 +17,7 @@ pub struct TrackPoint {
     #[pyo3(get)]
     state: &'static str,
     estimate: Option<Estimate>,
-    /// Seconds since the last fix that was believed.
+    /// Seconds since the last fix that was accepted.
     #[pyo3(get)]
     age_of_last_fix_s: Option<f64>,
     /// The answer for the frame alone: `Fix`, `NoFix`, or `None` if the instant is not that of a frame.

@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use crate::answers::answer_object;
 use crate::errors::{invalid_value, locate_error};
 use crate::localizer::Localizer;
+use crate::long_work::detached;
 use crate::photo_input::PhotoInput;
 use crate::prior_arguments::PriorArguments;
 use crate::track_point::TrackPoint;
@@ -112,7 +113,7 @@ impl Tracker {
             prior,
             attitude: None,
         };
-        let found = py.detach(|| -> PyResult<_> {
+        let found = detached(py, || {
             let needed = self.flight().localizer().needed_pixels(&known.prior);
             let photo = input.decode_as_needed(&needed)?;
             Ok(self.flight().frame(&photo, time_s, &known))
@@ -131,11 +132,14 @@ impl Tracker {
         TrackPoint::new(time_s, point.as_ref(), None)
     }
 
-    /// What is wrong with the telemetry, a sentence each, where enough fixes agree on it.
-    fn doubts(&self, py: Python<'_>) -> Vec<String> {
+    /// What is wrong with the times of the inputs and with the telemetry, a sentence each, where enough of them agree on it.
+    fn warnings(&self, py: Python<'_>) -> Vec<String> {
         py.detach(|| {
             let flight = self.flight();
-            flight.doubts().map(|doubt| doubt.to_string()).collect()
+            flight
+                .warnings()
+                .map(|warning| warning.to_string())
+                .collect()
         })
     }
 

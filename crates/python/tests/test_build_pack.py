@@ -14,16 +14,16 @@ GSD_M = 1.2
 
 def test_same_bytes_as_the_program(grim, demo, tmp_path):
     out = tmp_path / "own.grim"
-    told = []
-    report = grimnet.build_pack(demo / "map.tif", out, gsd_m=GSD_M, progress=told.append)
+    reported = []
+    report = grimnet.build_pack(demo / "map.tif", out, gsd_m=GSD_M, progress=reported.append)
     subprocess.run([grim, "map", "build", demo / "map.tif", "-o", tmp_path / "its.grim", "--gsd", str(GSD_M)], check=True, stdout=subprocess.DEVNULL)
     assert out.read_bytes() == (tmp_path / "its.grim").read_bytes()
     assert report.tiles > 0 and report.len_bytes == out.stat().st_size and not report.was_complete
     assert pathlib.Path(report.path) == out
-    done = [progress.tiles_done for progress in told]
-    assert done == sorted(done) and done[-1] == told[-1].tiles_total
-    assert {progress.phase for progress in told} == {"tiles", "writing"}
-    assert told[0].gsd_m == GSD_M
+    done = [progress.tiles_done for progress in reported]
+    assert done == sorted(done) and done[-1] == reported[-1].tiles_total
+    assert {progress.phase for progress in reported} == {"tiles", "writing"}
+    assert reported[0].gsd_m == GSD_M
     again = grimnet.build_pack(demo / "map.tif", out, gsd_m=[GSD_M])
     assert again.was_complete
     assert grimnet.Localizer(out).levels_gsd_m == [GSD_M]

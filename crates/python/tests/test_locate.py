@@ -117,7 +117,7 @@ def test_arrays(localizer, photos, truth):
     assert max(reduced.shape) == 300
 
 
-def test_wrong_input_is_told(localizer, photos, tmp_path):
+def test_wrong_input_is_an_error(localizer, photos, tmp_path):
     rgb = np.zeros((64, 64, 3), np.uint8)
     for bad in (rgb.astype(np.float32), rgb[:, :, 0], rgb[:, :, :2], np.zeros((3, 64, 64), np.uint8), rgb[:4]):
         with pytest.raises(grimnet.InvalidValueError):

@@ -53,14 +53,14 @@ def test_one_exposure_given_again_is_no_more_evidence(localizer, lines):
         assert point.answer.state == "fix" and point.state == "searching"
 
 
-def test_telemetry_that_fixes_contradict_is_doubted(localizer, lines):
+def test_telemetry_that_fixes_contradict_is_warned_of(localizer, lines):
     tracker = grimnet.Tracker(localizer)
     for line in lines[:6]:
         at = seconds(line)
         tracker.push_gimbal(at, yaw_deg=99.0, pitch_deg=-60.0, roll_deg=0.0)
         tracker.frame(line["photo"], at, heading="unknown")
-    (doubt,) = tracker.doubts()
-    assert "-30 degrees of pitch" in doubt
+    (warning,) = tracker.warnings()
+    assert "-30 degrees of pitch" in warning
 
 
 def test_telemetry_is_taken_in(localizer, lines):
@@ -72,7 +72,7 @@ def test_telemetry_is_taken_in(localizer, lines):
         tracker.push_gimbal(at, yaw_deg=90.0, pitch_deg=-90.0, roll_deg=0.0)
         point = tracker.frame(line["photo"], at)
     assert point.altitude_amsl_m in (140.0, None)
-    assert tracker.doubts() == []
+    assert tracker.warnings() == []
     tracker.push_attitude(at + 0.1, yaw_deg=90.0, pitch_deg=0.0, roll_deg=0.0)
     for bad in (
         lambda: tracker.push_height(math.nan, agl_m=100.0),

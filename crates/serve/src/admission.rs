@@ -1,4 +1,4 @@
-//! How many localisations run and wait at the same time.
+//! How many requests of one kind of work run and wait at the same time.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -7,23 +7,53 @@ use std::time::Instant;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 
 use crate::limits::Limits;
-use crate::problem::Problem;
+use crate::problem::{Problem, ProblemKind};
 
-/// Longest time in seconds that a refused client is told to wait.
+/// Longest time in a `Retry-After`, seconds.
 const MAX_RETRY_AFTER_S: f64 = 60.0;
+
+/// Work that is admitted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Work {
+    /// A photo is decoded and localised.
+    Localisation,
+    /// Answers are written in another format.
+    Conversion,
+}
+
+impl Work {
+    /// Several of them.
+    fn plural(self) -> &'static str {
+        match self {
+            Self::Localisation => "localisations",
+            Self::Conversion => "conversions of answers",
+        }
+    }
+
+    /// What makes it shorter.
+    fn advice(self) -> &'static str {
+        match self {
+            Self::Localisation => {
+                "a heading, a height or an area (`near`) makes the search shorter"
+            }
+            Self::Conversion => "send fewer answers",
+        }
+    }
+}
 
 /// Counts the places of those that run and wait, and hands them out.
 #[derive(Debug)]
 pub(crate) struct Admission {
+    work: Work,
     places: Arc<Semaphore>,
     workers: Arc<Semaphore>,
     all_places: usize,
     all_workers: usize,
-    /// Mean duration of a localisation, microseconds.
+    /// Mean duration of the work, microseconds.
     mean_us: AtomicU64,
 }
 
-/// The right to localise one photo, now or when a worker is free. Given back when dropped.
+/// The right to do the work once, now or when a worker is free. Given back when dropped.
 #[derive(Debug)]
 pub(crate) struct Place {
     admission: Arc<Admission>,
@@ -31,10 +61,12 @@ pub(crate) struct Place {
 }
 
 impl Admission {
-    pub(crate) fn new(limits: &Limits) -> Arc<Self> {
+    /// Admits `limits.at_once` that run and `limits.queue` that wait.
+    pub(crate) fn new(work: Work, limits: &Limits) -> Arc<Self> {
         let workers = limits.at_once.max(1);
         let places = workers + limits.queue;
         Arc::new(Self {
+            work,
             places: Arc::new(Semaphore::new(places)),
             workers: Arc::new(Semaphore::new(workers)),
             all_places: places,
@@ -54,11 +86,11 @@ impl Admission {
                 permit,
             }),
             Err(_) => Err(Problem::unavailable(
-                "busy",
-                "The service is busy",
+                ProblemKind::Busy,
                 format!(
-                    "{} localisations run and {} wait; send the request again later",
+                    "{} {} run and {} wait; send the request again later",
                     self.all_workers,
+                    self.work.plural(),
                     self.all_places - self.all_workers
                 ),
                 self.retry_after_s(),
@@ -66,7 +98,7 @@ impl Admission {
         }
     }
 
-    /// Localisations that run now.
+    /// Requests whose work runs now.
     pub(crate) fn running(&self) -> usize {
         self.all_workers - self.workers.available_permits()
     }
@@ -104,6 +136,7 @@ impl Place {
         limits: &Limits,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Problem> {
+        let kind = self.admission.work;
         let running = async {
             let Self { admission, permit } = self;
             let Ok(worker) = admission.workers.clone().acquire_owned().await else {
@@ -117,18 +150,18 @@ impl Place {
                 result
             };
             tokio::task::spawn_blocking(work).await.map_err(|error| {
-                tracing::error!(%error, "a localisation failed");
+                tracing::error!(%error, work = kind.plural(), "work failed");
                 Problem::internal()
             })
         };
         match tokio::time::timeout(limits.locate_time, running).await {
             Ok(result) => result,
             Err(_) => Err(Problem::unavailable(
-                "time-limit",
-                "The localisation took too long",
+                ProblemKind::TimeLimit,
                 format!(
-                    "no answer after {} s; a heading, a height or an area (`near`) makes the search shorter",
-                    limits.locate_time.as_secs_f64()
+                    "no answer after {} s; {}",
+                    limits.locate_time.as_secs_f64(),
+                    kind.advice()
                 ),
                 retry_after_time_limit_s(limits),
             )),
@@ -136,7 +169,7 @@ impl Place {
     }
 }
 
-/// A photo that took too long is worth another try when the service is less busy.
+/// What took too long is worth another try when the service is less busy.
 fn retry_after_time_limit_s(limits: &Limits) -> u64 {
     limits
         .locate_time
@@ -154,7 +187,6 @@ mod tests {
         Limits {
             at_once,
             queue,
-            locate_time: Duration::from_millis(200),
             ..Limits::default()
         }
     }
@@ -162,7 +194,7 @@ mod tests {
     #[tokio::test]
     async fn places_are_counted_and_given_back() {
         let limits = limits(1, 2);
-        let admission = Admission::new(&limits);
+        let admission = Admission::new(Work::Localisation, &limits);
         let first = admission.enter().unwrap();
         let _others = [admission.enter().unwrap(), admission.enter().unwrap()];
         assert!(admission.enter().is_err());
@@ -174,8 +206,11 @@ mod tests {
 
     #[tokio::test]
     async fn work_that_takes_too_long_keeps_its_worker_until_it_ends() {
-        let limits = limits(1, 1);
-        let admission = Admission::new(&limits);
+        let limits = Limits {
+            locate_time: Duration::from_millis(200),
+            ..limits(1, 1)
+        };
+        let admission = Admission::new(Work::Localisation, &limits);
         let (end, ended) = std::sync::mpsc::channel::<()>();
         let late = admission
             .enter()
@@ -198,7 +233,7 @@ mod tests {
     #[tokio::test]
     async fn a_panic_is_an_answer_and_frees_the_worker() {
         let limits = limits(1, 0);
-        let admission = Admission::new(&limits);
+        let admission = Admission::new(Work::Localisation, &limits);
         for _ in 0..3 {
             let place = admission.enter().unwrap();
             let result: Result<(), _> = place.run(&limits, || panic!("in a test")).await;

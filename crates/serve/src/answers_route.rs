@@ -4,14 +4,18 @@ use axum::extract::Request;
 use axum::http::{HeaderMap, HeaderValue, header};
 use axum::response::{IntoResponse, Response};
 use grimnet_answer::{Answer, text_of};
+use serde::de::{Deserialize, Deserializer, IgnoredAny, SeqAccess, Visitor};
 
-use crate::accept::AnswerType;
+use crate::answer_type::AnswerType;
 use crate::problem::Problem;
+use crate::request_body::read_body;
 use crate::state::Shared;
-use crate::upload::read_body;
 
 /// Largest list of answers, bytes: thousands of them.
 const MAX_ANSWERS_BYTES: usize = 8 << 20;
+
+/// Most answers in a list. Each may be a few bytes of the body, and takes hundreds in memory.
+const MAX_ANSWERS: usize = 20_000;
 
 /// What a list of answers can be; JSON lines unless the client says otherwise.
 const OFFERED: [AnswerType; 6] = [
@@ -25,7 +29,7 @@ const OFFERED: [AnswerType; 6] = [
 
 /// Writes answers in another format
 ///
-/// A list of answers of `/v1/locate`, for a file of all of them. `application/json` is a list again, `application/x-ndjson` a line
+/// A list of answers of `/v1/locate`, 20,000 at most, for a file of all of them. `application/json` is a list again, `application/x-ndjson` a line
 /// for each answer.
 #[utoipa::path(
     post, path = "/v1/answers", tag = "locate",
@@ -45,18 +49,85 @@ pub(crate) async fn answers(
     request: Request,
 ) -> Result<Response, Problem> {
     let kind = AnswerType::accepted(&headers, &OFFERED)?;
-    let bytes = read_body(request.into_body(), MAX_ANSWERS_BYTES, &state.limits).await?;
-    let answers: Vec<Answer> = serde_json::from_slice(&bytes).map_err(|error| {
+    let place = state.conversions.enter()?;
+    let body = read_body(request.into_body(), MAX_ANSWERS_BYTES, &state.limits).await?;
+    let text = place
+        .run(&state.limits, move || converted(&body, kind))
+        .await??;
+    let content_type = HeaderValue::from_static(kind.media_type());
+    Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
+}
+
+/// A list of answers as JSON in another format.
+fn converted(json: &[u8], kind: AnswerType) -> Result<String, Problem> {
+    let Answers { answers, are_all } = serde_json::from_slice(json).map_err(|error| {
         Problem::bad_request(format!("the body is no list of answers: {error}"))
     })?;
+    if !are_all {
+        return Err(Problem::too_large(format!(
+            "the list is longer than the limit of {MAX_ANSWERS} answers; send it in parts"
+        )));
+    }
     let text = match kind {
         AnswerType::Json => serde_json::to_string(&answers).map_err(|error| error.to_string()),
         kind => text_of(kind.format().as_mut(), &answers).map_err(|error| error.to_string()),
     };
-    let text = text.map_err(|error| {
+    text.map_err(|error| {
         tracing::error!(error, "answers cannot be written");
         Problem::internal()
-    })?;
-    let content_type = HeaderValue::from_static(kind.media_type());
-    Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
+    })
+}
+
+/// The first [`MAX_ANSWERS`] of a list.
+struct Answers {
+    answers: Vec<Answer>,
+    are_all: bool,
+}
+
+impl<'de> Deserialize<'de> for Answers {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct List;
+
+        impl<'de> Visitor<'de> for List {
+            type Value = Answers;
+
+            fn expecting(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.write_str("a list of answers")
+            }
+
+            fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<Answers, A::Error> {
+                let mut answers = Vec::new();
+                while answers.len() < MAX_ANSWERS {
+                    match list.next_element()? {
+                        Some(answer) => answers.push(answer),
+                        None => break,
+                    }
+                }
+                let mut are_all = true;
+                while list.next_element::<IgnoredAny>()?.is_some() {
+                    are_all = false;
+                }
+                Ok(Answers { answers, are_all })
+            }
+        }
+
+        deserializer.deserialize_seq(List)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_list_of_very_many_answers_is_refused() {
+        let list = |count: usize| format!("[{}]", vec!["{}"; count].join(","));
+        let text = converted(list(MAX_ANSWERS).as_bytes(), AnswerType::JsonLines).unwrap();
+        assert_eq!(text.lines().count(), MAX_ANSWERS);
+        let longer = list(MAX_ANSWERS + 1);
+        let expected = Problem::too_large(
+            "the list is longer than the limit of 20000 answers; send it in parts",
+        );
+        assert_eq!(converted(longer.as_bytes(), AnswerType::Csv), Err(expected));
+    }
 }

@@ -7,12 +7,14 @@ use std::time::Duration;
 
 use axum::Router;
 use hyper::server::conn::http1;
+use hyper::service::{Service as _, service_fn};
 use hyper_util::rt::{TokioIo, TokioTimer};
-use hyper_util::server::graceful::GracefulShutdown;
+use hyper_util::server::graceful::{GracefulConnection, GracefulShutdown};
 use hyper_util::service::TowerToHyperService;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::Semaphore;
 
+use crate::lingering_close::LingeringClose;
 use crate::stall_guard::StallGuard;
 use crate::state::State;
 
@@ -76,19 +78,26 @@ pub(crate) async fn accept(
     }
 }
 
-type Connection = http1::Connection<TokioIo<StallGuard<TcpStream>>, TowerToHyperService<Router>>;
-
-fn connection(stream: TcpStream, router: &Router, state: &State) -> Connection {
+/// Answers the requests of one connection.
+fn connection(
+    stream: TcpStream,
+    router: &Router,
+    state: &State,
+) -> impl GracefulConnection<Error = hyper::Error> + Send + use<> {
     // Answers are small and complete: they are not to wait for more.
     let _ = stream.set_nodelay(true);
     let stream = StallGuard::new(stream, state.limits.write_pause);
+    let stream = LingeringClose::new(stream, &state.limits);
+    let unread = stream.unread();
+    let router = TowerToHyperService::new(router.clone());
+    let service = service_fn(move |mut request: hyper::Request<hyper::body::Incoming>| {
+        request.extensions_mut().insert(unread.clone());
+        router.call(request)
+    });
     http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(state.limits.head_time)
         .max_header_size(MAX_HEAD_BYTES)
         .max_headers(MAX_HEADERS)
-        .serve_connection(
-            TokioIo::new(stream),
-            TowerToHyperService::new(router.clone()),
-        )
+        .serve_connection(TokioIo::new(stream), service)
 }

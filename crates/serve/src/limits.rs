@@ -11,11 +11,11 @@ pub struct Limits {
     pub max_body_bytes: usize,
     /// Limits on one photo.
     pub photo: PhotoLimits,
-    /// Localisations that run at the same time.
+    /// Localisations that run at the same time, and so many conversions of answers.
     pub at_once: usize,
-    /// Requests that may wait for a localisation; more are refused with status 503.
+    /// Requests that may wait for a localisation, and for a conversion of answers; more are refused with status 503.
     pub queue: usize,
-    /// Longest time of one localisation, waiting included.
+    /// Longest time of one localisation or conversion, waiting included.
     pub locate_time: Duration,
     /// Longest time for a request body to arrive.
     pub body_time: Duration,

@@ -85,7 +85,7 @@ impl ServedMap {
         [finest.saturating_sub(steps), finest]
     }
 
-    /// What clients are told of the map.
+    /// The map, as clients see it.
     pub(crate) fn summary(&self) -> MapSummary {
         let manifest = self.localizer.pack().manifest();
         MapSummary {

@@ -70,7 +70,7 @@ impl Metrics {
     }
 
     /// The text that Prometheus reads.
-    pub(crate) fn text(&self, admission: &Admission) -> String {
+    pub(crate) fn text(&self, localisations: &Admission, conversions: &Admission) -> String {
         let counts = self.counts();
         let mut out = String::new();
         family(
@@ -121,12 +121,22 @@ impl Metrics {
             (
                 "grimnet_localisations_running",
                 "Localisations that run now.",
-                admission.running() as u64,
+                localisations.running() as u64,
             ),
             (
                 "grimnet_localisations_waiting",
                 "Requests whose photo arrives or waits for a localisation.",
-                admission.waiting() as u64,
+                localisations.waiting() as u64,
+            ),
+            (
+                "grimnet_conversions_running",
+                "Lists of answers that are written in another format now.",
+                conversions.running() as u64,
+            ),
+            (
+                "grimnet_conversions_waiting",
+                "Requests whose answers arrive or wait to be written in another format.",
+                conversions.waiting() as u64,
             ),
             (
                 "grimnet_connections",
@@ -157,6 +167,7 @@ fn line(out: &mut String, name: &str, labels: &str, value: impl std::fmt::Displa
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::admission::Work;
     use crate::limits::Limits;
 
     #[test]
@@ -166,7 +177,9 @@ mod tests {
             metrics.answer("town", ms < 100, Duration::from_millis(ms));
         }
         metrics.request("POST", "/v1/locate", 200);
-        let text = metrics.text(&Admission::new(&Limits::default()));
+        let [localisations, conversions] = [Work::Localisation, Work::Conversion]
+            .map(|work| Admission::new(work, &Limits::default()));
+        let text = metrics.text(&localisations, &conversions);
         for expected in [
             "grimnet_localisation_seconds_bucket{le=\"0.01\"} 1\n",
             "grimnet_localisation_seconds_bucket{le=\"0.1\"} 3\n",
@@ -177,6 +190,7 @@ mod tests {
             "grimnet_localisations_total{map=\"town\",state=\"no_fix\"} 1\n",
             "grimnet_requests_total{method=\"POST\",route=\"/v1/locate\",status=\"200\"} 1\n",
             "grimnet_localisations_running 0\n",
+            "grimnet_conversions_waiting 0\n",
         ] {
             assert!(text.contains(expected), "{expected}in\n{text}");
         }

@@ -2,7 +2,14 @@
 
 use axum::Json;
 use axum::response::IntoResponse;
-use utoipa::OpenApi;
+use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
+use utoipa::openapi::{Components, Content, Ref, ResponseBuilder};
+use utoipa::{Modify, OpenApi};
+
+use crate::problem;
+
+/// The name of the token in the document.
+const TOKEN: &str = "token";
 
 /// A multipart body of `POST /v1/locate`, for the document.
 #[derive(utoipa::ToSchema)]
@@ -39,14 +46,46 @@ pub(crate) struct Binary(Vec<u8>);
         crate::track_routes::track,
         crate::track_routes::end,
         crate::track_routes::frame,
-        crate::track_events::events,
-        crate::track_session::session,
-        crate::health::health,
-        crate::health::metrics,
+        crate::track_events_route::events,
+        crate::track_session_route::session,
+        crate::health_routes::health,
+        crate::health_routes::metrics,
     ),
-    components(schemas(grimnet_answer::State))
+    components(schemas(grimnet_answer::State, problem::Problem)),
+    modifiers(&OfAllOperations)
 )]
 struct Document;
+
+/// What all operations have in common: errors, and the token.
+struct OfAllOperations;
+
+impl Modify for OfAllOperations {
+    fn modify(&self, document: &mut utoipa::openapi::OpenApi) {
+        let content = Content::new(Some(Ref::from_schema_name("Problem")));
+        let error = ResponseBuilder::new()
+            .description("An error. Status 503 has a header `Retry-After`, seconds.")
+            .content(problem::MEDIA_TYPE, content)
+            .build();
+        for path in document.paths.paths.values_mut() {
+            let operations = [&mut path.get, &mut path.post, &mut path.delete];
+            for operation in operations.into_iter().flatten() {
+                let responses = &mut operation.responses.responses;
+                responses.insert("default".to_owned(), error.clone().into());
+            }
+        }
+        let scheme = HttpBuilder::new()
+            .scheme(HttpAuthScheme::Bearer)
+            .description(Some("Only if the service was started with a token."))
+            .build();
+        let components = document.components.get_or_insert_with(Components::new);
+        components.add_security_scheme(TOKEN, SecurityScheme::Http(scheme));
+        let none: [&str; 0] = [];
+        document.security = Some(vec![
+            SecurityRequirement::default(),
+            SecurityRequirement::new(TOKEN, none),
+        ]);
+    }
+}
 
 /// `GET /openapi.json`.
 pub(crate) async fn document() -> impl IntoResponse {
@@ -70,6 +109,21 @@ mod tests {
         let locate = &document["paths"]["/v1/locate"]["post"]["requestBody"]["content"];
         assert!(locate["multipart/form-data"].is_object(), "{locate}");
         assert!(locate["image/jpeg"].is_object(), "{locate}");
+    }
+
+    #[test]
+    fn every_operation_describes_its_errors() {
+        let document = serde_json::to_value(Document::openapi()).unwrap();
+        for (path, operations) in document["paths"].as_object().unwrap() {
+            for (method, operation) in operations.as_object().unwrap() {
+                let error = &operation["responses"]["default"]["content"];
+                let schema = &error["application/problem+json"]["schema"];
+                assert_eq!(
+                    schema["$ref"], "#/components/schemas/Problem",
+                    "{method} {path}"
+                );
+            }
+        }
     }
 
     fn collect(value: &serde_json::Value, found: &mut Vec<String>) {

@@ -6,12 +6,14 @@ use serde::Deserialize;
 use crate::problem::Problem;
 
 /// What is known of the photo. What is left out comes from its metadata, or is searched.
-#[derive(Debug, Clone, Default, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, Default, Deserialize, utoipa::ToSchema, utoipa::IntoParams)]
 #[serde(deny_unknown_fields)]
 #[schema(as = Prior)]
+#[into_params(parameter_in = Query)]
 pub(crate) struct PriorFields {
-    /// Direction of the photo's top edge: degrees clockwise from true north, `exif` (from the metadata; searched if they do not
-    /// tell it; the default) or `unknown` (searched).
+    /// Direction of the photo's top edge: degrees clockwise from true north, `exif` (from the metadata, searched if they do not
+    /// hold it; the default) or `unknown` (searched).
+    #[param(value_type = Option<String>)]
     heading: Option<HeadingField>,
     /// Standard deviation of a heading in degrees; 5 by default.
     heading_sigma_deg: Option<f64>,
@@ -21,7 +23,8 @@ pub(crate) struct PriorFields {
     hfov_deg: Option<f64>,
     /// Ground resolution of the full-size photo, metres per pixel; excludes height and field of view.
     gsd_m: Option<f64>,
-    /// Search only here. As a query parameter: `LAT,LON,RADIUS_M`.
+    /// Search only here: latitude and longitude in degrees, radius in metres. As a query parameter: `LAT,LON,RADIUS_M`.
+    #[param(value_type = Option<String>)]
     near: Option<NearField>,
 }
 

@@ -4,25 +4,25 @@ use std::sync::Arc;
 
 use axum::Router;
 use axum::extract::DefaultBodyLimit;
-use axum::http::{Method, StatusCode, Uri, header};
-use axum::middleware::from_fn_with_state;
+use axum::http::{Method, Uri};
+use axum::middleware::{from_fn, from_fn_with_state};
 use axum::routing::{get, post};
 
 use crate::answers_route::answers;
 use crate::assets;
-use crate::guard::protect;
-use crate::health::{health, metrics};
+use crate::health_routes::{health, metrics};
+use crate::lingering_close::close_after_refusal;
 use crate::locate_route::locate;
 use crate::map_routes::maps;
 use crate::openapi::document;
-use crate::problem::Problem;
+use crate::problem::{Problem, ProblemKind};
+use crate::protection::protect;
 use crate::request_log::log_request;
-use crate::rest_of_body::take_in_rest;
 use crate::state::State;
 use crate::tile_routes::{tile, tilejson};
-use crate::track_events::events;
+use crate::track_events_route::events;
 use crate::track_routes::{begin, end, frame, list, track};
-use crate::track_session::session;
+use crate::track_session_route::session;
 
 /// The router of the service.
 pub(crate) fn router(state: Arc<State>) -> Router {
@@ -46,7 +46,7 @@ pub(crate) fn router(state: Arc<State>) -> Router {
         .fallback(not_found)
         .layer(DefaultBodyLimit::max(max_body_bytes))
         .layer(from_fn_with_state(state.clone(), protect))
-        .layer(from_fn_with_state(state.clone(), take_in_rest))
+        .layer(from_fn(close_after_refusal))
         .layer(from_fn_with_state(state.clone(), log_request))
         .with_state(state)
 }
@@ -60,10 +60,7 @@ async fn not_found(uri: Uri) -> Problem {
 
 async fn method_not_allowed(method: Method) -> Problem {
     Problem::new(
-        StatusCode::METHOD_NOT_ALLOWED,
-        "method-not-allowed",
-        "This method is not possible here",
+        ProblemKind::MethodNotAllowed,
         format!("the method is {method}; the header Allow lists the possible ones"),
     )
-    .with_header(header::CONNECTION, "close")
 }

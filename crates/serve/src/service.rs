@@ -6,7 +6,8 @@ use std::sync::Arc;
 use tokio::runtime::Runtime;
 use tokio::sync::{Semaphore, watch};
 
-use crate::admission::Admission;
+use crate::access::Access;
+use crate::admission::{Admission, Work};
 use crate::connections;
 use crate::error::ServeError;
 use crate::limits::Limits;
@@ -15,19 +16,7 @@ use crate::metrics::Metrics;
 use crate::router::router;
 use crate::state::State;
 use crate::tile_cache::TileCache;
-use crate::token::Token;
 use crate::track_store::Tracks;
-
-/// Who may ask.
-#[derive(Debug, Clone)]
-pub enum Access {
-    /// Programs on this machine.
-    ThisMachine,
-    /// Everybody who sends the token.
-    WithToken(Token),
-    /// Everybody who reaches the address.
-    Everybody,
-}
 
 /// A service that listens and does not answer yet.
 #[derive(Debug)]
@@ -61,21 +50,14 @@ impl Service {
         maps: Vec<ServedMap>,
         limits: Limits,
     ) -> Result<Self, ServeError> {
-        let is_loopback = address.ip().is_loopback();
-        let (token, is_local) = match access {
-            Access::ThisMachine if !is_loopback => {
-                return Err(ServeError::Unprotected { address });
-            }
-            Access::ThisMachine => (None, true),
-            Access::WithToken(token) => (Some(token), false),
-            Access::Everybody => (None, false),
-        };
+        if matches!(access, Access::ThisMachine) && !address.ip().is_loopback() {
+            return Err(ServeError::Unprotected { address });
+        }
         let maps = Maps::new(maps)?;
         let listener =
             TcpListener::bind(address).map_err(|source| ServeError::Listen { address, source })?;
         listener.set_nonblocking(true)?;
         let address = listener.local_addr()?;
-        let admission = Admission::new(&limits);
         let stop = Arc::new(watch::Sender::new(false));
         let state = State {
             maps,
@@ -84,11 +66,11 @@ impl Service {
             listeners: Arc::new(Semaphore::new(limits.listeners)),
             stopping: stop.subscribe(),
             tiles: TileCache::default(),
+            localisations: Admission::new(Work::Localisation, &limits),
+            conversions: Admission::new(Work::Conversion, &limits),
             limits,
-            admission,
             metrics: Metrics::default(),
-            token,
-            is_local,
+            access,
         };
         Ok(Self {
             listener,

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use tokio::sync::{Semaphore, watch};
 
+use crate::access::Access;
 use crate::admission::Admission;
 use crate::limits::Limits;
 use crate::maps::Maps;
 use crate::metrics::Metrics;
 use crate::tile_cache::TileCache;
-use crate::token::Token;
 use crate::track_store::Tracks;
 
 /// The running service, as request handlers see it.
@@ -17,7 +17,9 @@ use crate::track_store::Tracks;
 pub(crate) struct State {
     pub maps: Maps,
     pub limits: Limits,
-    pub admission: Arc<Admission>,
+    pub localisations: Arc<Admission>,
+    /// Answers that are written in another format.
+    pub conversions: Arc<Admission>,
     pub metrics: Metrics,
     pub tracks: Tracks,
     /// Clients that may follow tracks.
@@ -25,11 +27,9 @@ pub(crate) struct State {
     /// Becomes true when the service stops.
     pub stopping: watch::Receiver<bool>,
     pub tiles: TileCache,
-    /// Work in the background that runs at the same time.
+    /// Tiles and tracks as text that are made at the same time.
     pub background: Arc<Semaphore>,
-    pub token: Option<Token>,
-    /// Only this machine reaches the service.
-    pub is_local: bool,
+    pub access: Access,
 }
 
 /// The state of a request handler.

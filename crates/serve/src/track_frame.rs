@@ -14,11 +14,10 @@ pub struct TrackFrame {
     pub time_s: f64,
     /// Whether a window around the expected position was searched (`window`) or the whole map (`whole_map`).
     pub searched: &'static str,
-    /// The track at that time: `state`, and position, velocity, heading and covariance if there are any; `null` if the frame is too
-    /// old.
-    #[schema(value_type = Option<Object>)]
+    /// The track at that time; `null` if the frame is too old.
+    #[schema(value_type = Option<crate::track_point_schema::TrackPointSchema>)]
     pub point: Option<TrackPoint>,
-    /// The answer for the photo alone.
+    /// The answer for the photo alone; `used` and `set_aside` are empty.
     pub answer: Answer,
 }
 

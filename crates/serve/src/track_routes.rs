@@ -12,17 +12,18 @@ use grimnet_locate::Prior;
 use serde::{Deserialize, Serialize};
 use tokio::time::timeout;
 
-use crate::accept::AnswerType;
+use crate::answer_type::AnswerType;
 use crate::background::in_background;
-use crate::locate_route::{decode, prior_of};
 use crate::path::Path;
-use crate::problem::Problem;
+use crate::photo::decode;
+use crate::problem::{Problem, ProblemKind};
 use crate::query::Query;
+use crate::request_body::read_body;
 use crate::state::{Shared, State};
 use crate::track_formats::{geojson, gpx};
 use crate::track_frame::TrackFrame;
 use crate::track_store::{Track, TrackSummary};
-use crate::upload::{Upload, label, read_body};
+use crate::upload::Upload;
 
 /// Largest and smallest time that a frame may have, seconds: times of every usual clock are within.
 const MAX_TIME_S: f64 = 1e12;
@@ -132,10 +133,14 @@ pub(crate) async fn track(
         ("id" = u64, Path, description = "The track"),
         ("time_s" = f64, Query, description = "Time of the exposure, seconds on one clock for all frames"),
         ("name" = Option<String>, Query, description = "Name of the photo in the answer"),
+        crate::prior_fields::PriorFields,
     ),
     request_body(content(
         (crate::openapi::LocateForm = "multipart/form-data"),
         (crate::openapi::Binary = "image/jpeg"),
+        (crate::openapi::Binary = "image/png"),
+        (crate::openapi::Binary = "image/tiff"),
+        (crate::openapi::Binary = "image/webp"),
         (crate::openapi::Binary = "application/octet-stream"),
     )),
     responses((status = 200, description = "What it gave", body = TrackFrame))
@@ -158,23 +163,23 @@ pub(crate) async fn frame(
             )
         })?;
     let name = query.take("name");
-    let place = state.admission.enter()?;
+    let place = state.localisations.enter()?;
     let upload = Upload::read(request, &state.limits).await?;
-    let prior = prior_of(&query, upload.prior.as_ref())?;
-    let name = name.as_deref().and_then(label).or(upload.name);
+    let prior = upload.prior(&query)?;
+    let name = upload
+        .name(name.as_deref())
+        .unwrap_or_else(|| format!("frame at {time_s} s"));
     let turn = timeout(state.limits.locate_time, track.turn.clone().acquire_owned());
     let Ok(Ok(turn)) = turn.await else {
         return Err(Problem::unavailable(
-            "busy",
-            "The track is busy",
-            "the frames before this one take too long; send fewer",
+            ProblemKind::Busy,
+            "the frames of this track before this one take too long; send fewer",
             1,
         ));
     };
     let shared = state.clone();
     let work = move || {
         let _turn = turn;
-        let name = name.unwrap_or_else(|| format!("frame at {time_s} s"));
         take_in(&shared, &track, &name, &upload.photo, time_s, prior)
     };
     let frame = place.run(&state.limits, work).await??;

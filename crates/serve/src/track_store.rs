@@ -8,7 +8,7 @@ use grimnet_flight::Flight;
 use serde::Serialize;
 use tokio::sync::{Semaphore, watch};
 
-use crate::problem::Problem;
+use crate::problem::{Problem, ProblemKind};
 use crate::track_frame::TrackFrame;
 
 /// Tracks at the same time. A new one takes the place of the one that got no frame for longest.
@@ -153,8 +153,7 @@ impl Tracks {
             let (idle_s, id) = oldest.unwrap_or_default();
             if idle_s <= IDLE_S {
                 return Err(Problem::unavailable(
-                    "tracks",
-                    "There are too many tracks",
+                    ProblemKind::Tracks,
                     format!("{MAX_TRACKS} tracks are in use; end one with DELETE"),
                     (IDLE_S - idle_s).ceil() as u64 + 1,
                 ));

@@ -1,15 +1,16 @@
-//! Reads a photo and its prior from the body of a request, within limits of size and time.
+//! A photo and its prior from the body of a request.
 
-use axum::body::{Body, Bytes, HttpBody as _};
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{FromRequest as _, Request};
 use axum::http::header;
-use futures_util::StreamExt as _;
+use grimnet_locate::Prior;
 use tokio::time::timeout;
 
 use crate::limits::Limits;
 use crate::prior_fields::PriorFields;
 use crate::problem::Problem;
+use crate::query::Query;
+use crate::request_body::{append, in_time, paused, read_chunks};
 
 /// Largest prior, bytes.
 const MAX_PRIOR_BYTES: usize = 64 << 10;
@@ -32,9 +33,9 @@ pub(crate) struct Upload {
     /// The bytes of the photo file.
     pub photo: Vec<u8>,
     /// The name that the client gave the file. It is repeated in the answer and used for nothing else.
-    pub name: Option<String>,
+    name: Option<String>,
     /// The part `prior` of a multipart body.
-    pub prior: Option<PriorFields>,
+    prior: Option<PriorFields>,
 }
 
 impl Upload {
@@ -44,6 +45,25 @@ impl Upload {
     /// Status 408 if it arrives too slowly, 413 if it is too large, 415 for another content type, 400 if it is malformed.
     pub(crate) async fn read(request: Request, limits: &Limits) -> Result<Self, Problem> {
         in_time(limits, Self::read_all(request, limits)).await
+    }
+
+    /// The prior from the body or from the query, not from both.
+    ///
+    /// # Errors
+    /// Status 400 if there are two, or it is not understood; 422 if a value cannot be used.
+    pub(crate) fn prior(&self, query: &Query) -> Result<Prior, Problem> {
+        match &self.prior {
+            Some(_) if !query.is_empty() => Err(Problem::bad_request(
+                "the prior is given as a part of the body and in the query; expected one of them",
+            )),
+            Some(fields) => fields.prior(),
+            None => PriorFields::from_pairs(query.pairs())?.prior(),
+        }
+    }
+
+    /// The name of the photo in the answer: that of the query, else that of the file.
+    pub(crate) fn name(&self, in_query: Option<&str>) -> Option<String> {
+        in_query.and_then(label).or_else(|| self.name.clone())
     }
 
     async fn read_all(request: Request, limits: &Limits) -> Result<Self, Problem> {
@@ -123,7 +143,7 @@ impl Upload {
 }
 
 /// The last part of a file name, for display.
-pub(crate) fn label(name: &str) -> Option<String> {
+fn label(name: &str) -> Option<String> {
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let label: String = last.chars().take(MAX_NAME_CHARACTERS).collect();
     (!label.is_empty()).then_some(label)
@@ -145,66 +165,6 @@ async fn read_part(
     }
 }
 
-/// Reads a whole body of `max_bytes` at most.
-///
-/// # Errors
-/// Status 408 if it arrives too slowly, 413 if it is too large, 400 if it breaks off.
-pub(crate) async fn read_body(
-    body: Body,
-    max_bytes: usize,
-    limits: &Limits,
-) -> Result<Vec<u8>, Problem> {
-    in_time(limits, read_chunks(body, max_bytes, limits)).await
-}
-
-/// What `reading` gives, if the body arrives within `limits.body_time`.
-async fn in_time<T>(
-    limits: &Limits,
-    reading: impl Future<Output = Result<T, Problem>>,
-) -> Result<T, Problem> {
-    match timeout(limits.body_time, reading).await {
-        Ok(result) => result,
-        Err(_) => Err(Problem::too_slow(format!(
-            "the body did not arrive within {} s",
-            limits.body_time.as_secs_f64()
-        ))),
-    }
-}
-
-async fn read_chunks(body: Body, max_bytes: usize, limits: &Limits) -> Result<Vec<u8>, Problem> {
-    if body.size_hint().lower() > max_bytes as u64 {
-        return Err(longer_than(max_bytes));
-    }
-    let mut stream = body.into_data_stream();
-    let mut bytes = Vec::new();
-    loop {
-        let next = timeout(limits.body_pause, stream.next()).await;
-        match next.map_err(|_| paused(limits))? {
-            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes)?,
-            Some(Err(error)) => {
-                return Err(Problem::bad_request(format!(
-                    "the body breaks off: {error}"
-                )));
-            }
-            None => return Ok(bytes),
-        }
-    }
-}
-
-fn append(bytes: &mut Vec<u8>, chunk: &Bytes, max_bytes: usize) -> Result<(), Problem> {
-    if bytes.len() + chunk.len() > max_bytes {
-        return Err(longer_than(max_bytes));
-    }
-    bytes.extend_from_slice(chunk);
-    Ok(())
-}
-
-fn longer_than(max_bytes: usize) -> Problem {
-    Problem::too_large(format!(
-        "the content is longer than the limit of {max_bytes} bytes"
-    ))
-}
-
 fn malformed(error: &MultipartError, limits: &Limits) -> Problem {
     if error.status() == axum::http::StatusCode::PAYLOAD_TOO_LARGE {
         return too_large(limits);
@@ -219,13 +179,6 @@ fn too_large(limits: &Limits) -> Problem {
     Problem::too_large(format!(
         "the body is longer than the limit of {} bytes",
         limits.max_body_bytes
-    ))
-}
-
-fn paused(limits: &Limits) -> Problem {
-    Problem::too_slow(format!(
-        "no byte of the body arrived for {} s",
-        limits.body_pause.as_secs_f64()
     ))
 }
 

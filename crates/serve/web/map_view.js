@@ -79,30 +79,30 @@ export class MapView {
     map.on("click", "fix", (event) => onChoose(event.features[0].properties.number));
   }
 
-  /** Shows a map of the service. */
-  async showArea(area) {
+  /** Shows a map of the service, as /v1/maps describes it. */
+  async showMap(served) {
     await this.loaded;
     const { map } = this;
     for (const id of ["picture", "outlines"]) {
       if (map.getLayer(id)) map.removeLayer(id);
       if (map.getSource(id)) map.removeSource(id);
     }
-    const [west, south, east, north] = area.bounds_deg;
+    const [west, south, east, north] = served.bounds_deg;
     const tiles = (layer) => ({
       type: "raster",
       tileSize: 256,
-      tiles: [`${location.origin}/v1/maps/${area.id}/tiles/{z}/{x}/{y}?layer=${layer}`],
-      bounds: area.bounds_deg,
-      minzoom: area.minzoom,
-      maxzoom: area.maxzoom,
+      tiles: [`${location.origin}/v1/maps/${served.id}/tiles/{z}/{x}/{y}?layer=${layer}`],
+      bounds: served.bounds_deg,
+      minzoom: served.minzoom,
+      maxzoom: served.maxzoom,
     });
-    if (area.has_picture) {
+    if (served.has_picture) {
       map.addSource("picture", tiles("map"));
       map.addLayer({ id: "picture", type: "raster", source: "picture" }, "area");
     }
     map.addSource("outlines", tiles("outlines"));
-    map.addLayer({ id: "outlines", type: "raster", source: "outlines", layout: { visibility: area.has_picture ? "none" : "visible" } }, "area");
-    map.getSource("area").setData(collection([polygon(area.outline_lon_lat_deg)]));
+    map.addLayer({ id: "outlines", type: "raster", source: "outlines", layout: { visibility: served.has_picture ? "none" : "visible" } }, "area");
+    map.getSource("area").setData(collection([polygon(served.outline_lon_lat_deg)]));
     map.fitBounds([[west, south], [east, north]], { padding: 24, animate: false });
   }
 

@@ -7,7 +7,7 @@ const priorFields = ["heading", "height_agl_m", "hfov_deg", "near"];
 // Photos, the last one first: each has a number and either an answer or an error.
 const entries = [];
 let lastNumber = 0;
-let areas = [];
+let maps = [];
 let chosen = null;
 let view = null;
 
@@ -144,22 +144,22 @@ function askForToken() {
 
 async function readMaps() {
   const response = await ask("/v1/maps", token());
-  areas = (await response.json()).maps;
-  byId("map-choice").replaceChildren(...areas.map((area) => element("option", area.id)));
-  await showArea();
+  ({ maps } = await response.json());
+  byId("map-choice").replaceChildren(...maps.map(({ id }) => element("option", id)));
+  await showChosenMap();
 }
 
-async function showArea() {
-  const area = areas.find((each) => each.id === byId("map-choice").value);
-  if (!area) return;
-  byId("show-outlines").checked = !area.has_picture;
-  await view?.showArea(area);
+async function showChosenMap() {
+  const map = maps.find((each) => each.id === byId("map-choice").value);
+  if (!map) return;
+  byId("show-outlines").checked = !map.has_picture;
+  await view?.showMap(map);
 }
 
 async function showMap(id) {
-  if (byId("map-choice").value === id || !areas.some((each) => each.id === id)) return;
+  if (byId("map-choice").value === id || !maps.some((each) => each.id === id)) return;
   byId("map-choice").value = id;
-  await showArea();
+  await showChosenMap();
 }
 
 async function save(button) {
@@ -192,7 +192,7 @@ function connectInputs() {
     await locateFiles(files);
   });
   byId("again").addEventListener("click", () => locateFile(chosen.file, chosen));
-  byId("map-choice").addEventListener("change", showArea);
+  byId("map-choice").addEventListener("change", showChosenMap);
   byId("show-outlines").addEventListener("change", (event) => view?.showOutlines(event.target.checked));
   byId("show-photo").addEventListener("change", draw);
   byId("token").addEventListener("change", start);

@@ -22,14 +22,22 @@ export function drawn(frames, upTo) {
   return { type: "FeatureCollection", features };
 }
 
-/** Reads the events of a track until `signal` aborts; a broken connection is resumed after the last frame. */
+/** A track that the service does not have: it was ended, or given up for a new one. */
+const isGone = (error) => error instanceof ServiceError && error.status === 404;
+
+/**
+ * Reads the events of a track until the track ends or `signal` aborts; a broken connection is resumed after the last frame. Throws if
+ * the service does not have the track at all.
+ */
 async function follow(id, token, signal, onFrame) {
   let last = 0;
+  let isBegun = false;
   while (!signal.aborted) {
     // Not EventSource: it cannot send a token.
     const headers = { "last-event-id": String(last) };
     try {
       const response = await ask(`/v1/tracks/${id}/events`, token, { headers, signal });
+      isBegun = true;
       const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
       let text = "";
       for (;;) {
@@ -47,7 +55,7 @@ async function follow(id, token, signal, onFrame) {
         }
       }
     } catch (error) {
-      if (signal.aborted) return;
+      if (signal.aborted || (isBegun && isGone(error))) return;
       if (error instanceof ServiceError && error.status) throw error;
     }
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
@@ -57,6 +65,7 @@ async function follow(id, token, signal, onFrame) {
 /** Connects the inputs of the page. `showMap` takes the name of a map, `goTo` a longitude and latitude. */
 export function connectTracks({ token, showMap, showTrack, goTo }) {
   const say = (text) => { byId("track-status").textContent = text; };
+  const sayError = (error, id) => say(isGone(error) ? `The service does not have track ${id} any more. List the tracks again.` : error.message);
   const slider = byId("track-slider");
   let tracks = [];
   let frames = [];
@@ -113,8 +122,9 @@ export function connectTracks({ token, showMap, showTrack, goTo }) {
         }
         showSoon();
       });
+      if (!signal.aborted) say(`Track ${id} has ended. Its ${frames.length} frames stay here until another track is followed.`);
     } catch (error) {
-      say(error.message);
+      if (!signal.aborted) sayError(error, id);
     }
   });
   byId("save-track").addEventListener("click", async () => {
@@ -124,7 +134,7 @@ export function connectTracks({ token, showMap, showTrack, goTo }) {
       saveAs(await response.blob(), `track-${id}.html`);
       say(`Saved track-${id}.html, which opens without this service.`);
     } catch (error) {
-      say(error.message);
+      sayError(error, id);
     }
   });
   slider.addEventListener("input", show);

@@ -61,7 +61,7 @@ impl Hypothesis {
 
     /// Takes in motion between frames.
     ///
-    /// It was found in photos that were levelled with the told attitude, so it is off by how much the error of the view's tilt
+    /// It was found in photos that were levelled with the reported attitude, so it is off by how much the error of the view's tilt
     /// moved the image centre at the second photo, less how much at the first. That error is part of the state: what is carried
     /// on is the position as the photos see it, and no error of an attitude is added up.
     pub fn motion(&mut self, motion: &RelativeMotion, sensors: &Sensors, options: &TrackOptions) {

@@ -14,7 +14,8 @@ pub enum InputError {
         /// What it should be.
         expected: &'static str,
     },
-    /// The input is older than the filter can go back.
+    /// The input is older than the filter can go back. If the next inputs are as well, the clock was set back, and the filter starts
+    /// again at the new time.
     #[error(
         "the input is {age_s:.1} s older than the newest one; inputs may be at most {lag_s:.1} s late"
     )]

@@ -34,7 +34,7 @@ pub enum Taken {
     Late,
     /// It was there already and changes nothing.
     Duplicate,
-    /// It confirms that the clock jumped: the filter started again with it.
+    /// It confirms that a clock was set: the filter started again with it and with those refused before it that agree.
     Restarted,
 }
 

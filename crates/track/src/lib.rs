@@ -22,6 +22,7 @@
 mod alias_rate;
 mod attitude;
 mod bank;
+mod clock_watch;
 mod confidence;
 mod dead_reckoning;
 mod error;

@@ -41,7 +41,7 @@ pub(crate) fn position_of(view: View) -> PositionOf {
 
 /// By how much the boresight and the error of the view's tilt move the image centre, metres for one radian.
 ///
-/// It depends on what was told and on nothing that is estimated: a fix and the motions before and after it must see the same
+/// It depends on what was reported and on nothing that is estimated: a fix and the motions before and after it must see the same
 /// boresight, or the differences would pass for knowledge of it.
 pub(crate) fn lean(view: View) -> Observation {
     let mut lean = Observation::zeros();

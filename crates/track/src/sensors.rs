@@ -17,22 +17,22 @@ const HEIGHT_HOLD_S: f64 = 10.0;
 /// How far roll and pitch may be off what is extrapolated from the last two attitudes, degrees per second of their age.
 const ATTITUDE_SPREAD_DEG_S: f64 = 5.0;
 
-/// Where a fix's ground resolution and the told height differ by a larger factor, the focal length or the height is wrong and not a
+/// Where a fix's ground resolution and the reported height differ by a larger factor, the focal length or the height is wrong and not a
 /// roof in the way: the surface is then taken to be as far away as the height says.
 const MOST_RELIEF: f64 = 1.35;
 
-/// What was last told by sensors other than the camera.
+/// What sensors other than the camera reported last.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Sensors {
-    told: Told,
+    telemetry: Telemetry,
     velocity: Option<Velocity>,
     /// What was known at the latest frame and at the one before, and their times.
-    frames: [Option<(f64, Told)>; 2],
+    frames: [Option<(f64, Telemetry)>; 2],
 }
 
 /// What is known of the direction and the height of photos.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-struct Told {
+struct Telemetry {
     previous_attitude: Option<Attitude>,
     attitude: Option<Attitude>,
     height: Option<Height>,
@@ -61,8 +61,8 @@ impl Sensors {
     /// height and the factor by which it changed.
     pub fn take(&mut self, input: &Input) -> Option<(f64, f64)> {
         match input {
-            Input::Attitude(attitude) => self.told.set_attitude(*attitude),
-            Input::Height(height) => Some((height.time_s, self.told.set_height(*height)?)),
+            Input::Attitude(attitude) => self.telemetry.set_attitude(*attitude),
+            Input::Height(height) => Some((height.time_s, self.telemetry.set_height(*height)?)),
             Input::Velocity(velocity) => {
                 self.velocity = Some(*velocity);
                 None
@@ -80,7 +80,7 @@ impl Sensors {
         if latest.is_some_and(|(latest_s, _)| latest_s < time_s) {
             *before = *latest;
         }
-        *latest = Some((time_s, self.told));
+        *latest = Some((time_s, self.telemetry));
     }
 
     /// How the two photos of a motion were directed that was just taken in. Where the first is not known any more, it is as the
@@ -96,9 +96,9 @@ impl Sensors {
             .iter()
             .flatten()
             .find(|(time_s, _)| *time_s == motion.from_time_s)
-            .map_or(self.told, |(_, told)| *told);
-        [(first, motion.from_time_s), (self.told, motion.time_s)]
-            .map(|(told, time_s)| told.view(time_s, gsd_m, options))
+            .map_or(self.telemetry, |(_, telemetry)| *telemetry);
+        [(first, motion.from_time_s), (self.telemetry, motion.time_s)]
+            .map(|(telemetry, time_s)| telemetry.view(time_s, gsd_m, options))
     }
 
     /// The velocity, if it is not older than `hold_s`.
@@ -108,17 +108,17 @@ impl Sensors {
 
     /// Height above mean sea level, metres.
     pub fn amsl_m(&self) -> Option<f64> {
-        self.told.height.and_then(|height| height.amsl_m)
+        self.telemetry.height.and_then(|height| height.amsl_m)
     }
 
     /// Height above ground, metres.
     pub fn agl_m(&self, time_s: f64) -> Option<f64> {
-        self.told.agl_m(time_s)
+        self.telemetry.agl_m(time_s)
     }
 
     /// The yaw of the latest attitude, if it is recent.
     pub fn yaw_deg(&self, time_s: f64) -> Option<f64> {
-        self.told
+        self.telemetry
             .attitude
             .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
             .map(|attitude| attitude.yaw_deg)
@@ -126,12 +126,12 @@ impl Sensors {
 
     /// Ground resolution at the centre of a photo taken at `time_s` over that straight below; 1 if no attitude is known.
     pub fn gsd_over_nadir(&self, time_s: f64) -> f64 {
-        self.told.gsd_over_nadir(time_s)
+        self.telemetry.gsd_over_nadir(time_s)
     }
 
     /// How a photo taken at `time_s` with this ground resolution straight below was directed.
     pub fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
-        self.told.view(time_s, gsd_m, options)
+        self.telemetry.view(time_s, gsd_m, options)
     }
 
     /// How a photo with `fix` was directed. Its ground resolution, straight below, tells how far the surface is that was matched
@@ -162,7 +162,7 @@ impl Sensors {
     }
 }
 
-impl Told {
+impl Telemetry {
     /// Takes in an attitude. Gives the turn from the one before, if that is recent: its time and degrees clockwise.
     fn set_attitude(&mut self, attitude: Attitude) -> Option<(f64, f64)> {
         self.previous_attitude = self.attitude.replace(attitude);

@@ -59,6 +59,15 @@ impl CentreOffset {
     }
 }
 
+impl Attitude {
+    /// Where a camera with this attitude sees its image centre: metres east and north of the point below it, over flat ground that is
+    /// `height_agl_m` below. `None` if the view is more than 60 degrees off the vertical.
+    pub fn centre_offset_en_m(&self, height_agl_m: f64) -> Option<[f64; 2]> {
+        let centre = CentreOffset::new(self, Vector2::zeros(), height_agl_m)?;
+        Some(centre.offset_en_m.into())
+    }
+}
+
 /// Ground resolution at the photo's centre over that straight below a camera at the same height. A photo's pixel there covers a
 /// cone that meets the ground `1 / cos` as far away and at an angle: `1 / cos^3` the area. It is bounded near the horizon.
 pub(crate) fn gsd_over_nadir(attitude: &Attitude) -> f64 {

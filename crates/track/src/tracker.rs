@@ -1,6 +1,7 @@
 //! The filter as a user sees it: inputs in any order, the track at any time.
 
 use crate::{
+    clock_watch::{ClockWatch, Verdict},
     error::{InputError, OptionsError},
     filter::Filter,
     input::Input,
@@ -9,9 +10,6 @@ use crate::{
     point::TrackPoint,
     window::Search,
 };
-
-/// So many inputs in a row have to be outside of the lag or beyond the jump before the clock is believed to have jumped.
-const INPUTS_TO_CONFIRM_A_JUMP: usize = 10;
 
 /// How many inputs were taken, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -28,7 +26,7 @@ pub struct InputCounts {
     pub too_late: u64,
     /// Refused because the clock jumped.
     pub clock_jumps: u64,
-    /// Restarts after jumps of the clock.
+    /// Restarts, because a clock was set or inputs turned out to be wrong.
     pub restarts: u64,
 }
 
@@ -65,8 +63,8 @@ pub struct Tracker {
     options: TrackOptions,
     lag: Lag,
     counts: InputCounts,
-    /// Time of the last input that was refused for its time, and how many in a row were.
-    refused: Option<(f64, usize)>,
+    clocks: ClockWatch,
+    clock_step_s: Option<f64>,
     /// Whether a fix was taken in.
     has_fix: bool,
 }
@@ -82,7 +80,8 @@ impl Tracker {
             options,
             lag: Lag::new(),
             counts: InputCounts::default(),
-            refused: None,
+            clocks: ClockWatch::default(),
+            clock_step_s: None,
             has_fix: false,
         })
     }
@@ -115,6 +114,10 @@ impl Tracker {
     /// Takes in an input. It may be up to [`TrackOptions::lag_s`] older than the newest one: the state is then, bit for bit,
     /// as if all had come in order.
     ///
+    /// Single inputs of an impossible time are refused. Where several in a row agree that the camera's clock was set, or that of the
+    /// telemetry while no frames come, the filter starts again with them ([`Taken::Restarted`], [`Tracker::clock_step_s`]).
+    /// Telemetry is then refused for as long as it is not of the camera's new time.
+    ///
     /// # Errors
     /// [`InputError`] if the input is invalid, too late, or far away in time. The state is then as before.
     pub fn push(&mut self, input: Input) -> Result<Taken, InputError> {
@@ -122,18 +125,29 @@ impl Tracker {
             self.counts.invalid += 1;
             return Err(error);
         }
-        if let Err(error) = self.check_time(input.time_s()) {
-            if !self.clock_has_jumped(input.time_s()) {
+        match self
+            .clocks
+            .check(&input, self.lag.newest_s(), &self.options)
+        {
+            Verdict::Take => {}
+            Verdict::Refuse(error) => {
+                match error {
+                    InputError::TooLate { .. } => self.counts.too_late += 1,
+                    _ => self.counts.clock_jumps += 1,
+                }
                 return Err(error);
             }
-            self.restart();
-            self.has_fix |= matches!(input, Input::Fix(_));
-            self.lag.push(input, &self.options);
-            return Ok(Taken::Restarted);
+            Verdict::StartAgain { by_s, inputs } => {
+                self.clock_step_s = Some(by_s);
+                self.lag = Lag::new();
+                self.counts.restarts += 1;
+                for input in inputs {
+                    self.take(input);
+                }
+                return Ok(Taken::Restarted);
+            }
         }
-        self.refused = None;
-        self.has_fix |= matches!(input, Input::Fix(_));
-        let taken = self.lag.push(input, &self.options);
+        let taken = self.take(input);
         match taken {
             Taken::Duplicate => self.counts.duplicates += 1,
             Taken::Late => self.counts.late += 1,
@@ -142,40 +156,22 @@ impl Tracker {
         Ok(taken)
     }
 
-    /// Forgets all inputs, as when the clock jumped: what they said turned out to be wrong.
+    fn take(&mut self, input: Input) -> Taken {
+        self.has_fix |= matches!(input, Input::Fix(_));
+        self.lag.push(input, &self.options)
+    }
+
+    /// Forgets all inputs: what they said turned out to be wrong.
     pub fn restart(&mut self) {
         self.lag = Lag::new();
-        self.refused = None;
+        self.clocks.restart();
         self.counts.restarts += 1;
     }
 
-    fn check_time(&mut self, time_s: f64) -> Result<(), InputError> {
-        let Some(newest_s) = self.lag.newest_s() else {
-            return Ok(());
-        };
-        let by_s = time_s - newest_s;
-        if by_s.abs() > self.options.clock_jump_s {
-            self.counts.clock_jumps += 1;
-            return Err(InputError::ClockJump { by_s });
-        }
-        if by_s < -self.options.lag_s {
-            self.counts.too_late += 1;
-            return Err(InputError::TooLate {
-                age_s: -by_s,
-                lag_s: self.options.lag_s,
-            });
-        }
-        Ok(())
-    }
-
-    /// Whether enough inputs in a row were refused for their time and agree with each other.
-    fn clock_has_jumped(&mut self, time_s: f64) -> bool {
-        let count = match self.refused {
-            Some((last_s, count)) if (time_s - last_s).abs() <= self.options.lag_s => count + 1,
-            _ => 1,
-        };
-        self.refused = Some((time_s, count));
-        count >= INPUTS_TO_CONFIRM_A_JUMP
+    /// By how much the clock of the inputs was set when the filter last started again for that, about, seconds: negative if it was set
+    /// back. `None` if it never was.
+    pub fn clock_step_s(&self) -> Option<f64> {
+        self.clock_step_s
     }
 
     /// The track at a time: extrapolated after the newest input, as known up to that time before it. `None` before the first

@@ -211,7 +211,7 @@ fn what_is_too_late_or_far_ahead_is_refused_and_changes_nothing() {
 }
 
 #[test]
-fn a_clock_that_jumped_for_good_starts_the_filter_again() {
+fn a_clock_that_was_set_for_good_starts_the_filter_again() {
     for jump_s in [86_400.0, -86_400.0, -100.0] {
         let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
         for second in 0..60 {
@@ -227,4 +227,121 @@ fn a_clock_that_jumped_for_good_starts_the_filter_again() {
         let point = tracker.point_at(99.5 + jump_s).unwrap();
         assert!(point.state.is_usable(), "{point:?}");
     }
+}
+
+fn velocity(time_s: f64) -> Input {
+    Input::Velocity(Velocity {
+        time_s,
+        east_m_s: 8.0,
+        north_m_s: 0.0,
+        sigma_m_s: 0.3,
+    })
+}
+
+/// A flight of three minutes at 8 m/s to the east with a frame every second and velocities ten times a second. The clocks of camera
+/// and telemetry are set by so many seconds after a minute. Gives the tracker, the seconds after that until the track could be used
+/// again, and the largest error of a position that could be used, at the time of a frame, metres.
+fn with_clocks_set(
+    mut tracker: Tracker,
+    camera_s: f64,
+    telemetry_s: f64,
+) -> (Tracker, Option<u32>, f64) {
+    let (mut again, mut worst_m) = (None, 0.0f64);
+    for second in 0..180u32 {
+        let is_set = second >= 60;
+        let clock_s = |by_s: f64| if is_set { by_s } else { 0.0 };
+        for tenth in 0..10 {
+            let now_s = f64::from(second) - 0.9 + 0.1 * f64::from(tenth);
+            let _ = tracker.push(velocity(now_s + clock_s(telemetry_s)));
+        }
+        let frame_s = f64::from(second) + clock_s(camera_s);
+        let east_m = 8.0 * f64::from(second);
+        let _ = tracker.push(fix(frame_s, east_m, 0.0, 0.99));
+        let point = tracker.point_at(frame_s);
+        let usable = point.filter(|point| point.state.is_usable());
+        let Some(estimate) = usable.and_then(|point| point.estimate) else {
+            continue;
+        };
+        let place = LonLat::new(estimate.lon_deg, estimate.lat_deg);
+        let truth = destination_en_m(START, east_m, 0.0);
+        worst_m = worst_m.max(grimnet_geo::distance_m(place, truth));
+        if is_set {
+            again.get_or_insert(second - 60);
+        }
+    }
+    (tracker, again, worst_m)
+}
+
+#[test]
+fn both_clocks_set_back_or_ahead_cost_some_frames_and_no_wrong_position() {
+    for by_s in [-45.0, -100.0, -290.0, 400.0] {
+        let (tracker, again, worst_m) =
+            with_clocks_set(Tracker::new(TrackOptions::default()).unwrap(), by_s, by_s);
+        assert_eq!(tracker.counts().restarts, 1, "{by_s}");
+        let step_s = tracker.clock_step_s().unwrap();
+        assert!((step_s - by_s).abs() < 1.5, "{by_s}: {step_s}");
+        assert!(
+            again.is_some_and(|seconds| seconds <= 4),
+            "{by_s}: {again:?}"
+        );
+        assert!(worst_m < 6.0, "{by_s}: {worst_m} m");
+    }
+}
+
+#[test]
+fn a_cameras_clock_that_is_set_alone_leads_and_the_telemetry_is_left_out() {
+    for by_s in [-45.0, -100.0, -290.0] {
+        let (tracker, again, worst_m) =
+            with_clocks_set(Tracker::new(TrackOptions::default()).unwrap(), by_s, 0.0);
+        assert_eq!(tracker.counts().restarts, 1, "{by_s}");
+        assert!(
+            again.is_some_and(|seconds| seconds <= 5),
+            "{by_s}: {again:?}"
+        );
+        assert!(worst_m < 6.0, "{by_s}: {worst_m} m");
+    }
+    // Set ahead by as much, the frames may come after a pause: the track goes on with them alone.
+    let (tracker, again, worst_m) =
+        with_clocks_set(Tracker::new(TrackOptions::default()).unwrap(), 100.0, 0.0);
+    assert!(again.is_some_and(|seconds| seconds <= 8), "{again:?}");
+    assert!(worst_m < 6.0, "{worst_m} m");
+    assert_eq!(tracker.counts().restarts, 0);
+}
+
+#[test]
+fn a_clock_of_the_telemetry_that_is_set_alone_moves_no_frame() {
+    for by_s in [-45.0, -100.0, -290.0, 400.0] {
+        let (tracker, again, worst_m) =
+            with_clocks_set(Tracker::new(TrackOptions::default()).unwrap(), 0.0, by_s);
+        assert_eq!(tracker.counts().restarts, 0, "{by_s}");
+        assert_eq!(again, Some(0), "{by_s}");
+        assert!(worst_m < 6.0, "{by_s}: {worst_m} m");
+    }
+    // Ahead by less than a jump it is like a pause of the frames, until several of these tell otherwise.
+    let (tracker, again, worst_m) =
+        with_clocks_set(Tracker::new(TrackOptions::default()).unwrap(), 0.0, 100.0);
+    assert_eq!(tracker.counts().restarts, 1);
+    assert!(again.is_some_and(|seconds| seconds <= 5), "{again:?}");
+    assert!(worst_m < 6.0, "{worst_m} m");
+}
+
+#[test]
+fn late_inputs_by_themselves_set_no_clock() {
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    for second in 0..200 {
+        let now_s = f64::from(second);
+        tracker.push(velocity(now_s)).unwrap();
+        tracker.push(fix(now_s, 8.0 * now_s, 0.0, 0.99)).unwrap();
+        if second > 50 {
+            // Each of them of a delayed stream, which goes on as well.
+            let late = fix(now_s - 40.0, 0.0, 0.0, 0.9);
+            assert!(matches!(
+                tracker.push(late),
+                Err(InputError::TooLate { .. })
+            ));
+            assert!(tracker.push(velocity(now_s - 35.0)).is_err());
+        }
+    }
+    assert_eq!(tracker.counts().restarts, 0);
+    assert_eq!(tracker.clock_step_s(), None);
 }

@@ -42,13 +42,13 @@ fn roofs_that_a_tilted_view_meets_before_the_ground_are_where_the_ground_resolut
         }
         measure.summary()
     };
-    let told = measured(Some(options.focal_length_px));
-    assert!(told.p99_m.unwrap() < 2.0, "{told:?}");
-    assert!(told.answered > 0.98, "{told:?}");
+    let with = measured(Some(options.focal_length_px));
+    assert!(with.p99_m.unwrap() < 2.0, "{with:?}");
+    assert!(with.answered > 0.98, "{with:?}");
     // The control: without a focal length the ground resolution tells no distance.
-    let untold = measured(None);
+    let without = measured(None);
     assert!(
-        untold.p99_m.unwrap() > 1.5 * told.p99_m.unwrap(),
-        "{untold:?}"
+        without.p99_m.unwrap() > 1.5 * with.p99_m.unwrap(),
+        "{without:?}"
     );
 }

@@ -168,7 +168,7 @@ fn a_frame_that_comes_after_newer_telemetry_is_searched_where_the_aircraft_was()
 }
 
 #[test]
-fn the_focal_length_can_be_told_until_the_first_fix() {
+fn the_focal_length_can_be_given_until_the_first_fix() {
     let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
     tracker.push(Input::Miss(Miss { time_s: 0.0 })).unwrap();
     assert!(!tracker.set_focal_length_px(f64::NAN));

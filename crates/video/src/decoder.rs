@@ -225,9 +225,11 @@ impl Decoder {
                     stream.extend(*unit);
                 }
                 if let Some(frame) = decoder.decode(&stream).map_err(h264_fault)? {
+                    let hidden_px = self.size.map(|size| size.hidden_px);
                     out.push(Decoded {
                         sample,
                         picture: Picture::H264 {
+                            hidden_px: hidden_px.unwrap_or_default(),
                             width: frame.width,
                             height: frame.height,
                             luma: frame.y,

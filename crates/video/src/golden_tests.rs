@@ -21,10 +21,17 @@ fn hash(picture: &Picture) -> String {
     let mut bytes = Vec::new();
     match picture {
         Picture::H264 {
-            luma, blue, red, ..
+            hidden_px: (left, top),
+            width,
+            luma,
+            blue,
+            red,
+            ..
         } => {
-            for plane in [luma, blue, red] {
-                bytes.extend(plane);
+            for (plane, part) in [(luma, 1), (blue, 2), (red, 2)] {
+                for row in plane.chunks(width.div_ceil(part)).skip(top / part) {
+                    bytes.extend(&row[left / part..]);
+                }
             }
         }
         Picture::H265(frame) => frame.write_yuv(&mut bytes),

@@ -74,17 +74,25 @@ pub(crate) fn stream_size(nal: &[u8]) -> Result<StreamSize, OutOfData> {
         bits.skip_bits(1)?;
     }
     bits.skip_bits(1)?;
+    let frame_height = if is_progressive { 1 } else { 2 };
+    let mut hidden_px = (0, 0);
     if bits.read_flag()? {
-        for _ in 0..4 {
-            bits.read_ue()?; // Cropping.
-        }
+        let [left, _, top, _] = [
+            bits.read_ue()?,
+            bits.read_ue()?,
+            bits.read_ue()?,
+            bits.read_ue()?,
+        ];
+        // In units of a chroma sample of 4:2:0. The decoder crops at the right and at the bottom alone.
+        hidden_px = (2 * left as usize, 2 * frame_height * top as usize);
     }
     // What follows are hints: a set that ends in them is used without.
     let mut usability = Usability::default();
     usability.read(&mut bits).unwrap_or(());
     Ok(StreamSize {
         width,
-        height: 16 * map_units * if is_progressive { 1 } else { 2 },
+        height: 16 * map_units * frame_height as u64,
+        hidden_px,
         pictures: u64::from(references.min(16)) + MORE_PICTURES,
         bytes_per_px: BYTES_PER_PX,
         colour: usability.colour,

@@ -50,6 +50,7 @@ pub(crate) fn stream_size(nal: &[u8]) -> Result<(StreamSize, bool), rusty_h265::
     let size = StreamSize {
         width: u64::from(set.width),
         height: u64::from(set.height),
+        hidden_px: (0, 0),
         pictures: u64::from(kept.min(16)) + 1 + MORE_PICTURES,
         bytes_per_px: BYTES_PER_PX,
         aspect: of_vui,

@@ -7,8 +7,10 @@ use crate::error::Fault;
 
 /// Samples of a decoded picture, as the decoder gives them.
 pub(crate) enum Picture {
-    /// Eight bits, cropped.
+    /// Eight bits, cropped at the right and at the bottom.
     H264 {
+        /// Columns at the left and rows at the top that are not shown.
+        hidden_px: (usize, usize),
         width: usize,
         height: usize,
         luma: Vec<u8>,
@@ -21,28 +23,34 @@ pub(crate) enum Picture {
 
 impl Picture {
     /// The part that is shown, as RGB.
-    pub(crate) fn to_rgb(&self, colour: ColourDescription) -> Result<RgbImage, Fault> {
+    pub(crate) fn to_rgb<'a>(&'a self, colour: ColourDescription) -> Result<RgbImage, Fault> {
         match self {
-            Self::H264 {
+            &Self::H264 {
+                hidden_px: (left, top),
                 width,
                 height,
-                luma,
-                blue,
-                red,
-            } => rgb_from_planes(
-                &Planes {
-                    width: *width,
-                    height: *height,
-                    luma,
-                    luma_stride: *width,
-                    blue,
-                    red,
-                    chroma_stride: width.div_ceil(2),
-                    luma_bits: 8,
-                    chroma_bits: 8,
-                },
-                colour,
-            ),
+                ref luma,
+                ref blue,
+                ref red,
+            } => {
+                let chroma_stride = width.div_ceil(2);
+                let shown = |plane: &'a [u8], start: usize| plane.get(start..).unwrap_or_default();
+                let chroma_start = top / 2 * chroma_stride + left / 2;
+                rgb_from_planes(
+                    &Planes {
+                        width: width.saturating_sub(left),
+                        height: height.saturating_sub(top),
+                        luma: shown(luma, top * width + left),
+                        luma_stride: width,
+                        blue: shown(blue, chroma_start),
+                        red: shown(red, chroma_start),
+                        chroma_stride,
+                        luma_bits: 8,
+                        chroma_bits: 8,
+                    },
+                    colour,
+                )
+            }
             Self::H265(frame) => {
                 let picture = &frame.picture;
                 let (left, top, width, height) = picture.crop;

@@ -9,6 +9,8 @@ pub(crate) struct StreamSize {
     /// As coded, px.
     pub width: u64,
     pub height: u64,
+    /// Columns at the left and rows at the top that are not shown, px, if the decoder leaves them in its pictures.
+    pub hidden_px: (usize, usize),
     /// Pictures that the decoder keeps.
     pub pictures: u64,
     /// Memory of each, bytes for each pixel: samples, motion, and the decoder's tables.

@@ -10,12 +10,14 @@ use grimnet_eval::calibration::real::{PlacesUsed, RealScene};
 use grimnet_eval::calibration::{self, observation, scenes, trial};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
-use grimnet_eval::pictures::file_name;
+use grimnet_eval::pictures::{file_name, picture_files_below};
 use grimnet_eval::scene::Scene;
 use grimnet_geo::MapOptions;
 use grimnet_net::{Calibration, FittedOn, Model};
+use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_photo::PhotoLimits;
 
+use super::data_set_map::open_map;
 use super::elsewhere::{source, width_m};
 use super::{LimitsChoice, ModelChoice};
 use crate::exit::Exit;
@@ -30,7 +32,7 @@ pub struct CalibrateArgs {
     model: ModelChoice,
 
     /// Write the model with its calibration to this file
-    #[arg(short, long, value_name = "FILE")]
+    #[arg(short, long, value_name = "FILE", value_parser = values::output_file())]
     out: PathBuf,
 
     #[command(flatten)]
@@ -87,7 +89,7 @@ pub struct CalibrateArgs {
     only: Option<PartChoice>,
 
     /// Also write the observations, one line per photo
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = values::output_file())]
     observations: Option<PathBuf>,
 
     /// Fit to the observations of an earlier run with the same model
@@ -108,10 +110,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         .policy()
         .protect_all(&arguments.model.model)
         .protect_all(&arguments.observed);
-    policy.check_file(&arguments.out, &[])?;
-    if let Some(path) = &arguments.observations {
-        policy.check_file(path, &[])?;
-    }
+    check_outputs(arguments, &policy)?;
     let model = arguments.model.open()?;
     let (observations, data) = match &arguments.observed {
         Some(path) => {
@@ -120,7 +119,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
                 .with_context(|| format!("cannot read {}", path.display()))?;
             (observations, "observations of an earlier run".to_owned())
         }
-        None => observe(arguments, &model)?,
+        None => observe(arguments, &model, &policy)?,
     };
     if let Some(path) = &arguments.observations {
         policy.write(path, |file| {
@@ -140,6 +139,22 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         arguments.out.display()
     )?;
     Ok(Exit::Done)
+}
+
+/// Checks that the outputs do not meet and may be written: again when more inputs are known.
+fn check_outputs(arguments: &CalibrateArgs, policy: &OutputPolicy) -> Result<()> {
+    let observations = arguments.observations.iter();
+    let outputs: Vec<(&str, &PathBuf)> = std::iter::once(("--out", &arguments.out))
+        .chain(observations.map(|path| ("--observations", path)))
+        .collect();
+    let planned = outputs
+        .iter()
+        .map(|(option, path)| PlannedOutput::file(option, path));
+    check_apart(&planned.collect::<Vec<_>>())?;
+    for (_, path) in outputs {
+        policy.check_file(path, &[])?;
+    }
+    Ok(())
 }
 
 /// One part of a calibration.
@@ -191,8 +206,13 @@ impl From<PlacesChoice> for PlacesUsed {
     }
 }
 
-/// Reads the data set in a folder.
-fn data_set(folder: &Path, photos_out: &Path, photo_limits: PhotoLimits) -> Result<Scene> {
+/// Reads the data set in a folder, whose files become inputs of `policy`.
+fn data_set(
+    folder: &Path,
+    photos_out: &Path,
+    photo_limits: PhotoLimits,
+    policy: &OutputPolicy,
+) -> Result<Scene> {
     let set = DataSet::find(&DataSetRequest {
         folder,
         map: None,
@@ -200,27 +220,35 @@ fn data_set(folder: &Path, photos_out: &Path, photo_limits: PhotoLimits) -> Resu
         photos_out,
         photo_limits,
     })?;
-    let map = set.open_map()?;
+    let map = open_map(&set, policy)?;
     Ok(set.into_scene(map)?)
 }
 
-/// Makes the scenes and localises their photos.
+/// Makes the scenes and localises their photos. All files that are read become inputs of `policy`.
 fn observe(
     arguments: &CalibrateArgs,
     model: &Model,
+    policy: &OutputPolicy,
 ) -> Result<(Vec<observation::Observation>, String)> {
     let sources = arguments
         .elsewhere
         .iter()
         .map(|folder| source(folder, true))
         .collect::<Result<Vec<Source>>>()?;
+    policy.add_inputs(sources.iter().flat_map(|source| &source.pictures));
+    for pictures in &arguments.pictures {
+        // Whether it can be read is said when photos are cut from it.
+        policy.add_inputs(picture_files_below(pictures).unwrap_or_default());
+    }
     let folder = tempfile::tempdir()?;
-    let made = draw_scenes(arguments, folder.path())?;
+    let limits = arguments.limits.photo();
     let sets = arguments
         .datasets
         .iter()
-        .map(|set| data_set(set, folder.path(), arguments.limits.photo()))
+        .map(|set| data_set(set, folder.path(), limits, policy))
         .collect::<Result<Vec<Scene>>>()?;
+    check_outputs(arguments, policy)?;
+    let made = draw_scenes(arguments, folder.path())?;
     // A picture must not be on the map: the sources of each scene are those that its map was not made of.
     let folders = vec![None; arguments.worlds]
         .into_iter()

@@ -68,7 +68,7 @@ pub struct DemoArgs {
     ///
     /// A second demo replaces the files of the first one. Files that the demo did not write stay; if one is in the way, the
     /// demo refuses to start (see --overwrite).
-    #[arg(short, long, value_name = "DIR", default_value = "demo")]
+    #[arg(short, long, value_name = "DIR", default_value = "demo", value_parser = values::output_folder())]
     out: PathBuf,
 
     #[command(flatten)]

@@ -56,7 +56,11 @@ impl ElsewhereOptions {
         !(self.elsewhere.is_empty() && self.elsewhere_trained.is_empty())
     }
 
-    fn sources(&self) -> Result<Vec<Source>> {
+    /// The pictures of each folder.
+    ///
+    /// # Errors
+    /// As [`source`].
+    pub fn sources(&self) -> Result<Vec<Source>> {
         let untrained = self.elsewhere.iter().map(|folder| (folder, false));
         let trained = self.elsewhere_trained.iter().map(|folder| (folder, true));
         untrained
@@ -85,15 +89,15 @@ pub fn source(folder: &Path, trained_on: bool) -> Result<Source> {
 /// Runs the trials on a map, writes `elsewhere.json` and `elsewhere.csv` and prints the figures.
 ///
 /// # Errors
-/// A folder without pictures, results that cannot be written.
+/// Results that cannot be written.
 pub fn run(
     options: &ElsewhereOptions,
+    sources: &[Source],
     map: &dyn Raster,
     localizer: &Localizer,
     folder: &OutputFolder,
     photo_limits: PhotoLimits,
 ) -> Result<Exit> {
-    let sources = options.sources()?;
     let total = options.elsewhere_trials * sources.len();
     let bar = progress::bar(total as u64, "localising", "trials");
     let settings = elsewhere::ElsewhereOptions {
@@ -103,7 +107,7 @@ pub fn run(
         nothing_given: options.elsewhere_nothing_given,
         photo_limits,
     };
-    let trials = elsewhere::run(localizer, &sources, &settings, &mut |_| bar.inc(1));
+    let trials = elsewhere::run(localizer, sources, &settings, &mut |_| bar.inc(1));
     bar.finish_and_clear();
     let summary = ElsewhereSummary::of(&trials);
     let [json, csv] = FILES;

@@ -22,6 +22,7 @@ use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::{BuildOptions, Pack};
 
 use super::ModeChoice;
+use super::data_set_map::open_map;
 use super::elsewhere;
 use super::eval_pictures;
 use super::eval_run::evaluate_all;
@@ -45,42 +46,73 @@ const PACK: &str = "area.grim";
 /// The retrieval figures in the folder of results.
 const RECALL: &str = "recall.json";
 
+/// Where the results go.
+struct Results {
+    /// Open until the end: no other run writes there, and it goes if nothing was written.
+    folder: OutputFolder,
+    policy: OutputPolicy,
+    pack_path: PathBuf,
+}
+
+impl Results {
+    /// Opens the folder.
+    ///
+    /// # Errors
+    /// The folder or the pack in it cannot be written.
+    fn open(arguments: &EvalArgs) -> Result<Self> {
+        let policy = arguments
+            .overwrite
+            .policy()
+            .protect_all(&arguments.model.model)
+            .protect_all(&arguments.map);
+        let results = Self {
+            folder: OutputFolder::open(&arguments.out, &policy)?,
+            policy,
+            pack_path: arguments.out.join(PACK),
+        };
+        results.check([])?;
+        Ok(results)
+    }
+
+    /// Checks that the pack and files of these names may be written: again when more inputs are known.
+    ///
+    /// # Errors
+    /// One of them may not.
+    fn check(&self, names: impl IntoIterator<Item = &'static str>) -> Result<()> {
+        self.policy.check_file(&self.pack_path, OWN_MAGICS)?;
+        Ok(self.folder.check(names)?)
+    }
+}
+
 /// Runs the command.
 ///
 /// # Errors
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
-    let policy = arguments
-        .overwrite
-        .policy()
-        .protect_all(&arguments.model.model)
-        .protect_all(&arguments.map);
-    // What cannot be written is refused at once, not after the work; the check of the pack's path needs the folder.
-    drop(OutputFolder::open(&arguments.out, &policy)?);
-    let pack_path = arguments.out.join(PACK);
-    policy.check_file(&pack_path, OWN_MAGICS)?;
+    // What cannot be written is refused at once, not after the work.
+    let results = Results::open(arguments)?;
     if arguments.elsewhere.is_asked() {
-        return run_elsewhere(arguments, policy, &pack_path);
+        return run_elsewhere(arguments, &results);
     }
     if arguments.track.is_asked() {
-        return run_track(arguments, policy, &pack_path);
+        return run_track(arguments, &results);
     }
-    OutputFolder::open(&arguments.out, &policy)?.check(FILE_NAMES.into_iter().chain([RECALL]))?;
+    let names = || FILE_NAMES.into_iter().chain([RECALL]);
+    results.check(names())?;
     // AnyVisLoc's photos are written there.
     let scratch = tempfile::tempdir()?;
-    let mut data = data_set(arguments, &policy, scratch.path())?;
+    let mut data = data_set(arguments, &results.folder, scratch.path())?;
     for (frame, _) in &mut data.frames {
         frame.footprint_width_m = arguments.footprint_width.or(frame.footprint_width_m);
         frame.truth_error_m = frame.truth_error_m.or(arguments.truth_error);
     }
-    let policy = policy
-        .protect(&data.map)
-        .protect_all(data.frames.iter().map(|(_, path)| path));
-    let folder = OutputFolder::open(&arguments.out, &policy)?;
-    let map = data.open_map()?;
+    let map = open_map(&data, &results.policy)?;
     let scene = data.into_scene(map)?;
+    results.check(names())?;
+    let matches = results.folder.subfolder("matches")?;
+    matches.check(eval_pictures::names(&scene.shots))?;
     let model = arguments.model.open()?;
-    let mut localizer = localizer(arguments, &model, scene.map.as_ref(), &pack_path)?;
+    let mut localizer = localizer(arguments, &model, scene.map.as_ref(), &results.pack_path)?;
     if arguments.adapt == AdaptChoice::Flight {
         let limits = arguments.limits.photo();
         let paths: Vec<PathBuf> = scene
@@ -90,8 +122,14 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
             .collect();
         localizer = adapt_to_flight(localizer, &paths, &Prior::none(), &limits)?;
     }
-    let about = about(arguments, &scene, &model, &pack_path)?;
-    evaluate_and_write(arguments, &scene, &localizer, &folder, about)
+    let about = about(arguments, &scene, &model, &results.pack_path)?;
+    evaluate_and_write(
+        arguments,
+        &scene,
+        &localizer,
+        (&results.folder, &matches),
+        about,
+    )
 }
 
 /// Runs the evaluation in each heading mode, writes the results and prints the figures.
@@ -99,10 +137,9 @@ fn evaluate_and_write(
     arguments: &EvalArgs,
     scene: &Scene,
     localizer: &Localizer,
-    folder: &OutputFolder,
+    (folder, matches): (&OutputFolder, &OutputFolder),
     about: About,
 ) -> Result<Exit> {
-    let matches = folder.subfolder("matches")?;
     let mut runs: Vec<Run> = Vec::new();
     let (mut retrievals, mut first_trials) = (Vec::new(), Vec::new());
     for mode in arguments.heading {
@@ -119,7 +156,7 @@ fn evaluate_and_write(
             first_trials = trials;
         }
     }
-    let pictures = eval_pictures::draw(scene, &first_trials, &runs[0].name, &matches)?;
+    let pictures = eval_pictures::draw(scene, &first_trials, &runs[0].name, matches)?;
     let about = About {
         peak_memory_mib: peak_memory_mib(),
         ..about
@@ -136,68 +173,71 @@ fn evaluate_and_write(
 }
 
 /// `grim eval --elsewhere`: photos that are not on the map.
-fn run_elsewhere(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Result<Exit> {
-    let (map_path, options) = match (&arguments.map, &arguments.folder) {
-        (Some(map), _) => (map.clone(), arguments.place.options()),
+fn run_elsewhere(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
+    let policy = &results.policy;
+    let map = match (&arguments.map, &arguments.folder) {
+        (Some(map), _) => arguments.place.open(map, policy)?,
         (None, Some(_)) => {
             let scratch = tempfile::tempdir()?;
-            let data = data_set(arguments, &policy, scratch.path())?;
-            (data.map, data.map_options)
+            open_map(
+                &data_set(arguments, &results.folder, scratch.path())?,
+                policy,
+            )?
         }
         (None, None) => bail!("--elsewhere needs a map: FOLDER with a map.tif, or --map MAP"),
     };
-    let policy = policy.protect(&map_path);
-    let folder = OutputFolder::open(&arguments.out, &policy)?;
-    folder.check(elsewhere::FILES)?;
-    let map = grimnet_geo::open_map(&map_path, &options)?;
+    let sources = arguments.elsewhere.sources()?;
+    policy.add_inputs(sources.iter().flat_map(|source| &source.pictures));
+    results.check(elsewhere::FILES)?;
     let model = arguments.model.open()?;
-    let localizer = localizer(arguments, &model, map.as_ref(), pack_path)?;
+    let localizer = localizer(arguments, &model, map.as_ref(), &results.pack_path)?;
     let limits = arguments.limits.photo();
     elsewhere::run(
         &arguments.elsewhere,
+        &sources,
         map.as_ref(),
         &localizer,
-        &folder,
+        &results.folder,
         limits,
     )
 }
 
 /// `grim eval --track`: flights instead of single photos.
-fn run_track(arguments: &EvalArgs, policy: OutputPolicy, pack_path: &Path) -> Result<Exit> {
+fn run_track(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
     let model = arguments.model.open()?;
     let about = |data: String| TrackAbout {
         data,
         model_hash: model.hash().to_string(),
-        arithmetic: model.arithmetic(),
+        precision: model.precision(),
         commit: arguments.commit.clone(),
         version: env!("CARGO_PKG_VERSION"),
         threads: rayon::current_num_threads(),
     };
     if let Some(seed) = arguments.world {
-        let folder = OutputFolder::open(&arguments.out, &policy)?;
-        folder.check(TRACK_FILES)?;
+        results.check(TRACK_FILES)?;
         let search = EvalSearch {
             arguments,
             model: &model,
-            policy: &policy,
+            policy: &results.policy,
         };
         let about = about(format!("procedural world {seed}"));
-        return eval_track_flights::fly(&arguments.track, seed, &search, &folder, about);
+        return eval_track_flights::fly(&arguments.track, seed, &search, &results.folder, about);
     }
     let scratch = tempfile::tempdir()?;
-    let data = data_set(arguments, &policy, scratch.path())?;
-    let policy = policy
-        .protect(&data.map)
-        .protect_all(data.frames.iter().map(|(_, path)| path));
-    let folder = OutputFolder::open(&arguments.out, &policy)?;
-    folder.check(HIDDEN_FILES)?;
-    let map = data.open_map()?;
+    let data = data_set(arguments, &results.folder, scratch.path())?;
+    let map = open_map(&data, &results.policy)?;
+    results.check(HIDDEN_FILES)?;
     let mut scene = data.into_scene(map)?;
     for shot in &mut scene.shots {
         shot.footprint_width_m = arguments.footprint_width.or(shot.footprint_width_m);
     }
-    let localizer = localizer(arguments, &model, scene.map.as_ref(), pack_path)?;
-    eval_track_hidden::hide(&scene, &localizer, &folder, about(scene.name.clone()))
+    let localizer = localizer(arguments, &model, scene.map.as_ref(), &results.pack_path)?;
+    eval_track_hidden::hide(
+        &scene,
+        &localizer,
+        &results.folder,
+        about(scene.name.clone()),
+    )
 }
 
 /// Searches over a town as the arguments say.
@@ -223,7 +263,7 @@ impl TownSearch for EvalSearch<'_> {
              {adapt:?}, {retrieval:?}",
             env!("CARGO_PKG_VERSION"),
             self.model.hash(),
-            self.model.arithmetic()
+            self.model.precision()
         )
     }
 
@@ -239,11 +279,10 @@ impl TownSearch for EvalSearch<'_> {
 }
 
 /// The data set that was asked for: a folder, or a procedural flight.
-fn data_set(arguments: &EvalArgs, policy: &OutputPolicy, scratch: &Path) -> Result<DataSet> {
+fn data_set(arguments: &EvalArgs, out: &OutputFolder, scratch: &Path) -> Result<DataSet> {
     let folder = match (arguments.world, &arguments.folder) {
         (Some(seed), _) => {
-            let out = OutputFolder::open(&arguments.out, policy)?;
-            make_flight(&out, seed, WORLD_PHOTOS)?;
+            make_flight(out, seed, WORLD_PHOTOS)?;
             arguments.out.clone()
         }
         (None, Some(folder)) => folder.clone(),
@@ -305,7 +344,7 @@ fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -
         }
         .to_owned(),
         model_hash: model.hash().to_string(),
-        arithmetic: model.arithmetic(),
+        precision: model.precision(),
         model_calibrated: model.calibration().fitted_on.is_some(),
         commit: arguments.commit.clone(),
         version: env!("CARGO_PKG_VERSION"),

@@ -58,6 +58,13 @@ pub fn draw(
     Ok(pictures)
 }
 
+/// The names that pictures of these photos may get.
+pub fn names(shots: &[Shot]) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let name = |shot: &Shot| picture_name(&shot.name, &mut taken);
+    shots.iter().map(name).collect()
+}
+
 /// A JPEG of the matches of one photo; `None` if nothing was matched or the photo cannot be read.
 ///
 /// # Errors

@@ -1,15 +1,14 @@
 //! `grim locate`: where photos were taken.
 
-use std::io::IsTerminal as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
 use clap::Args;
-use grimnet_geo::{LonLat, distance_m, open_map};
+use grimnet_geo::{LonLat, distance_m};
 use grimnet_locate::{Localizer, Options};
-use grimnet_output::OutputPolicy;
+use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
@@ -18,10 +17,10 @@ use super::map_place::{MapPlace, check_built_from};
 use super::{LimitsChoice, ModelChoice};
 use crate::drawings::Drawings;
 use crate::exit::Exit;
-use crate::formats::{AnswerOutput, Format};
+use crate::formats::{AnswerOutput, Format, TextTarget};
 pub use crate::localise::{adapt_to_flight, locate_one};
 use crate::outputs::OverwriteChoice;
-use crate::{errors, inputs, interrupt, photos, progress};
+use crate::{errors, inputs, interrupt, photos, progress, values};
 use grimnet_answer::Answer;
 
 /// Examples under the help of `grim locate`.
@@ -60,7 +59,7 @@ pub struct LocateArgs {
     #[arg(long, value_enum, help_heading = OUTPUT)]
     format: Option<Format>,
 
-    /// Write the answers to this file [default: standard output]
+    /// Write the answers to this file; `-` is standard output [default: standard output]
     ///
     /// During the run the answers are in FILE.partial, which is well-formed after every photo and stays there if the run is
     /// killed. Ctrl-C ends the run after the current photo and completes FILE with the answers so far.
@@ -75,7 +74,7 @@ pub struct LocateArgs {
     check: bool,
 
     /// Draw the matches of each photo, and its outline on the map (with --map), into this folder, which may not be that of the photos
-    #[arg(long, value_name = "DIR", help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", value_parser = values::output_folder(), help_heading = OUTPUT)]
     draw: Option<PathBuf>,
 
     /// The map that the pack was built from, for --draw
@@ -96,24 +95,28 @@ const OUTPUT: &str = "Output";
 pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     let paths = photos::expand(&arguments.photos)?;
     let policy = policy(arguments, &paths);
-    if let Some(path) = &arguments.out {
-        policy.check_file(path, &[])?;
+    let out = TextTarget::of(arguments.out.as_deref());
+    let mut planned = vec![out.planned("--out")];
+    if let Some(folder) = &arguments.draw {
+        let names = Drawings::names(&paths);
+        planned.push(PlannedOutput::folder("--draw", folder, names));
     }
+    check_apart(&planned)?;
+    out.check(&policy)?;
     inputs::check_regular(&arguments.pack)?;
     let pack = Pack::open(&arguments.pack)?;
     let mut drawings = drawings(arguments, &pack, &paths, &policy)?;
     let localizer = localizer(arguments, pack, &paths)?;
 
-    let named = arguments.out.as_deref().and_then(Format::of_name);
+    let named = out.file().and_then(Format::of_name);
     let format = arguments.format.or(named).unwrap_or_else(|| {
-        let readable = arguments.out.is_none() && std::io::stdout().is_terminal();
-        if readable {
+        if out.is_terminal() {
             Format::Table
         } else {
             Format::Jsonl
         }
     });
-    let mut stream = AnswerOutput::open(format, arguments.out.as_deref(), &policy)?;
+    let mut stream = AnswerOutput::open(format, out, &policy)?;
     let partial = stream.partial_path();
     locate_all(arguments, &localizer, &paths, &mut stream, &mut drawings)
         .and_then(|exit| stream.finish().map(|()| exit))
@@ -148,8 +151,7 @@ fn drawings(
     };
     let map = match &arguments.map {
         Some(path) => {
-            inputs::check_map(path)?;
-            let map = open_map(path, &arguments.place.options())?;
+            let map = arguments.place.open(path, policy)?;
             check_built_from(pack, map.as_ref(), path)?;
             Some(map)
         }

@@ -10,6 +10,7 @@ use grimnet_output::OutputFolder;
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
 use crate::standard_output::StandardOutput;
+use crate::values;
 use grimnet_answer::printable;
 
 /// Examples under the help of `grim man`.
@@ -21,7 +22,7 @@ Example:
 #[derive(Debug, Args)]
 pub struct ManArgs {
     /// Folder for grim.1, grim-locate.1 and so on
-    #[arg(value_name = "DIR")]
+    #[arg(value_name = "DIR", value_parser = values::output_folder())]
     folder: PathBuf,
 
     #[command(flatten)]

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use clap::{ArgGroup, Args};
-use grimnet_geo::{Raster, open_map};
+use grimnet_geo::Raster;
 use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
@@ -41,7 +41,7 @@ pub struct BuildArgs {
     /// The pack to write
     ///
     /// While it is built, AREA.grim.partial holds the work so far. A device or pipe gets the finished pack.
-    #[arg(short, long, value_name = "AREA.grim")]
+    #[arg(short, long, value_name = "AREA.grim", value_parser = values::output_file())]
     out: PathBuf,
 
     #[command(flatten)]
@@ -124,7 +124,6 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     for working_file in WORKING_FILES {
         policy.check_not_input(beside(&place, working_file))?;
     }
-    inputs::check_map(&arguments.map)?;
     let options = BuildOptions {
         levels: levels(arguments)?,
         adapt: arguments.adapt,
@@ -135,10 +134,8 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         }
     };
     let model = arguments.model.open()?;
-    let map = open_map(&arguments.map, &arguments.place.options())?;
-    policy
-        .protect_trees(map.files())
-        .check_file(out, OWN_MAGICS)?;
+    let map = arguments.place.open(&arguments.map, &policy)?;
+    policy.check_file(out, OWN_MAGICS)?;
     if TargetKind::of(out)? == TargetKind::Stream {
         let report = build_into_stream(map.as_ref(), &model, &options, out)?;
         // Standard output may be where the pack went.

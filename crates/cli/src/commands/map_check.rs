@@ -7,15 +7,15 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use clap::Args;
 use grimnet_answer::printable_text;
-use grimnet_geo::{Concern, MapPx, Raster, RasterPatch, concerns, open_map, overview};
+use grimnet_geo::{Concern, MapPx, Raster, RasterPatch, concerns, overview};
 use grimnet_limits::Limits;
 use grimnet_net::Model;
 use grimnet_pack::{BuildEstimate, BuildOptions, Levels, PackError, build, estimate};
 use grimnet_program::exit::Exit;
-use grimnet_program::inputs;
 use grimnet_program::map_place::MapPlace;
 use grimnet_program::model_choice::ModelChoice;
 use grimnet_program::outputs::OverwriteChoice;
+use grimnet_program::values;
 use image::ImageFormat;
 use serde::Serialize;
 
@@ -49,7 +49,7 @@ pub struct CheckArgs {
     json: bool,
 
     /// Write a small picture of the map
-    #[arg(long, value_name = "PICTURE.png")]
+    #[arg(long, value_name = "PICTURE.png", value_parser = values::output_file())]
     draw: Option<PathBuf>,
 
     #[command(flatten)]
@@ -116,9 +116,7 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
     if let Some(picture) = &arguments.draw {
         policy.check_file(picture, &[])?;
     }
-    inputs::check_map(&arguments.map)?;
-    let map = open_map(&arguments.map, &arguments.place.options())?;
-    let policy = policy.protect_trees(map.files());
+    let map = arguments.place.open(&arguments.map, &policy)?;
     if let Some(picture) = &arguments.draw {
         policy.check_file(picture, &[])?;
     }

@@ -5,7 +5,6 @@ use std::path::PathBuf;
 
 use anyhow::{Context, Result};
 use clap::Args;
-use grimnet_geo::open_map;
 use grimnet_pack::Pack;
 use image::ImageFormat;
 
@@ -13,7 +12,7 @@ use super::map_place::{MapPlace, check_built_from};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
 use crate::standard_output::StandardOutput;
-use crate::{inputs, progress};
+use crate::{inputs, progress, values};
 use grimnet_answer::printable_text;
 
 /// Examples under the help of `grim map info`.
@@ -40,7 +39,7 @@ pub struct InfoArgs {
     json: bool,
 
     /// Draw the map with its tiles into this picture (with --map)
-    #[arg(long, value_name = "PICTURE.png", requires = "map")]
+    #[arg(long, value_name = "PICTURE.png", requires = "map", value_parser = values::output_file())]
     draw: Option<PathBuf>,
 
     /// The map that the pack was built from, for --draw
@@ -85,9 +84,7 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
             .protect(&arguments.pack)
             .protect(map);
         policy.check_file(picture, &[])?;
-        inputs::check_map(map)?;
-        let raster = open_map(map, &arguments.place.options())?;
-        let policy = policy.protect_trees(raster.files());
+        let raster = arguments.place.open(map, &policy)?;
         policy.check_file(picture, &[])?;
         check_built_from(&pack, raster.as_ref(), map)?;
         let drawn = grimnet_pack::draw(&pack, arguments.level, raster.as_ref())?;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Subcommand;
+use grimnet_net::Calibration;
 
 use super::ModelChoice;
 use crate::exit::Exit;
@@ -19,7 +20,7 @@ Examples:
 /// Show what a model file holds.
 #[derive(Debug, Subcommand)]
 pub enum ModelCommand {
-    /// Show architecture, training data, licence and hash
+    /// Show architecture, training data, calibration data, licence and hash
     #[command(after_help = EXAMPLES)]
     Info {
         /// Model file [default: the bundled one]
@@ -56,6 +57,7 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
             "card": model.card(),
             "spec": model.spec(),
             "differences_from_paper": model.spec().differences_from_paper(),
+            "calibration": model.calibration(),
         });
         serde_json::to_writer_pretty(&mut out, &info)?;
         writeln!(out)?;
@@ -102,5 +104,22 @@ pub fn run(command: ModelCommand) -> Result<Exit> {
             writeln!(out, "  {:<14} {}", printable(&key), printable(&text))?;
         }
     }
+    let calibrated = calibrated_on(model.calibration());
+    writeln!(out, "  {:<14} {}", "calibrated on", printable(&calibrated))?;
     Ok(Exit::Done)
+}
+
+/// The data that radius and confidence were fitted to, and the least confidence of a fix.
+fn calibrated_on(calibration: &Calibration) -> String {
+    let data = calibration.fitted_on.as_ref().map_or_else(
+        || "nothing: the stated radius is a built-in one".to_owned(),
+        |fitted| fitted.data.clone(),
+    );
+    match calibration.confidence {
+        Some(confidence) => format!(
+            "{data} (a fix needs a confidence of {:.1} %)",
+            100.0 * confidence.needed
+        ),
+        None => format!("{data} (no confidence is stated)"),
+    }
 }

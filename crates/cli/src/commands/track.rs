@@ -1,7 +1,7 @@
 //! `grim track`: follows a flight over its frames.
 
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -15,7 +15,7 @@ use grimnet_track::{TrackOptions, TrackPoint};
 use indicatif::ProgressBar;
 
 pub use super::track_options::TrackArgs;
-use super::track_output::open_output;
+use super::track_output::{check_outputs, open_nmea, open_output};
 use super::track_replay::replay;
 use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
@@ -24,7 +24,6 @@ use crate::formats::{RowOutput, TextStream};
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
 use crate::tracking::live::{Live, check_time_of_day};
-use crate::tracking::nmea_rows::NmeaRows;
 use crate::tracking::recorded_telemetry::{RecordedTelemetry, beside_video};
 use crate::tracking::recording::Recorder;
 use crate::tracking::session::{Session, Tracked};
@@ -54,7 +53,7 @@ const LONGEST_PAUSE_S: f64 = 1e9;
 /// Runs the command.
 ///
 /// # Errors
-/// Unreadable pack, model or source; a track that cannot be written. A frame that cannot be used is told and stops nothing.
+/// Unreadable pack, model or source; a track that cannot be written. A frame that cannot be used gets a warning and stops nothing.
 pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     if let Some(folder) = &arguments.output.replay {
         return replay(arguments, folder);
@@ -69,33 +68,19 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
              the times of recorded telemetry"
         );
     }
-    let policy = policy(arguments, pack, &source);
+    let telemetry_file = telemetry_file(arguments, &source);
+    let policy = policy(arguments, pack, &source).protect_all(&telemetry_file);
     let output = &arguments.output;
-    if let Some(path) = &output.out {
-        policy.check_file(path, &[])?;
-    }
-    let nmea = match arguments.link.nmea_file() {
-        Some(path) => Some(TextStream::rows_to_file(Box::new(NmeaRows), path, &policy)?),
-        None => None,
-    };
-    let mut beside = Beside {
-        telemetry: telemetry(arguments, &source)?,
-        live: Live::new(arguments.link.live_options()?, source.is_live()),
-        nmea,
-    };
+    check_outputs(arguments, &policy)?;
+    let mut telemetry = telemetry(arguments, &source, telemetry_file)?;
+    let live = Live::new(arguments.link.live_options()?, source.is_live());
     let truth = output.truth.as_deref().map(Truth::read).transpose()?;
     inputs::check_regular(pack)?;
     let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
         .with_options(arguments.known.options());
     let localizer = Arc::new(localizer);
     let session_file = session_file(arguments, &policy, &localizer)?;
-    let report = match &output.report {
-        Some(folder) => {
-            let map = output.map.as_deref();
-            Some(ReportFolder::open(folder, &policy, map, &output.place)?)
-        }
-        None => None,
-    };
+    let report = report_folder(arguments, &policy)?;
     let clock_jump_s = if source.is_live() {
         TrackOptions::default().clock_jump_s
     } else {
@@ -108,14 +93,19 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         None => None,
     };
     let stream = open_output(arguments, &policy)?;
-    let mut frames = source.open(arguments, needed)?;
-    if let (Some(telemetry), Some(ends_s)) = (&mut beside.telemetry, frames.ends_s()) {
+    let nmea = open_nmea(arguments, &policy)?;
+    let mut frames = source.open(arguments, needed, &policy)?;
+    if let (Some(telemetry), Some(ends_s)) = (&mut telemetry, frames.ends_s()) {
         telemetry.compare_with_video(ends_s);
     }
     let session = Session::new(flight, arguments.known.known(), recorder, output.smooth);
     let mut followed = Followed {
         session,
-        beside,
+        beside: Beside {
+            telemetry,
+            live,
+            nmea,
+        },
         truth,
         session_file,
         scored: Vec::new(),
@@ -123,16 +113,8 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         keeps_lines: output.smooth || report.is_some(),
     };
     let partial = stream.partial_path();
-    let interrupted =
-        write_track(&mut followed, frames.as_mut(), stream, output.smooth).map_err(|error| {
-            match partial {
-                Some(path) => error.context(format!(
-                    "stopped; the track so far is in {}",
-                    path.display()
-                )),
-                None => error,
-            }
-        })?;
+    let interrupted = write_track(&mut followed, frames.as_mut(), stream, output.smooth)
+        .map_err(|error| stopped(error, partial))?;
     if let Some(report) = report {
         report.write(&followed.scored)?;
     }
@@ -180,7 +162,29 @@ fn session_file<'a>(
     }
 }
 
-/// What may be replaced: nothing that this run reads.
+/// Opens the folder of `--report`, if it is asked for.
+///
+/// # Errors
+/// It may not be written, or the map cannot be read.
+fn report_folder(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<Option<ReportFolder>> {
+    let output = &arguments.output;
+    let map = output.map.as_deref();
+    let open = |folder| ReportFolder::open(folder, policy, map, &output.place);
+    output.report.as_deref().map(open).transpose()
+}
+
+/// An error that ended the flight, with where the track so far is.
+fn stopped(error: anyhow::Error, partial: Option<PathBuf>) -> anyhow::Error {
+    match partial {
+        Some(path) => error.context(format!(
+            "stopped; the track so far is in {}",
+            path.display()
+        )),
+        None => error,
+    }
+}
+
+/// What may be replaced: nothing that this run reads, as far as it is known before anything is opened.
 fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
     let output = &arguments.output;
     output
@@ -191,7 +195,6 @@ fn policy(arguments: &TrackArgs, pack: &Path, source: &Source) -> OutputPolicy {
         .protect_all(&arguments.model.model)
         .protect_all(&output.map)
         .protect_all(&output.truth)
-        .protect_all(&arguments.link.telemetry)
         .protect_all(&arguments.link.message.mavlink_key)
 }
 
@@ -254,17 +257,23 @@ impl Followed<'_> {
     }
 }
 
-/// The recorded telemetry: the file that is given, else the one beside a video, else what is within the video.
-fn telemetry(arguments: &TrackArgs, source: &Source) -> Result<Option<RecordedTelemetry>> {
-    let video = match source {
-        Source::Video(path) => Some(path),
-        _ => None,
-    };
-    let beside = || video.and_then(|path| beside_video(path));
+/// The file of the recorded telemetry: the one that is given, else the one beside a video.
+fn telemetry_file(arguments: &TrackArgs, source: &Source) -> Option<PathBuf> {
+    let beside = || beside_video(source.video()?);
+    arguments.link.telemetry.clone().or_else(beside)
+}
+
+/// The recorded telemetry: that of a file, else what is within the video.
+fn telemetry(
+    arguments: &TrackArgs,
+    source: &Source,
+    file: Option<PathBuf>,
+) -> Result<Option<RecordedTelemetry>> {
     let delay_s = arguments.link.telemetry_delay;
-    match arguments.link.telemetry.clone().or_else(beside) {
-        Some(path) => RecordedTelemetry::read(&path, delay_s).map(Some),
-        None => Ok(video.and_then(|path| RecordedTelemetry::within_video(path, delay_s))),
+    match (file, source.video()) {
+        (Some(path), _) => RecordedTelemetry::read(&path, delay_s).map(Some),
+        (None, Some(video)) => Ok(RecordedTelemetry::within_video(video, delay_s)),
+        (None, None) => Ok(None),
     }
 }
 

@@ -7,6 +7,7 @@ use clap::Args;
 use grimnet_link::{Address, LinkOptions, NmeaTarget};
 
 use super::link_options::{LinkChoice, address};
+use crate::formats::TextTarget;
 use crate::tracking::live::LiveOptions;
 use crate::values;
 
@@ -34,7 +35,7 @@ pub struct TrackLinkArgs {
     #[arg(long, requires = "mavlink", help_heading = LINK)]
     pub dry_run: bool,
 
-    /// Send NMEA sentences (GGA and RMC): udpout:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD, or a file
+    /// Send NMEA sentences (GGA and RMC): udpout:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD, a file, or `-` for standard output
     #[arg(long, value_name = "TARGET", help_heading = LINK)]
     pub nmea: Option<NmeaTarget>,
 
@@ -74,10 +75,10 @@ impl TrackLinkArgs {
         Ok(LiveOptions { mavlink, nmea })
     }
 
-    /// The file that takes NMEA sentences.
-    pub fn nmea_file(&self) -> Option<&PathBuf> {
+    /// The file or standard output that takes NMEA sentences.
+    pub fn nmea_target(&self) -> Option<TextTarget<'_>> {
         match &self.nmea {
-            Some(NmeaTarget::File(path)) => Some(path),
+            Some(NmeaTarget::File(path)) => Some(TextTarget::of(Some(path))),
             _ => None,
         }
     }

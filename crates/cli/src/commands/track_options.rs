@@ -204,7 +204,7 @@ pub struct OutputArgs {
     #[arg(long, value_enum, help_heading = OUTPUT)]
     pub format: Option<TrackFormat>,
 
-    /// Write the track to this file [default: standard output]
+    /// Write the track to this file; `-` is standard output [default: standard output]
     ///
     /// During the flight it is in FILE.partial, which is well-formed after every frame.
     #[arg(short, long, value_name = "FILE", help_heading = OUTPUT)]
@@ -224,11 +224,11 @@ pub struct OutputArgs {
     pub truth: Option<PathBuf>,
 
     /// Write a page with a map of the track, its ellipses and, with --truth, its error over time into this folder
-    #[arg(long, value_name = "DIR", conflicts_with = "replay", help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", conflicts_with = "replay", value_parser = values::output_folder(), help_heading = OUTPUT)]
     pub report: Option<PathBuf>,
 
     /// Write the track with its map as one HTML file with a slider, which opens without any server
-    #[arg(long, value_name = "FILE.html", conflicts_with = "replay", help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE.html", conflicts_with = "replay", value_parser = values::output_file(), help_heading = OUTPUT)]
     pub session: Option<PathBuf>,
 
     /// The map, as background of --report and --session
@@ -239,7 +239,7 @@ pub struct OutputArgs {
     pub place: MapPlace,
 
     /// Record the flight into this folder: all inputs, times and answers
-    #[arg(long, value_name = "DIR", conflicts_with = "replay", help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", conflicts_with = "replay", value_parser = values::output_folder(), help_heading = OUTPUT)]
     pub record: Option<PathBuf>,
 
     /// Run a recorded flight again, without its photos, and say whether the track is the same

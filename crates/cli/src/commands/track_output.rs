@@ -1,16 +1,57 @@
-//! Where the lines of `grim track` go.
-
-use std::io::IsTerminal as _;
+//! Where `grim track` writes to.
 
 use anyhow::{Context as _, Result};
-use grimnet_output::OutputPolicy;
+use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
+use grimnet_track::TrackPoint;
 
 use super::track_options::TrackArgs;
-use crate::formats::{NOT_TEXT, RowOutput, TextStream};
+use super::track_report::PAGE;
+use crate::formats::{NOT_TEXT, RowOutput, TextStream, TextTarget};
 use crate::tracking::formats::TrackFormat;
 use crate::tracking::line::TrackLine;
+use crate::tracking::nmea_rows::NmeaRows;
+use crate::tracking::recording::FLIGHT_FILE;
 
-/// Opens the file or standard output, in the format that is asked for, that the file's name says, or that fits a terminal.
+/// Checks, before anything is read, that the outputs do not meet and that files may be written. Folders are checked when they are
+/// opened.
+///
+/// # Errors
+/// Two of them would be written to the same place, or a file may not be written.
+pub fn check_outputs(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<()> {
+    let output = &arguments.output;
+    let track = track_target(arguments);
+    let nmea = arguments.link.nmea_target();
+    let mut planned = vec![track.planned("--out")];
+    planned.extend(nmea.map(|target| target.planned("--nmea")));
+    let folders = [
+        ("--report", &output.report, PAGE),
+        ("--record", &output.record, FLIGHT_FILE),
+    ];
+    for (option, folder, name) in folders {
+        planned.extend(
+            folder
+                .iter()
+                .map(|path| PlannedOutput::folder(option, path, [name])),
+        );
+    }
+    let session = output.session.as_deref();
+    planned.extend(session.map(|path| PlannedOutput::file("--session", path)));
+    check_apart(&planned)?;
+    for target in [track].into_iter().chain(nmea) {
+        target.check(policy)?;
+    }
+    if let Some(path) = session {
+        policy.check_file(path, &[])?;
+    }
+    Ok(())
+}
+
+fn track_target(arguments: &TrackArgs) -> TextTarget<'_> {
+    TextTarget::of(arguments.output.out.as_deref())
+}
+
+/// Opens the file or standard output for the track, in the format that is asked for, that the file's name says, or that fits a
+/// terminal.
 ///
 /// # Errors
 /// The file may not be written, or the format needs a file.
@@ -18,22 +59,34 @@ pub fn open_output<'a>(
     arguments: &'a TrackArgs,
     policy: &'a OutputPolicy,
 ) -> Result<RowOutput<'a, TrackLine>> {
-    let output = &arguments.output;
-    let by_ending = || output.out.as_deref().and_then(TrackFormat::of);
-    let format = output.format.or_else(by_ending).unwrap_or_else(|| {
-        if output.out.is_none() && std::io::stdout().is_terminal() {
+    let target = track_target(arguments);
+    let by_ending = || target.file().and_then(TrackFormat::of);
+    let format = arguments.output.format.or_else(by_ending);
+    let format = format.unwrap_or_else(|| {
+        if target.is_terminal() {
             TrackFormat::Table
         } else {
             TrackFormat::Jsonl
         }
     });
     #[cfg(feature = "sqlite")]
-    if let (TrackFormat::Gpkg, Some(path)) = (format, &output.out) {
+    if let (TrackFormat::Gpkg, Some(path)) = (format, target.file()) {
         return RowOutput::database(crate::tracking::formats::gpkg::bytes_of, path, policy);
     }
     let text = format.start().context(NOT_TEXT)?;
-    Ok(RowOutput::Text(match &output.out {
-        Some(path) => TextStream::rows_to_file(text, path, policy)?,
-        None => TextStream::rows_to_stdout(text),
-    }))
+    Ok(RowOutput::Text(TextStream::rows_to(text, target, policy)?))
+}
+
+/// Opens the file or standard output for NMEA sentences, if they are asked for there.
+///
+/// # Errors
+/// The file may not be written.
+pub fn open_nmea(
+    arguments: &TrackArgs,
+    policy: &OutputPolicy,
+) -> Result<Option<TextStream<TrackPoint>>> {
+    let target = arguments.link.nmea_target();
+    target
+        .map(|target| TextStream::rows_to(Box::new(NmeaRows), target, policy))
+        .transpose()
 }

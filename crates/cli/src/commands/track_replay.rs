@@ -6,7 +6,7 @@ use anyhow::{Result, bail};
 use grimnet_answer::printable;
 
 use super::track_options::TrackArgs;
-use super::track_output::open_output;
+use super::track_output::{check_outputs, open_output};
 use crate::exit::Exit;
 use crate::tracking::recording::Replay;
 
@@ -15,16 +15,11 @@ use crate::tracking::recording::Replay;
 /// # Errors
 /// The recording cannot be read, or the track not be written.
 pub fn replay(arguments: &TrackArgs, folder: &Path) -> Result<Exit> {
-    let policy = arguments
-        .output
-        .overwrite
-        .policy()
-        .protect(folder.join("flight.jsonl"));
-    if let Some(path) = &arguments.output.out {
-        policy.check_file(path, &[])?;
-    }
-    let mut stream = open_output(arguments, &policy)?;
     let mut recorded = Replay::open(folder)?;
+    let overwrite = arguments.output.overwrite;
+    let policy = overwrite.policy().protect(recorded.path());
+    check_outputs(arguments, &policy)?;
+    let mut stream = open_output(arguments, &policy)?;
     let (mut frames, mut others) = (0, 0);
     while let Some(frame) = recorded.next_frame()? {
         frames += 1;

@@ -4,17 +4,16 @@ use std::path::Path;
 
 use anyhow::Result;
 use grimnet_eval::report::track_page::{TrackMark, TrackPage};
-use grimnet_geo::{LonLat, Raster, open_map};
+use grimnet_geo::{LonLat, Raster};
 use grimnet_output::{OutputFolder, OutputPolicy};
 
 use super::map_place::MapPlace;
-use crate::inputs;
 use crate::tracking::line::FrameResult;
 use crate::tracking::session::Tracked;
 use crate::tracking::truth::{Compared, Truth, summary};
 
 /// The page in the folder.
-const PAGE: &str = "report.html";
+pub const PAGE: &str = "report.html";
 
 /// A frame for the report.
 #[derive(Debug, Clone, Copy)]
@@ -118,13 +117,7 @@ impl ReportFolder {
         map: Option<&Path>,
         place: &MapPlace,
     ) -> Result<Self> {
-        let map = match map {
-            Some(path) => {
-                inputs::check_map(path)?;
-                Some(open_map(path, &place.options())?)
-            }
-            None => None,
-        };
+        let map = map.map(|path| place.open(path, policy)).transpose()?;
         let folder = OutputFolder::open(folder, policy)?;
         folder.check([PAGE])?;
         Ok(Self { folder, map })

@@ -4,13 +4,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::Result;
-use grimnet_geo::open_map;
 use grimnet_locate::Localizer;
 use grimnet_output::OutputPolicy;
 use grimnet_serve::{ServedMap, TrackFrame, session_page};
 
 use super::map_place::MapPlace;
-use crate::inputs;
 use crate::tracking::session::Tracked;
 
 /// A file that is written when the flight ends, checked before it.
@@ -33,14 +31,8 @@ impl<'a> SessionFile<'a> {
         map: Option<&Path>,
         place: &MapPlace,
     ) -> Result<Self> {
+        let raster = map.map(|path| place.open(path, policy)).transpose()?;
         policy.check_file(path, &[])?;
-        let raster = match map {
-            Some(path) => {
-                inputs::check_map(path)?;
-                Some(open_map(path, &place.options())?)
-            }
-            None => None,
-        };
         let name = localizer
             .pack()
             .path()

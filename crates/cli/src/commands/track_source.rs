@@ -7,6 +7,7 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 
 use grimnet_locate::NeededPixels;
+use grimnet_output::OutputPolicy;
 
 use super::track_options::TrackArgs;
 use crate::tracking::following::Following;
@@ -56,20 +57,36 @@ impl Source {
         matches!(self, Self::Folder(_) | Self::StandardInput)
     }
 
-    /// What no output may replace.
-    pub fn files(&self) -> &[PathBuf] {
+    /// The video.
+    pub fn video(&self) -> Option<&Path> {
         match self {
-            Self::Photos(paths) => paths,
-            Self::Folder(path) | Self::Video(path) => std::slice::from_ref(path),
-            Self::StandardInput => &[],
+            Self::Video(path) => Some(path),
+            _ => None,
         }
     }
 
-    /// Opens it; `needed` is how many pixels of its photos are used.
+    /// The files that are known before it is opened, which no output may replace.
+    pub fn files(&self) -> Vec<PathBuf> {
+        match self {
+            Self::Photos(paths) => paths.clone(),
+            // Whether it can be read is said when it is opened.
+            Self::Folder(folder) => photos::in_folder(folder).unwrap_or_default(),
+            Self::Video(path) => vec![path.clone()],
+            Self::StandardInput => Vec::new(),
+        }
+    }
+
+    /// Opens it; `needed` is how many pixels of its photos are used. Files that become known during the flight are added to the
+    /// inputs of `policy`.
     ///
     /// # Errors
     /// The source cannot be read.
-    pub fn open(self, arguments: &TrackArgs, needed: NeededPixels) -> Result<Box<dyn Frames>> {
+    pub fn open(
+        self,
+        arguments: &TrackArgs,
+        needed: NeededPixels,
+        policy: &OutputPolicy,
+    ) -> Result<Box<dyn Frames>> {
         let frames = &arguments.frames;
         let options = frames.options(needed);
         Ok(match self {
@@ -84,6 +101,7 @@ impl Source {
                 options,
                 frames.idle.map(Duration::from_secs_f64),
                 Duration::from_secs_f64(frames.most_wait),
+                policy.clone(),
             )?),
             Self::Video(path) => {
                 let frames_per_s = frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S);
@@ -92,6 +110,7 @@ impl Source {
             Self::StandardInput => Box::new(StreamedFrames::new(
                 BufReader::new(std::io::stdin()),
                 options,
+                policy.clone(),
             )?),
         })
     }

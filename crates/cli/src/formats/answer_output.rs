@@ -1,12 +1,10 @@
 //! Where the answers of a run go.
 
-use std::path::Path;
-
 use anyhow::Result;
 use grimnet_answer::Answer;
 use grimnet_output::OutputPolicy;
 
-use super::{AnswerStream, Format, RowOutput};
+use super::{AnswerStream, Format, RowOutput, TextTarget};
 
 /// Where the answers of a run go.
 pub type AnswerOutput<'a> = RowOutput<'a, Answer>;
@@ -16,16 +14,15 @@ impl<'a> AnswerOutput<'a> {
     ///
     /// # Errors
     /// The file may not be replaced or cannot be written, or the format needs a file.
-    pub fn open(format: Format, out: Option<&'a Path>, policy: &'a OutputPolicy) -> Result<Self> {
-        Ok(match out {
-            #[cfg(feature = "sqlite")]
-            Some(path) if format == Format::Gpkg => Self::database(
+    pub fn open(format: Format, out: TextTarget<'a>, policy: &'a OutputPolicy) -> Result<Self> {
+        #[cfg(feature = "sqlite")]
+        if let (Format::Gpkg, Some(path)) = (format, out.file()) {
+            return Self::database(
                 |rows| Ok(grimnet_answer::geopackage_of(rows)?),
                 path,
                 policy,
-            )?,
-            Some(path) => Self::Text(AnswerStream::to_file(format, path, policy)?),
-            None => Self::Text(AnswerStream::to_stdout(format)?),
-        })
+            );
+        }
+        Ok(Self::Text(AnswerStream::answers_to(format, out, policy)?))
     }
 }

@@ -7,7 +7,7 @@ use anyhow::{Context as _, Result};
 use grimnet_answer::{Answer, AnswerFormat};
 use grimnet_output::{AtomicFile, OutputPolicy};
 
-use super::{Format, NOT_TEXT};
+use super::{Format, NOT_TEXT, TextTarget};
 use crate::standard_output::StandardOutput;
 
 /// The text of rows of one kind, in pieces: opening, rows, closing.
@@ -71,49 +71,32 @@ enum Out {
 }
 
 impl AnswerStream {
-    /// Answers go to standard output.
+    /// Answers go to a file or standard output.
     ///
     /// # Errors
-    /// The format is not text.
-    pub fn to_stdout(format: Format) -> Result<Self> {
-        Ok(Self::rows_to_stdout(Box::new(text_format(format)?)))
+    /// The format is not text; as [`TextStream::rows_to`].
+    pub fn answers_to(format: Format, out: TextTarget<'_>, policy: &OutputPolicy) -> Result<Self> {
+        let format = format.start().context(NOT_TEXT)?;
+        Self::rows_to(Box::new(format), out, policy)
     }
-
-    /// Answers go to a file.
-    ///
-    /// # Errors
-    /// As [`TextStream::rows_to_file`].
-    pub fn to_file(format: Format, path: &Path, policy: &OutputPolicy) -> Result<Self> {
-        Self::rows_to_file(Box::new(text_format(format)?), path, policy)
-    }
-}
-
-fn text_format(format: Format) -> Result<Box<dyn AnswerFormat>> {
-    format.start().context(NOT_TEXT)
 }
 
 impl<R> TextStream<R> {
-    /// Rows go to standard output.
-    pub fn rows_to_stdout(format: Box<dyn TextFormat<R>>) -> Self {
-        Self {
-            format,
-            out: Out::Stdout(StandardOutput),
-            opened: false,
-        }
-    }
-
-    /// Rows go to a file.
+    /// Rows go to a file or standard output.
     ///
     /// # Errors
     /// The file may not be replaced, or nothing can be written there.
-    pub fn rows_to_file(
+    pub fn rows_to(
         format: Box<dyn TextFormat<R>>,
-        path: &Path,
+        out: TextTarget<'_>,
         policy: &OutputPolicy,
     ) -> Result<Self> {
         Ok(Self {
             format,
-            out: Out::File(policy.create_partial(path)?),
+            out: match out {
+                TextTarget::StandardOutput { .. } => Out::Stdout(StandardOutput),
+                TextTarget::File(path) => Out::File(policy.create_partial(path)?),
+            },
             opened: false,
         })
     }
@@ -201,7 +184,9 @@ mod tests {
         ] {
             let path = folder.path().join(name);
             let partial = folder.path().join(format!("{name}.partial"));
-            let mut stream = AnswerStream::to_file(format, &path, &OutputPolicy::new()).unwrap();
+            let target = TextTarget::File(&path);
+            let mut stream =
+                AnswerStream::answers_to(format, target, &OutputPolicy::new()).unwrap();
             for (i, answer) in answers().iter().enumerate() {
                 stream.write(answer).unwrap();
                 assert!(!path.exists());

@@ -6,6 +6,7 @@ use std::process::{Child, ChildStdout, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result, bail};
+use grimnet_output::OutputPolicy;
 use grimnet_photo::PhotoLimits;
 
 use super::frame_time::{Epoch, TimeSource};
@@ -59,7 +60,8 @@ impl FfmpegVideo {
         };
         Ok(Self {
             ffmpeg,
-            frames: StreamedFrames::new(BufReader::new(output), options)?,
+            // Pictures alone come from there, no names of files.
+            frames: StreamedFrames::new(BufReader::new(output), options, OutputPolicy::new())?,
             name,
             given: 0,
         })

@@ -6,10 +6,10 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Result, bail};
-use grimnet_photo::Metadata;
+use grimnet_output::OutputPolicy;
 
 use super::frame_time::Epoch;
-use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_file};
+use super::frames::{Frame, FrameOptions, Frames, frame_from_file};
 use crate::photos;
 use grimnet_answer::printable;
 
@@ -26,6 +26,8 @@ pub struct Following {
     idle: Option<Duration>,
     /// A frame that waited longer than this is left out if there is a newer one.
     most_wait: Duration,
+    /// Gets every photo that is found as an input.
+    policy: OutputPolicy,
     /// Files that are being written: what they looked like, and since when.
     growing: HashMap<PathBuf, (Look, Instant)>,
     seen: HashSet<PathBuf>,
@@ -57,6 +59,7 @@ impl Following {
         options: FrameOptions,
         idle: Option<Duration>,
         most_wait: Duration,
+        policy: OutputPolicy,
     ) -> Result<Self> {
         if !folder.is_dir() {
             bail!(
@@ -69,6 +72,7 @@ impl Following {
             options,
             idle,
             most_wait,
+            policy,
             growing: HashMap::new(),
             seen: HashSet::new(),
             ready: Vec::new(),
@@ -105,6 +109,7 @@ impl Following {
                 }
                 _ => {
                     self.last_new = now;
+                    self.policy.add_inputs([&path]);
                     self.growing.insert(path, (look, now));
                 }
             }
@@ -121,18 +126,17 @@ impl Following {
 
     /// Puts a complete file among those that are ready, if it has a time.
     fn take(&mut self, path: PathBuf, now: Instant) {
-        let metadata = Metadata::read_within(&path, &self.options.limits).unwrap_or_default();
-        let time = self
-            .options
-            .time_of(self.taken, &path.to_string_lossy(), &metadata);
-        let name = path.display().to_string();
-        let Some(time) = time else {
-            self.without_time += 1;
-            tracing::warn!("{}: left out: {NO_TIME_HINT}", printable(&name));
-            return;
+        let time = match self.options.time_of_file(self.taken, &path) {
+            Ok(time) => time,
+            Err(reason) => {
+                self.without_time += 1;
+                tracing::warn!("{reason}");
+                return;
+            }
         };
         if *self.epoch.get_or_insert(time.epoch) != time.epoch {
             self.without_time += 1;
+            let name = path.display().to_string();
             tracing::warn!(
                 "{}: left out: its time is not on the clock of the photos before it",
                 printable(&name)
@@ -218,7 +222,8 @@ mod tests {
             limits: PhotoLimits::DEFAULT,
             needed: None,
         };
-        Following::new(folder, options, Some(Duration::from_millis(1)), most_wait).unwrap()
+        let (idle, policy) = (Some(Duration::from_millis(1)), OutputPolicy::new());
+        Following::new(folder, options, idle, most_wait, policy).unwrap()
     }
 
     #[test]
@@ -278,7 +283,7 @@ mod tests {
         assert!(following.next(&AtomicBool::new(false)).unwrap().is_none());
         following.idle = None;
         assert!(following.next(&AtomicBool::new(true)).unwrap().is_none());
-        let gone = Following::new(&folder.path().join("no"), following.options, None, POLL);
-        assert!(gone.is_err());
+        let (gone, policy) = (folder.path().join("no"), OutputPolicy::new());
+        assert!(Following::new(&gone, following.options, None, POLL, policy).is_err());
     }
 }

@@ -17,8 +17,8 @@ const MAX_LATE_S: f64 = 3.0;
 const COMPARED: usize = 10;
 /// Whether they come too late, over so many: the least age counts, since a photo may wait.
 const LATE_COMPARED: usize = 5;
-/// From so many frames on it is told that photos are too old: the first ones may have waited for the program.
-const LATE_BEFORE_TOLD: usize = 3;
+/// From so many frames on there is a warning that photos are too old: the first ones may have waited for the program.
+const LATE_BEFORE_WARNING: usize = 3;
 
 /// What the clocks show when a frame is taken in, seconds.
 #[derive(Debug, Clone, Copy)]
@@ -64,7 +64,7 @@ pub struct FrameClock {
     /// How old the last frames were when they came, seconds.
     ages_s: VecDeque<f64>,
     agreement: Agreement,
-    told: Agreement,
+    reported: Agreement,
 }
 
 impl FrameClock {
@@ -77,7 +77,7 @@ impl FrameClock {
             frames: 0,
             ages_s: VecDeque::with_capacity(COMPARED),
             agreement: Agreement::Agrees,
-            told: Agreement::Agrees,
+            reported: Agreement::Agrees,
         }
     }
 
@@ -91,7 +91,7 @@ impl FrameClock {
         self.agreement == Agreement::Agrees
     }
 
-    /// Takes in the time of a frame, and that of the newest one that waits. Gives what is to be told.
+    /// Takes in the time of a frame, and that of the newest one that waits. Gives the line to be logged.
     pub fn frame(
         &mut self,
         time_s: f64,
@@ -166,14 +166,14 @@ impl FrameClock {
         }
     }
 
-    /// What is told where the clocks begin or cease to agree.
+    /// What is reported where the clocks begin or cease to agree.
     fn agreement_text(&mut self) -> Option<String> {
         let now = self.agreement;
-        let too_soon = matches!(now, Agreement::Late(_)) && self.ages_s.len() < LATE_BEFORE_TOLD;
-        if now.is_same_kind(self.told) || too_soon {
+        let too_soon = matches!(now, Agreement::Late(_)) && self.ages_s.len() < LATE_BEFORE_WARNING;
+        if now.is_same_kind(self.reported) || too_soon {
             return None;
         }
-        self.told = now;
+        self.reported = now;
         let is_system = self.base == Some(Base::System);
         Some(match now {
             Agreement::Agrees => {
@@ -205,7 +205,7 @@ mod tests {
 
     const BEGAN_S: f64 = 1_782_036_000.0;
 
-    /// Frames once a second, `age_s` old by their own clock when they come. Gives the lines that are told.
+    /// Frames once a second, `age_s` old by their own clock when they come. Gives the lines that are logged.
     fn fly(clock: &mut FrameClock, seconds: std::ops::Range<u32>, age_s: f64) -> Vec<String> {
         seconds
             .filter_map(|second| {
@@ -234,14 +234,17 @@ mod tests {
             (5.0, "5.0 s old when they come", "--clock-offset 5.0"),
         ] {
             let mut clock = FrameClock::new(true);
-            let told = fly(&mut clock, 0..30, age_s);
-            assert_eq!(told.len(), 1, "{told:?}");
-            assert!(told[0].contains(expected), "{told:?}");
-            assert!(told[0].contains(option), "{told:?}");
+            let lines = fly(&mut clock, 0..30, age_s);
+            assert_eq!(lines.len(), 1, "{lines:?}");
+            assert!(lines[0].contains(expected), "{lines:?}");
+            assert!(lines[0].contains(option), "{lines:?}");
             assert!(!clock.agrees());
-            let told = fly(&mut clock, 30..60, 0.2);
-            assert_eq!(told.len(), 1, "{told:?}");
-            assert!(told[0].contains("agrees with the link's again"), "{told:?}");
+            let lines = fly(&mut clock, 30..60, 0.2);
+            assert_eq!(lines.len(), 1, "{lines:?}");
+            assert!(
+                lines[0].contains("agrees with the link's again"),
+                "{lines:?}"
+            );
             assert!(clock.agrees());
         }
     }
@@ -262,16 +265,16 @@ mod tests {
         // The newest photo that is there has the system's clock.
         let mut clock = FrameClock::new(true);
         let newest_s = Some(BEGAN_S - 0.3);
-        let told = clock.frame(BEGAN_S - 180.0, Epoch::Unix, newest_s, at(BEGAN_S));
-        assert_eq!((told, clock.ahead_s()), (None, 0.0));
+        let lines = clock.frame(BEGAN_S - 180.0, Epoch::Unix, newest_s, at(BEGAN_S));
+        assert_eq!((lines, clock.ahead_s()), (None, 0.0));
         // The old one is alone.
         let mut clock = FrameClock::new(true);
-        let told = clock.frame(BEGAN_S - 180.0, Epoch::Unix, None, at(BEGAN_S));
-        assert!(told.unwrap().contains("180 s older"));
+        let lines = clock.frame(BEGAN_S - 180.0, Epoch::Unix, None, at(BEGAN_S));
+        assert!(lines.unwrap().contains("180 s older"));
         assert_eq!(clock.ahead_s(), -180.0);
-        let told = fly(&mut clock, 1..30, 0.2);
-        assert_eq!(told.len(), 1, "{told:?}");
-        assert!(told[0].contains("from now on"), "{told:?}");
+        let lines = fly(&mut clock, 1..30, 0.2);
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].contains("from now on"), "{lines:?}");
         assert_eq!(clock.ahead_s(), 0.0);
         assert!(clock.agrees());
     }
@@ -284,24 +287,24 @@ mod tests {
             link_s: BEGAN_S + 5.0,
             system_s: BEGAN_S + 1000.0,
         };
-        let told = clock.frame(BEGAN_S + 999.8, Epoch::Unix, None, now);
-        assert_eq!((told, clock.ahead_s()), (None, 995.0));
+        let lines = clock.frame(BEGAN_S + 999.8, Epoch::Unix, None, now);
+        assert_eq!((lines, clock.ahead_s()), (None, 995.0));
         assert!(clock.agrees());
     }
 
     #[test]
-    fn seconds_since_the_first_frame_that_drift_are_told() {
+    fn seconds_since_the_first_frame_that_drift_are_reported() {
         // One frame a second, with times that go twice as fast, or half as fast.
         for (speed, expected) in [(2.0, "earlier than"), (0.5, "later than")] {
             let mut clock = FrameClock::new(true);
-            let told: Vec<String> = (0..60)
+            let lines: Vec<String> = (0..60)
                 .filter_map(|second| {
                     let now = at(BEGAN_S + f64::from(second));
                     clock.frame(speed * f64::from(second), Epoch::Start, None, now)
                 })
                 .collect();
-            assert_eq!(told.len(), 1, "{told:?}");
-            assert!(told[0].contains(expected), "{told:?}");
+            assert_eq!(lines.len(), 1, "{lines:?}");
+            assert!(lines[0].contains(expected), "{lines:?}");
             assert!(!clock.agrees());
         }
     }
@@ -310,8 +313,8 @@ mod tests {
     fn a_first_frame_that_waited_is_no_other_clock() {
         let mut clock = FrameClock::new(true);
         for (time_s, came_s) in [(0.0, 2.0), (0.5, 2.1), (1.0, 2.2), (1.5, 2.3), (2.0, 2.4)] {
-            let told = clock.frame(time_s, Epoch::Start, None, at(came_s));
-            assert_eq!(told, None);
+            let lines = clock.frame(time_s, Epoch::Start, None, at(came_s));
+            assert_eq!(lines, None);
             assert!(clock.agrees());
         }
         assert!((clock.ahead_s() + 0.4).abs() < 1e-9, "{}", clock.ahead_s());
@@ -320,7 +323,7 @@ mod tests {
     #[test]
     fn recorded_photos_begin_now_however_young_they_are() {
         let mut clock = FrameClock::new(false);
-        let told = clock.frame(BEGAN_S - 30.0, Epoch::Unix, None, at(BEGAN_S));
-        assert_eq!((told, clock.ahead_s()), (None, -30.0));
+        let lines = clock.frame(BEGAN_S - 30.0, Epoch::Unix, None, at(BEGAN_S));
+        assert_eq!((lines, clock.ahead_s()), (None, -30.0));
     }
 }

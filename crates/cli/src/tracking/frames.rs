@@ -4,11 +4,12 @@ use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result};
+use grimnet_answer::printable;
 use grimnet_locate::NeededPixels;
 use grimnet_photo::{Metadata, Photo, PhotoLimits, QUERY_LONG_SIDE_PX, read_photo_file};
 
 use super::frame_time::{Epoch, FrameTime, TimeSource, frame_time};
-use crate::inputs;
+use crate::{errors, inputs};
 
 /// One frame.
 pub struct Frame {
@@ -80,6 +81,28 @@ pub struct FrameOptions {
 }
 
 impl FrameOptions {
+    /// The metadata of a photo file; none if it cannot be read, which its frame says.
+    pub fn metadata_of(&self, path: &Path) -> Metadata {
+        if inputs::check_regular(path).is_err() {
+            return Metadata::default();
+        }
+        Metadata::read_within(path, &self.limits).unwrap_or_default()
+    }
+
+    /// The time of the photo file that is the frame `number`, counted from 0.
+    ///
+    /// # Errors
+    /// Why it has none, in a line that names it.
+    pub fn time_of_file(&self, number: usize, path: &Path) -> Result<FrameTime, String> {
+        let metadata = if self.frames_per_s.is_some() {
+            Metadata::default()
+        } else {
+            self.metadata_of(path)
+        };
+        self.time_of(number, &path.to_string_lossy(), &metadata)
+            .ok_or_else(|| reason_without_time(&frame_from_file(path, 0.0, self), &metadata))
+    }
+
     /// The time of the frame `number`, counted from 0.
     pub fn time_of(&self, number: usize, name: &str, metadata: &Metadata) -> Option<FrameTime> {
         match self.frames_per_s {
@@ -89,10 +112,10 @@ impl FrameOptions {
                 has_fraction: true,
             }),
             None => {
-                let told = frame_time(name, metadata.exposure_time, self.source)?;
+                let stated = frame_time(name, metadata.exposure_time, self.source)?;
                 Some(FrameTime {
-                    time_s: told.time_s + self.clock_offset_s,
-                    ..told
+                    time_s: stated.time_s + self.clock_offset_s,
+                    ..stated
                 })
             }
         }
@@ -100,8 +123,21 @@ impl FrameOptions {
 }
 
 /// What to do about a frame without time, for messages.
-pub const NO_TIME_HINT: &str = "neither its EXIF data nor its name tell when it was taken; --fps N takes \
+const NO_TIME_HINT: &str = "neither its EXIF data nor its name state when it was taken; --fps N takes \
     frames in order, N a second";
+
+/// Why a frame has no time, in a line that names it: it cannot be read or decoded, its metadata are damaged, or they do not state it.
+pub fn reason_without_time(frame: &Frame, metadata: &Metadata) -> String {
+    let reason = match &frame.photo {
+        Err(error) => errors::message_with_hint(error),
+        Ok(_) => {
+            let notes = metadata.notes.iter().map(|note| format!(" ({note})"));
+            format!("{NO_TIME_HINT}{}", notes.collect::<String>())
+        }
+    };
+    let line = format!("{}: left out: {reason}", frame.name);
+    printable(&line).into_owned()
+}
 
 /// Reads and decodes a photo file as a frame.
 pub fn frame_from_file(path: &Path, time_s: f64, options: &FrameOptions) -> Frame {

@@ -17,7 +17,7 @@ impl<R: BufRead> JpegStream<R> {
     }
 
     /// The bytes of the next picture: from its start to its end marker (ITU-T T.81, annex B). What stands between pictures is
-    /// skipped. `None` at the end of the stream, also if it ends within a picture, which is told.
+    /// skipped. `None` at the end of the stream, also if it ends within a picture, which gets a warning.
     ///
     /// # Errors
     /// The stream cannot be read, or holds a picture that does not end.

@@ -70,7 +70,7 @@ impl FrameResult {
     }
 }
 
-/// What is told of a frame besides the track.
+/// What is stated of a frame besides the track.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FrameNote {
     /// The photo as given.

@@ -52,7 +52,7 @@ pub struct Live {
     /// Whether the frames come while the aircraft flies.
     is_live: bool,
     frame_clock: FrameClock,
-    coarse_is_told: bool,
+    warned_of_coarse: bool,
     shared: Shared,
     running: Option<Running>,
 }
@@ -71,7 +71,7 @@ impl Live {
             options,
             is_live,
             frame_clock: FrameClock::new(is_live),
-            coarse_is_told: false,
+            warned_of_coarse: false,
             shared: Shared::default(),
             running: None,
         }
@@ -118,7 +118,7 @@ impl Live {
         if let Some(text) = self.frame_clock.frame(frame_s, epoch, newest_s, now) {
             tracing::warn!("{text}");
         }
-        if is_coarse && self.is_live && !std::mem::replace(&mut self.coarse_is_told, true) {
+        if is_coarse && self.is_live && !std::mem::replace(&mut self.warned_of_coarse, true) {
             tracing::warn!(
                 "the photos' times have no fraction of a second, so that positions are up to a second of flight off, which the \
                  stated radius does not contain: write EXIF SubSecTimeOriginal, or names with milliseconds (docs/flight.md)"
@@ -240,7 +240,7 @@ fn turn(
             let mut published = shared.lock().unwrap_or_else(PoisonError::into_inner);
             let input = input.moved_in_time(published.ahead_s);
             if let Some(tracker) = published.tracker.as_mut() {
-                // What the filter refuses is told by the session, which gets the same.
+                // What the filter refuses is reported by the session, which gets the same.
                 let _ = tracker.push(input);
             }
             // Nobody listens at the end of the flight.
@@ -257,7 +257,7 @@ fn turn(
 fn tell(event: &LinkEvent) {
     let text = event.to_string();
     let text = printable_text(&text);
-    // Nothing can be told where standard error is closed.
+    // Nothing can be said where standard error is closed.
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 

@@ -4,13 +4,12 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Result, bail};
-use grimnet_photo::Metadata;
 
 use super::frame_time::{Epoch, FrameTime};
-use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_file};
+use super::frames::{Frame, FrameOptions, Frames, frame_from_file};
 use grimnet_answer::printable;
 
-/// A step of time above this is told, seconds: a clock may have been set, or the aircraft landed.
+/// A step of time above this gets a warning, seconds: a clock may have been set, or the aircraft landed.
 const LARGE_STEP_S: f64 = 300.0;
 
 /// See the module.
@@ -31,25 +30,22 @@ impl PhotoList {
     pub fn new(paths: Vec<PathBuf>, options: &FrameOptions) -> Result<Self> {
         let count = paths.len();
         let mut timed: Vec<(PathBuf, FrameTime)> = Vec::with_capacity(count);
-        let mut without_time = 0;
+        let (mut without_time, mut first_reason) = (0, None);
         for (number, path) in paths.into_iter().enumerate() {
-            let metadata = if options.frames_per_s.is_some() {
-                Metadata::default()
-            } else {
-                // An unreadable photo has no metadata; the flight says so when its turn comes.
-                Metadata::read_within(&path, &options.limits).unwrap_or_default()
-            };
-            match options.time_of(number, &path.to_string_lossy(), &metadata) {
-                Some(time) => timed.push((path, time)),
-                None => {
+            match options.time_of_file(number, &path) {
+                Ok(time) => timed.push((path, time)),
+                Err(reason) => {
                     without_time += 1;
-                    let name = path.display().to_string();
-                    tracing::warn!("{}: left out: {NO_TIME_HINT}", printable(&name));
+                    tracing::warn!("{reason}");
+                    first_reason.get_or_insert(reason);
                 }
             }
         }
         let Some(epoch) = common_epoch(&timed) else {
-            bail!("none of the {count} photos has a time: {NO_TIME_HINT}");
+            bail!(
+                "none of the {count} photos has a time; the first, {}",
+                first_reason.unwrap_or_default()
+            );
         };
         let other = |(_, time): &(PathBuf, FrameTime)| time.epoch != epoch;
         for (path, _) in timed.iter().filter(|photo| other(photo)) {
@@ -62,7 +58,7 @@ impl PhotoList {
         }
         timed.retain(|photo| !other(photo));
         timed.sort_by(|a, b| a.1.time_s.total_cmp(&b.1.time_s).then(a.0.cmp(&b.0)));
-        tell_odd_times(&timed);
+        warn_of_odd_times(&timed);
         Ok(Self {
             photos: timed
                 .into_iter()
@@ -89,7 +85,7 @@ fn common_epoch(timed: &[(PathBuf, FrameTime)]) -> Option<Epoch> {
     }
 }
 
-fn tell_odd_times(timed: &[(PathBuf, FrameTime)]) {
+fn warn_of_odd_times(timed: &[(PathBuf, FrameTime)]) {
     let mut equal = 0;
     for pair in timed.windows(2) {
         let step_s = pair[1].1.time_s - pair[0].1.time_s;

@@ -28,8 +28,8 @@ pub struct RecordedTelemetry {
     is_checked: bool,
     /// Time of the latest input that was given, seconds.
     latest_s: Option<f64>,
-    /// Whether it was told that frames are without telemetry.
-    gap_is_told: bool,
+    /// Whether there was a warning of frames without telemetry.
+    warned_of_gap: bool,
 }
 
 impl RecordedTelemetry {
@@ -58,7 +58,7 @@ impl RecordedTelemetry {
                 .collect(),
             is_checked: false,
             latest_s: None,
-            gap_is_told: false,
+            warned_of_gap: false,
         })
     }
 
@@ -106,16 +106,16 @@ impl RecordedTelemetry {
         (given, gap)
     }
 
-    /// What is told at the first frame that is further from the telemetry before it than [`LONGEST_GAP_S`], and from what comes after
+    /// The warning at the first frame that is further from the telemetry before it than [`LONGEST_GAP_S`], and from what comes after
     /// it: a logger stopped, or its clock jumped.
     fn new_gap(&mut self, frame_s: f64) -> Option<String> {
         let is_far = |time_s: f64| (time_s - frame_s).abs() > LONGEST_GAP_S;
         let latest_s = self.latest_s.filter(|latest_s| is_far(*latest_s))?;
         let next_s = self.inputs.front().map(Input::time_s);
-        if self.gap_is_told || next_s.is_some_and(|next_s| !is_far(next_s)) {
+        if self.warned_of_gap || next_s.is_some_and(|next_s| !is_far(next_s)) {
             return None;
         }
-        self.gap_is_told = true;
+        self.warned_of_gap = true;
         let next = next_s.map_or_else(
             || "no other follows".to_owned(),
             |next_s| format!("the next is {:.1} s newer", next_s - frame_s),
@@ -143,7 +143,7 @@ impl RecordedTelemetry {
             );
         }
         if last_s + LONGEST_GAP_S < ends_s {
-            self.gap_is_told = true;
+            self.warned_of_gap = true;
             tracing::warn!(
                 "{path}: ends at {last_s:.1} s, and the video at {ends_s:.1} s; the frames after {last_s:.1} s are without telemetry"
             );
@@ -171,7 +171,7 @@ impl RecordedTelemetry {
             return Ok(());
         };
         if frame_s > last.time_s() {
-            self.gap_is_told = true;
+            self.warned_of_gap = true;
             tracing::warn!(
                 "{path}: it ends at {:.1} s, before the first frame at {frame_s:.1} s; are both of the same flight?",
                 last.time_s()

@@ -16,7 +16,7 @@ use super::frame_time::Epoch;
 use super::line::{FrameNote, TrackLine};
 
 /// The file in the folder.
-const FILE: &str = "flight.jsonl";
+pub const FLIGHT_FILE: &str = "flight.jsonl";
 /// Version of the lines; another number is refused.
 const VERSION: u32 = 1;
 
@@ -24,7 +24,7 @@ const VERSION: u32 = 1;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum Entry {
-    /// The first line; again when a photo told the focal length.
+    /// The first line; again when a photo stated the focal length.
     Options {
         version: u32,
         options: Box<TrackOptions>,
@@ -63,9 +63,9 @@ impl Recorder {
     /// The folder cannot be written, or holds a recording that was changed since or comes from elsewhere.
     pub fn create(folder: &Path, policy: &OutputPolicy) -> Result<Self> {
         let folder = OutputFolder::open(folder, policy)?;
-        folder.check([FILE])?;
+        folder.check([FLIGHT_FILE])?;
         Ok(Self {
-            file: folder.create_partial(FILE)?,
+            file: folder.create_partial(FLIGHT_FILE)?,
             options: None,
         })
     }
@@ -164,8 +164,8 @@ impl Replay {
     /// # Errors
     /// There is none.
     pub fn open(folder: &Path) -> Result<Self> {
-        let partial = folder.join(format!("{FILE}.partial"));
-        let path = Some(folder.join(FILE))
+        let partial = folder.join(format!("{FLIGHT_FILE}.partial"));
+        let path = Some(folder.join(FLIGHT_FILE))
             .filter(|path| path.is_file() || !partial.is_file())
             .unwrap_or(partial);
         crate::inputs::check_regular(&path).with_context(|| {
@@ -181,6 +181,11 @@ impl Replay {
             number: 0,
             tracker: None,
         })
+    }
+
+    /// The file that is read.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     /// The next frame; `None` at the end.
@@ -316,7 +321,7 @@ mod tests {
                 .unwrap();
         }
         // A process that is killed here leaves all of them.
-        let partial = folder.join(format!("{FILE}.partial"));
+        let partial = folder.join(format!("{FLIGHT_FILE}.partial"));
         let text = fs_err::read_to_string(partial).unwrap();
         assert_eq!(
             text.lines()
@@ -343,10 +348,10 @@ mod tests {
     }
 
     #[test]
-    fn a_changed_recording_is_told() {
+    fn a_changed_recording_is_noticed() {
         let folder = tempfile::tempdir().unwrap();
         recorded(folder.path());
-        let path = folder.path().join(FILE);
+        let path = folder.path().join(FLIGHT_FILE);
         let text = fs_err::read_to_string(&path).unwrap();
         fs_err::write(
             &path,
@@ -381,14 +386,14 @@ mod tests {
         assert_eq!(replayed(folder.path()).len(), 12);
         recorded(folder.path());
         assert_eq!(replayed(folder.path()).len(), 12);
-        let path = folder.path().join(FILE);
+        let path = folder.path().join(FLIGHT_FILE);
         let mut text = fs_err::read_to_string(&path).unwrap();
         text.push_str("{}\n");
         fs_err::write(&path, &text).unwrap();
         let error = Recorder::create(folder.path(), &OutputPolicy::new())
             .err()
             .unwrap();
-        assert!(error.to_string().contains(FILE), "{error:#}");
+        assert!(error.to_string().contains(FLIGHT_FILE), "{error:#}");
         assert_eq!(fs_err::read_to_string(&path).unwrap(), text);
     }
 }

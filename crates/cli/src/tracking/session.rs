@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use anyhow::Result;
-use grimnet_flight::{DelayDoubt, Doubt, Flight, Known, Searched};
+use grimnet_flight::{ClockWarning, DelayWarning, Flight, Known, Searched, Warning};
 use grimnet_track::{Input, InputError, TrackPoint};
 
 use super::frame_time::Epoch;
@@ -35,8 +35,10 @@ pub struct Session {
     /// All inputs, for smoothing.
     inputs: Option<Vec<Input>>,
     counts: Counts,
-    /// What was told of telemetry, so that it is told once.
-    told: HashSet<&'static str>,
+    /// What there was a warning of, so that there is only one.
+    warned: HashSet<&'static str>,
+    /// The last step of a clock that there was a warning of.
+    clock_step: Option<ClockWarning>,
 }
 
 /// A frame and what it gave.
@@ -82,7 +84,8 @@ impl Session {
             recorder,
             inputs: keep_inputs.then(Vec::new),
             counts: Counts::default(),
-            told: HashSet::new(),
+            warned: HashSet::new(),
+            clock_step: None,
         }
     }
 
@@ -104,7 +107,7 @@ impl Session {
             .collect()
     }
 
-    /// Takes in telemetry. What the filter refuses is told once of each kind.
+    /// Takes in telemetry. What the filter refuses gets a warning, one of each kind.
     ///
     /// # Errors
     /// The recording cannot be written.
@@ -113,8 +116,10 @@ impl Session {
             Ok(Some(_)) => {}
             Ok(None) => return Ok(()),
             Err(error) => {
-                if self.told.insert(kind(&error)) {
-                    tracing::warn!("telemetry left out: {error} (further ones are not told)");
+                if self.warned.insert(kind(&error)) {
+                    tracing::warn!(
+                        "telemetry left out: {error} (further ones are left out without a warning)"
+                    );
                 }
             }
         }
@@ -127,7 +132,7 @@ impl Session {
         Ok(())
     }
 
-    /// Takes in a frame. One that cannot be used is told and stops nothing.
+    /// Takes in a frame. One that cannot be used gets a warning and stops nothing.
     ///
     /// # Errors
     /// The recording cannot be written.
@@ -143,7 +148,7 @@ impl Session {
                 if let Err(error) = &answer.outcome {
                     tracing::warn!("{}: {error}", printable(&frame.name));
                 }
-                self.tell_doubts();
+                self.show_warnings();
                 let note = FrameNote::of(&frame.name, &answer);
                 let alone = match &answer.outcome {
                     Ok(outcome) => Answer::of(&frame.name, outcome),
@@ -188,19 +193,21 @@ impl Session {
         self.recorder.map_or(Ok(()), Recorder::finish)
     }
 
-    /// Tells what the fixes contradict, once of each kind.
-    fn tell_doubts(&mut self) {
-        for doubt in self.flight.doubts() {
-            if !self.told.insert(doubt.of()) {
-                continue;
-            }
-            match doubt {
-                Doubt::Delay(DelayDoubt { delay_s }) => {
+    /// Warns of what the fixes contradict, once of each kind, and of each step of a clock.
+    fn show_warnings(&mut self) {
+        for warning in self.flight.warnings() {
+            let is_new = match warning {
+                Warning::Clock(step) => self.clock_step.replace(step) != Some(step),
+                _ => self.warned.insert(warning.about()),
+            };
+            match warning {
+                _ if !is_new => {}
+                Warning::Delay(DelayWarning { delay_s }) => {
                     tracing::warn!(
-                        "{doubt}; with `--telemetry-delay {delay_s}` a recorded one fits"
+                        "{warning}; with `--telemetry-delay {delay_s}` a recorded one fits"
                     );
                 }
-                _ => tracing::warn!("{doubt}"),
+                _ => tracing::warn!("{warning}"),
             }
         }
     }

@@ -5,10 +5,13 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context as _, Result};
+use grimnet_output::OutputPolicy;
 use grimnet_photo::Metadata;
 
 use super::frame_time::Epoch;
-use super::frames::{Frame, FrameOptions, Frames, NO_TIME_HINT, frame_from_bytes, frame_from_file};
+use super::frames::{
+    Frame, FrameOptions, Frames, frame_from_bytes, frame_from_file, reason_without_time,
+};
 use super::jpeg_stream::JpegStream;
 use grimnet_answer::printable;
 
@@ -19,6 +22,8 @@ const JPEG_BEGIN: u8 = 0xff;
 pub struct StreamedFrames<R> {
     input: Input<R>,
     options: FrameOptions,
+    /// Gets every file that is named as an input.
+    policy: OutputPolicy,
     epoch: Option<Epoch>,
     is_coarse: bool,
     number: usize,
@@ -35,7 +40,7 @@ impl<R: BufRead> StreamedFrames<R> {
     ///
     /// # Errors
     /// Nothing can be read.
-    pub fn new(mut input: R, options: FrameOptions) -> Result<Self> {
+    pub fn new(mut input: R, options: FrameOptions, policy: OutputPolicy) -> Result<Self> {
         let first = input.fill_buf().context("cannot read standard input")?;
         let input = if first.first() == Some(&JPEG_BEGIN) {
             Input::Pictures(JpegStream::new(input))
@@ -45,6 +50,7 @@ impl<R: BufRead> StreamedFrames<R> {
         Ok(Self {
             input,
             options,
+            policy,
             epoch: None,
             is_coarse: false,
             number: 0,
@@ -81,10 +87,10 @@ impl<R: BufRead> StreamedFrames<R> {
                     }
                     let name = line.trim();
                     if !name.is_empty() {
-                        let frame = frame_from_file(Path::new(name), 0.0, options);
-                        let metadata =
-                            Metadata::read_within(name, &options.limits).unwrap_or_default();
-                        return Ok(Some((frame, metadata)));
+                        let path = Path::new(name);
+                        self.policy.add_inputs([path]);
+                        let frame = frame_from_file(path, 0.0, options);
+                        return Ok(Some((frame, options.metadata_of(path))));
                     }
                 }
             }
@@ -110,9 +116,7 @@ impl<R: BufRead> Frames for StreamedFrames<R> {
                     "{}: left out: its time is not on the clock of the photos before it",
                     printable(&frame.name)
                 ),
-                None => {
-                    tracing::warn!("{}: left out: {NO_TIME_HINT}", printable(&frame.name));
-                }
+                None => tracing::warn!("{}", reason_without_time(&frame, &metadata)),
             }
             self.without_time += 1;
         }
@@ -148,7 +152,8 @@ mod tests {
             needed: None,
         };
         let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
-        let mut frames = StreamedFrames::new(text.as_bytes(), options).unwrap();
+        let policy = OutputPolicy::new();
+        let mut frames = StreamedFrames::new(text.as_bytes(), options, policy).unwrap();
         let stop = AtomicBool::new(false);
         let mut next = || frames.next(&stop).unwrap();
         let first = next().unwrap();

@@ -22,6 +22,35 @@ fn evaluation_agrees_with_the_demo() {
 }
 
 #[test]
+fn a_run_that_fails_before_it_writes_anything_leaves_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let demo = std::fs::canonicalize(demo()).unwrap().display().to_string();
+    for command in [
+        "eval no/such --out new/results".to_owned(),
+        format!("eval {demo} --out new/results --model no.safetensors"),
+        format!("eval {demo} --out new/results --track --model no.safetensors"),
+        format!("eval {demo} --out new/results --elsewhere no/such"),
+        "demo --out new/demo --model no.safetensors".to_owned(),
+        format!(
+            "track --pack {demo}/area.grim --follow no/such --record new/recorded --report new/report"
+        ),
+        format!("locate --pack {demo}/area.grim a.jpg --draw new/drawn --model no.safetensors"),
+    ] {
+        grim()
+            .current_dir(folder.path())
+            .args(command.split_whitespace())
+            .assert()
+            .code(2)
+            .stderr(contains("no/such").or(contains("no.safetensors")));
+        assert_eq!(
+            std::fs::read_dir(folder.path()).unwrap().count(),
+            0,
+            "{command}"
+        );
+    }
+}
+
+#[test]
 fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
     let folder = tempfile::tempdir().unwrap();
     let photos = folder.path().join("photos");

@@ -11,6 +11,9 @@ mod interruptions;
 mod limits;
 mod maps;
 mod outputs;
+mod reference_pages;
+mod several_outputs;
+mod spared_inputs;
 mod telemetry;
 mod track;
 #[cfg(feature = "video")]
@@ -333,10 +336,15 @@ fn a_pack_tells_what_it_holds_and_is_not_built_twice() {
 }
 
 #[test]
-fn the_bundled_model_tells_what_it_was_trained_on() {
+fn the_bundled_model_tells_what_it_was_trained_and_calibrated_on() {
+    let calibrated = contains("calibrated on").and(contains("photos of half of the places"));
     grim()
         .args(["model", "info"])
         .assert()
         .success()
-        .stdout(contains("compact").and(contains("MIT OR Apache-2.0")));
+        .stdout(contains("compact").and(contains("MIT OR Apache-2.0")))
+        .stdout(calibrated.and(contains("confidence of 10.4 %")));
+    let output = grim().args(["model", "info", "--json"]).output().unwrap();
+    let info: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(info["calibration"]["fitted_on"]["data"].is_string());
 }

@@ -11,7 +11,7 @@ use super::interruptions::start;
 use super::{demo, grim, locate, pack, photo};
 
 /// Every file below a folder with its content, but for the list of outputs.
-fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+pub(super) fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();

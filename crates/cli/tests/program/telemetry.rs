@@ -13,7 +13,7 @@ fn telemetry_that_stops_or_whose_clock_jumps_is_told_once() {
     let csv = folder.path().join("log.csv");
     let frames: Vec<PathBuf> = (1..=6).map(frame).collect();
     let sources: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
-    let told = |later: &str| {
+    let warnings = |later: &str| {
         let rows = "time,height_agl_m\n2026-06-21T10:00:00Z,115\n2026-06-21T10:00:01Z,115\n";
         fs::write(&csv, format!("{rows}{later}")).unwrap();
         let (answers, errors, _) = track(&["--telemetry", csv.to_str().unwrap()], &sources);
@@ -25,13 +25,13 @@ fn telemetry_that_stops_or_whose_clock_jumps_is_told_once() {
         );
         errors
     };
-    let stopped = told("");
+    let stopped = warnings("");
     assert!(
         stopped
             .contains("log.csv: a frame comes 3.0 s after its last record, and no other follows"),
         "{stopped}"
     );
-    let jumped = told("2026-06-21T11:00:02Z,115\n");
+    let jumped = warnings("2026-06-21T11:00:02Z,115\n");
     assert!(
         jumped.contains("and the next is 3598.0 s newer"),
         "{jumped}"
@@ -69,8 +69,8 @@ fn a_yaw_of_another_convention_is_told_and_the_flight_is_found_without_it() {
     assert!(!errors.contains("of the telemetry"), "{errors}");
     let (answers, errors) = followed(12, "351.2,0,0,115");
     assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
-    let told = errors.matches("degrees off the headings of the fixes");
-    assert_eq!(told.count(), 1, "{errors}");
+    let warnings = errors.matches("degrees off the headings of the fixes");
+    assert_eq!(warnings.count(), 1, "{errors}");
 }
 
 #[test]
@@ -104,8 +104,8 @@ fn a_recorded_flight_whose_attitude_was_left_out_gives_the_same_track_again() {
 fn feet_and_heights_above_the_sea_are_told_and_the_flight_is_found_without_them() {
     for (height_m, factor) in [(377.3, "3.2"), (295.0, "2.5"), (55.0, "0.4")] {
         let (answers, errors) = followed(10, &format!("98.8,0,0,{height_m}"));
-        let told = format!("the heights of the telemetry are {factor}");
-        assert_eq!(errors.matches(&told).count(), 1, "{errors}");
+        let warnings = format!("the heights of the telemetry are {factor}");
+        assert_eq!(errors.matches(&warnings).count(), 1, "{errors}");
         assert_eq!(answers.last().unwrap()["state"], "tracking", "{errors}");
     }
 }

@@ -105,7 +105,7 @@ fn a_flight_is_recorded_and_runs_again_bit_for_bit() {
         .success();
     let text = String::from_utf8(again.get_output().stdout.clone()).unwrap();
     assert_eq!(lines(&text), answers);
-    // One changed number is told.
+    // One changed number is noticed.
     let path = recorded.join("flight.jsonl");
     let text = fs::read_to_string(&path).unwrap();
     fs::write(
@@ -226,8 +226,8 @@ fn bad_frames_are_told_in_a_line_each_and_stop_nothing() {
     assert_eq!(of("truncated.jpg")["frame"], "unusable");
     assert_eq!(of("a10.jpg")["state"], "tracking");
     for (name, count) in [("truncated.jpg", 1), ("words.jpg", 1)] {
-        let told = errors.lines().filter(|line| line.contains(name)).count();
-        assert_eq!(told, count, "{name}: {errors}");
+        let lines = errors.lines().filter(|line| line.contains(name)).count();
+        assert_eq!(lines, count, "{name}: {errors}");
     }
     assert!(
         errors.contains("have the time of the one before"),
@@ -238,13 +238,68 @@ fn bad_frames_are_told_in_a_line_each_and_stop_nothing() {
 #[test]
 fn photos_without_times_need_a_rate() {
     let folder = tempfile::tempdir().unwrap();
-    fs::write(folder.path().join("a.jpg"), "no picture").unwrap();
+    let still = folder.path().join("a.png");
+    image::RgbImage::new(40, 30).save(still).unwrap();
     let (answers, errors, status) = track(&[], &[folder.path()]);
     assert_eq!((answers.len(), status), (0, 2), "{errors}");
-    assert!(errors.contains("--fps"), "{errors}");
+    assert!(
+        errors.contains("a.png") && errors.contains("--fps"),
+        "{errors}"
+    );
     // The survey's photos all have one time.
     let (answers, _, _) = track(&["--fps", "0.1"], &[&photo(1), &photo(2)]);
     assert_eq!(answers[1]["time"], 10.0);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn frames_that_cannot_be_read_are_left_out_with_the_cause() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::copy(frame(1), path("a.jpg")).unwrap();
+    fs::write(path("words.jpg"), "no picture").unwrap();
+    let left_out = |errors: &str, name: &str| {
+        let mut lines = errors.lines().filter(|line| line.contains("left out"));
+        let line = lines.find(|line| line.contains(name)).unwrap_or_default();
+        assert!(!line.contains("--fps"), "{errors}");
+        line.to_owned()
+    };
+    let follow = ["--follow", "--idle", "1"];
+    let (_, errors, status) = track(&follow, &[folder.path()]);
+    assert_eq!(status, 1, "{errors}");
+    assert!(
+        left_out(&errors, "words.jpg").contains("decoded"),
+        "{errors}"
+    );
+    // The system gives an error instead of the bytes of this file.
+    std::os::unix::fs::symlink("/proc/self/mem", path("unreadable.jpg")).unwrap();
+    let (_, of_folder, status) = track(&[], &[folder.path()]);
+    assert_eq!(status, 1, "{of_folder}");
+    let names =
+        ["a.jpg", "words.jpg", "unreadable.jpg"].map(|name| path(name).display().to_string());
+    let of_names = grim()
+        .args(["track", "-", "--pack"])
+        .arg(pack())
+        .write_stdin(names.join("\n"))
+        .output()
+        .unwrap();
+    let of_names = String::from_utf8(of_names.stderr).unwrap();
+    for errors in [of_folder, of_names] {
+        assert!(
+            left_out(&errors, "words.jpg").contains("decoded"),
+            "{errors}"
+        );
+        let line = left_out(&errors, "unreadable.jpg");
+        assert!(line.contains("Input/output error"), "{errors}");
+    }
+    // Where nothing is left, the error names the first cause.
+    let (_, errors, status) = track(&[], &[&path("words.jpg")]);
+    assert_eq!(status, 2);
+    assert!(
+        errors.contains("none of the 1 photos has a time; the first, "),
+        "{errors}"
+    );
+    assert!(!errors.contains("--fps"), "{errors}");
 }
 
 #[test]

@@ -14,7 +14,7 @@ pub struct Observation {
     pub scene: usize,
     /// Whether it was localised on another scene's map.
     pub elsewhere: bool,
-    /// Whether the localiser was told the heading.
+    /// Whether the localiser was given the heading.
     pub heading_known: bool,
     /// Whether photo and map are real pictures of different origin. Their truth is registered and not exact, so the covariance is
     /// not fitted to them; how often photos taken elsewhere get a fix is.

@@ -92,8 +92,8 @@ fn world_shot(
         height_px: PHOTO_PX.1,
     };
     // Either the gimbal reports its pitch, or it reports straight down and nearly looks there.
-    let pitch_told = rng.random_bool(0.5);
-    let pitch_sigma_deg = if pitch_told { 8.0 } else { 2.5 };
+    let pitch_reported = rng.random_bool(0.5);
+    let pitch_sigma_deg = if pitch_reported { 8.0 } else { 2.5 };
     let inside = 0.2 * WORLD_M..0.8 * WORLD_M;
     let pose = Pose {
         x_m: rng.random_range(inside.clone()),
@@ -105,10 +105,10 @@ fn world_shot(
     };
     let photo = world.render_photo(&pose, &camera, &Look::varied_drone(rng.random()));
     let row = TruthRow::new("", &pose, &camera, placement)?;
-    let told_deg = (row.heading_deg + HEADING_SIGMA_DEG * normal(rng)).rem_euclid(360.0);
+    let stated_deg = (row.heading_deg + HEADING_SIGMA_DEG * normal(rng)).rem_euclid(360.0);
     let metadata = Metadata {
-        gimbal_yaw_deg: Some(told_deg),
-        gimbal_pitch_deg: Some(if pitch_told {
+        gimbal_yaw_deg: Some(stated_deg),
+        gimbal_pitch_deg: Some(if pitch_reported {
             pose.pitch_off_nadir_deg - 90.0 + GIMBAL_SIGMA_DEG * normal(rng)
         } else {
             -90.0
@@ -123,7 +123,7 @@ fn world_shot(
         lon_deg: row.lon_deg,
         lat_deg: row.lat_deg,
     };
-    let known = Prior::none().with_heading(told_deg, HEADING_SIGMA_DEG);
+    let known = Prior::none().with_heading(stated_deg, HEADING_SIGMA_DEG);
     Ok(shot(photo, metadata, position, known))
 }
 
@@ -156,14 +156,14 @@ pub fn pictures(
             let at = [x_px * gsd_m, height_m - y_px * gsd_m];
             let [lon_deg, lat_deg] = placement.lonlat_from_world(at)?;
             let heading_deg = cut.heading_deg + placement.grid_north_deg(at)?;
-            let told_deg = (heading_deg + HEADING_SIGMA_DEG * normal(&mut rng)).rem_euclid(360.0);
+            let stated_deg = (heading_deg + HEADING_SIGMA_DEG * normal(&mut rng)).rem_euclid(360.0);
             let scale = 1.0 + HEIGHT_SIGMA * normal(&mut rng);
             let metadata = Metadata {
                 orientation: 1,
                 ..Metadata::default()
             };
             let known = Prior::none()
-                .with_heading(told_deg, HEADING_SIGMA_DEG)
+                .with_heading(stated_deg, HEADING_SIGMA_DEG)
                 .with_gsd_m(cut.map_px_per_photo_px * gsd_m * scale);
             Ok(shot(photo, metadata, LonLat { lon_deg, lat_deg }, known))
         })

@@ -40,6 +40,8 @@ pub struct DataSet {
     pub map_options: MapOptions,
     /// The photos with a known position.
     pub frames: Vec<(TruthFrame, PathBuf)>,
+    /// Other files that were read: tables of positions and corners, archives of photos.
+    pub other_files: Vec<PathBuf>,
     /// Limits within which the photos are read.
     pub photo_limits: PhotoLimits,
 }
@@ -149,6 +151,15 @@ impl DataSet {
         Ok(vec![folder.to_owned()])
     }
 
+    /// The files that the data set is made of; of its map the one that names it ([`Raster::files`] has the others).
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let photos = self.frames.iter().map(|(_, path)| path.as_path());
+        let others = self.other_files.iter().map(PathBuf::as_path);
+        std::iter::once(self.map.as_path())
+            .chain(others)
+            .chain(photos)
+    }
+
     /// Opens the map of the data set.
     ///
     /// # Errors
@@ -202,6 +213,7 @@ impl DataSet {
                 .map_or_else(|| folder.join(MAP_FILE), Path::to_owned),
             map_options: request.map_options.clone(),
             frames: scorable(frames, &folder.join(PHOTO_FOLDER))?,
+            other_files: vec![folder.join(TRUTH_FILE)],
             photo_limits: request.photo_limits,
         })
     }
@@ -221,6 +233,7 @@ impl DataSet {
                 ..map_options
             },
             frames: scorable(scene.frames, &scene.photos)?,
+            other_files: scene.tables,
             photo_limits: request.photo_limits,
         })
     }
@@ -239,6 +252,7 @@ impl DataSet {
                 ..MapOptions::default()
             },
             frames: scorable(scene.frames, request.photos_out)?,
+            other_files: scene.sources,
             photo_limits: request.photo_limits,
         })
     }
@@ -285,6 +299,7 @@ impl DataSet {
             map: map.to_owned(),
             map_options: request.map_options.clone(),
             frames,
+            other_files: Vec::new(),
             photo_limits: request.photo_limits,
         })
     }

@@ -21,6 +21,8 @@ pub struct VislocScene {
     pub photos: PathBuf,
     /// Their truths.
     pub frames: Vec<TruthFrame>,
+    /// The tables that corners and truths were read from.
+    pub tables: Vec<PathBuf>,
     /// Messages about lines that were skipped, each with the reason.
     pub left_out: Vec<String>,
 }
@@ -100,7 +102,7 @@ pub fn read(folder: &Path) -> Result<VislocScene, VislocError> {
         })
         .filter(|corners| corners.iter().all(|v| v.is_finite()))
         .ok_or(VislocError::CornersOf {
-            path: table,
+            path: table.clone(),
             map: map_name.clone(),
         })?;
     let path = folder.join(format!("{name}.csv"));
@@ -119,6 +121,7 @@ pub fn read(folder: &Path) -> Result<VislocScene, VislocError> {
         corners,
         photos: folder.join("drone"),
         frames,
+        tables: vec![table, path],
         left_out,
     })
 }

@@ -1,6 +1,6 @@
 //! The content of the files of an evaluation: `summary.json`, `frames.csv`, `failed.jsonl`, `report.html`.
 
-use grimnet_net::Arithmetic;
+use grimnet_net::Precision;
 use serde::Serialize;
 
 use super::page::{Picture, Report, Run};
@@ -33,9 +33,9 @@ pub struct About {
     pub mode: String,
     /// Identity of the model.
     pub model_hash: String,
-    /// Arithmetic of the network.
-    #[serde(skip_serializing_if = "Arithmetic::is_f32")]
-    pub arithmetic: Arithmetic,
+    /// Precision of the network.
+    #[serde(skip_serializing_if = "Precision::is_f32")]
+    pub precision: Precision,
     /// Whether the model is calibrated.
     pub model_calibrated: bool,
     /// Commit that the program was built from, if given.
@@ -65,7 +65,7 @@ impl About {
                 "Mode {}; model {} in {} ({}); program {} at commit {}.",
                 self.mode,
                 &self.model_hash[..self.model_hash.len().min(16)],
-                self.arithmetic,
+                self.precision,
                 if self.model_calibrated {
                     "calibrated"
                 } else {

@@ -1,6 +1,6 @@
 //! The conditions of an evaluation of tracks.
 
-use grimnet_net::Arithmetic;
+use grimnet_net::Precision;
 use serde::Serialize;
 
 /// Conditions of the measurement.
@@ -10,9 +10,9 @@ pub struct TrackAbout {
     pub data: String,
     /// Identity of the model.
     pub model_hash: String,
-    /// Arithmetic of the network.
-    #[serde(skip_serializing_if = "Arithmetic::is_f32")]
-    pub arithmetic: Arithmetic,
+    /// Precision of the network.
+    #[serde(skip_serializing_if = "Precision::is_f32")]
+    pub precision: Precision,
     /// Commit that the program was built from, if given.
     pub commit: Option<String>,
     /// Version of the program.
@@ -26,20 +26,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn arithmetic_is_told_as_in_the_summary_of_photos() {
-        let json = |arithmetic| {
+    fn precision_is_stated_as_in_the_summary_of_photos() {
+        let json = |precision| {
             let about = TrackAbout {
                 data: "procedural world 7".to_owned(),
                 model_hash: "ab12".to_owned(),
-                arithmetic,
+                precision,
                 commit: None,
                 version: "0.1.0",
                 threads: 2,
             };
             serde_json::to_value(about).unwrap()
         };
-        assert_eq!(json(Arithmetic::Int8)["arithmetic"], "int8");
-        // Single precision is not told, so that stored figures stay as they are.
-        assert_eq!(json(Arithmetic::F32).get("arithmetic"), None);
+        assert_eq!(json(Precision::Int8)["precision"], "int8");
+        // Single precision is not stated, so that stored figures stay as they are.
+        assert_eq!(json(Precision::F32).get("precision"), None);
     }
 }

@@ -42,13 +42,13 @@ pub struct Relocalised {
     pub frames: f64,
 }
 
-/// One run: errors, availability and honesty per instant.
+/// One run: errors, availability, and how often stated radii hold, per instant.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct RunFigures {
     /// Per instant.
     #[serde(flatten)]
     pub track: TrackSummary,
-    /// Median time from the start, whose place is not told, to the first right answer, seconds.
+    /// Median time from the start, whose place is not given, to the first right answer, seconds.
     pub first_fix_s: Option<f64>,
     /// Median time from being put elsewhere to the next right answer, seconds. `None` if there was none.
     pub relocalise_s: Option<f64>,

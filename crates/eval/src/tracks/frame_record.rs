@@ -29,7 +29,7 @@ pub struct MeasuredFix {
     pub sample: FixSample,
     /// Distance of the fix from the true image centre on the map, metres.
     pub error_m: f64,
-    /// What of its error comes from the height of the surface that was matched, as its ground resolution tells, metres east and
+    /// What of its error comes from the height of the surface that was matched, as its ground resolution shows, metres east and
     /// north: a tilted view meets roofs before the ground.
     #[serde(skip)]
     pub relief_en_m: [f64; 2],

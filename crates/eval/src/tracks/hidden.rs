@@ -73,7 +73,7 @@ pub struct Prediction {
     pub photo: String,
     /// Fixes hidden up to it, its own included.
     pub hidden: usize,
-    /// Time since the last fix that was told, seconds.
+    /// Time since the last fix that was not hidden, seconds.
     pub since_fix_s: f64,
     /// Distance flown since, metres, as the straight line between the true places.
     pub distance_m: f64,
@@ -88,7 +88,7 @@ pub struct Prediction {
     pub(super) nees: Option<f64>,
     /// Error of the last fix held, metres.
     pub last_fix_m: Option<f64>,
-    /// Error of the motion added up from the true place of the last told fix, metres; `None` where a photo was not joined.
+    /// Error of the motion added up from the true place of the last fix that was not hidden, metres; `None` where a photo was not joined.
     pub motion_only_m: Option<f64>,
 }
 
@@ -142,7 +142,7 @@ fn search(
     before: Option<(&FrameFeatures, f64)>,
 ) -> Result<(Searched, Option<FrameFeatures>), LocateError> {
     let (outcome, mut features) = localizer.locate_with_features(photo, &shot.known)?;
-    // Neither attitude nor height is told, so places are those of image centres, and the motion is that of the centres: it needs
+    // Neither attitude nor height is given, so places are those of image centres, and the motion is that of the centres: it needs
     // no focal length.
     let pair = FramePair {
         focal_length_px: f64::from(photo.full_size_px.0),
@@ -245,7 +245,7 @@ fn motion_only(last: &PositionFix, from: LonLat, path: &[Searched]) -> Option<Lo
 mod tests {
     use super::*;
 
-    /// Photos every 20 s, 60 m to the north each, told by exact motions.
+    /// Photos every 20 s, 60 m to the north each, joined by exact motions.
     fn photos() -> Vec<Searched> {
         let start = LonLat::new(120.7, 24.2);
         (0..12)
@@ -293,11 +293,14 @@ mod tests {
                 .unwrap()
                 .unwrap()
         };
-        let told = at(&photos);
-        assert!(told.joined && told.motion_only_m.unwrap() < 0.1, "{told:?}");
-        assert!(told.filter_m.unwrap() < 3.0, "{told:?}");
-        assert!((told.last_fix_m.unwrap() - 120.0).abs() < 0.1);
-        assert_eq!(told.since_fix_s, 40.0);
+        let predicted = at(&photos);
+        assert!(
+            predicted.joined && predicted.motion_only_m.unwrap() < 0.1,
+            "{predicted:?}"
+        );
+        assert!(predicted.filter_m.unwrap() < 3.0, "{predicted:?}");
+        assert!((predicted.last_fix_m.unwrap() - 120.0).abs() < 0.1);
+        assert_eq!(predicted.since_fix_s, 40.0);
         // A photo that could not be joined leaves its step to the filter's velocity, and its radius says so.
         let mut broken = photos;
         broken[9].motion = None;
@@ -305,7 +308,7 @@ mod tests {
         assert!(!lost.joined && lost.motion_only_m.is_none());
         assert!(
             lost.radius95_m
-                .is_none_or(|radius| radius > 2.0 * told.radius95_m.unwrap()),
+                .is_none_or(|radius| radius > 2.0 * predicted.radius95_m.unwrap()),
             "{lost:?}"
         );
     }

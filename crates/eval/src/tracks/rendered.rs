@@ -72,8 +72,8 @@ pub struct RenderedFlight {
 /// What the frames of a flight gave. The rest follows from the plan.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FlownFrames {
-    /// Fixes, misses and motions as the filter was told them, in order of the frames.
-    pub told: Vec<Delivered>,
+    /// Fixes, misses and motions as the filter was given them, in order of the frames.
+    pub inputs: Vec<Delivered>,
     /// Each frame compared with the truth.
     pub frames: Vec<FrameRecord>,
     /// The filter's options as they were used, with the map's area.
@@ -92,7 +92,7 @@ struct Frame {
     pose: TruePose,
     /// True image centre, as it is on the map.
     centre: LonLat,
-    /// Bearing of the photo's top from the told yaw, degrees.
+    /// Bearing of the photo's top from the stated yaw, degrees.
     top_from_yaw_deg: f64,
 }
 
@@ -122,7 +122,7 @@ impl RenderedPlan {
         let telemetry = flight.deliveries.clone();
         let mut telemetry = telemetry.iter().peekable();
         let mut latest: Option<Attitude> = None;
-        let (mut told, mut frames) = (Vec::new(), Vec::new());
+        let (mut inputs, mut frames) = (Vec::new(), Vec::new());
         let mut before: Option<TruePose> = None;
         let interval_s = 1.0 / self.flight.frame_rate_hz;
         for index in 0..self.frame_count() {
@@ -156,13 +156,13 @@ impl RenderedPlan {
                 time_ms: answer.time_ms.total,
             });
             let arrival_s = time_s + rng.random::<f64>() * self.flight.latest_s;
-            let inputs = answer.inputs.into_iter();
-            told.extend(inputs.map(|input| Delivered { arrival_s, input }));
+            let delivered = |input| Delivered { arrival_s, input };
+            inputs.extend(answer.inputs.into_iter().map(delivered));
             before = Some(frame.pose);
             done();
         }
         Ok(FlownFrames {
-            told,
+            inputs,
             frames,
             options: follow.tracker().options().clone(),
         })
@@ -179,7 +179,7 @@ impl RenderedPlan {
                 fix.relief_en_m = relief_en_m(&pose, constants.boresight_rad, fix.sample.gsd_ratio);
             }
         }
-        flight.deliver(flown.told.iter().copied());
+        flight.deliver(flown.inputs.iter().copied());
         RenderedFlight {
             name: self.name,
             flight,
@@ -205,7 +205,7 @@ impl RenderedPlan {
         town: &Town,
         flight: &Flight,
         constants: &Constants,
-        told: Option<Attitude>,
+        latest: Option<Attitude>,
         time_s: f64,
         leg: Option<&CoveredLeg>,
     ) -> Result<Frame, RenderedError> {
@@ -224,7 +224,7 @@ impl RenderedPlan {
         let centre_m = View::new(&camera_pose, &CAMERA)
             .plane_from_photo_px(centre_px, 0.0)
             .unwrap_or(place_m);
-        let attitude = told.filter(|told| time_s - told.time_s < 0.5);
+        let attitude = latest.filter(|latest| time_s - latest.time_s < 0.5);
         let angles = attitude.as_ref().map(GimbalAngles::of);
         let metadata = angles.map(|angles| angles.metadata()).unwrap_or_default();
         Ok(Frame {

@@ -194,7 +194,7 @@ impl TrackResults {
         let content = html! {
             p {
                 "Model " (&about.model_hash[..about.model_hash.len().min(16)])
-                " in " (about.arithmetic) "; program " (about.version) " at commit "
+                " in " (about.precision) "; program " (about.version) " at commit "
                 (about.commit.as_deref().unwrap_or("not given")) "; "
                 (about.threads) " threads."
             }

@@ -46,7 +46,7 @@ mod tests {
     #[test]
     fn a_flight_is_read_bit_for_bit_and_only_under_its_own_conditions() {
         let flown = FlownFrames {
-            told: vec![Delivered {
+            inputs: vec![Delivered {
                 arrival_s: 0.1 + 0.2,
                 input: Input::Miss(Miss { time_s: 1.0 / 3.0 }),
             }],

@@ -102,6 +102,66 @@ fn an_unknown_crs_is_refused() {
     }
 }
 
+/// Keys as ArcGIS and GDAL write them: a Mercator projection, and in words that it is Web Mercator. Read as degrees or as a
+/// projection of the ellipsoid, it would lie 20 km away or nowhere.
+#[test]
+fn web_mercator_in_words_is_web_mercator() {
+    let dir = folder();
+    let path = dir.path().join("words.tif");
+    let write = |model: u16, citation: u16, words: &str, lon_0: f64| {
+        let length = words.len() as u16 + 1;
+        let keys = [
+            [1024, 0, 1, model],
+            [1025, 0, 1, 1],
+            [2048, 0, 1, 4326],
+            [3072, 0, 1, 32767],
+            [3074, 0, 1, 32767],
+            [3075, 0, 1, 7],
+            [3076, 0, 1, 9001],
+            [3080, 34736, 1, 0],
+        ];
+        let mut keys = [&keys[..], &[[citation, 34737, length, 0]]].concat();
+        keys.sort_unstable();
+        let head = [1, 1, 0, keys.len() as u16];
+        let tags = vec![
+            double(33550, &[0.5, 0.5, 0.0]),
+            double(33922, &[0.0, 0.0, 0.0, 1e6, 6e6, 0.0]),
+            short(34735, &[&head[..], &keys.concat()].concat()),
+            double(34736, &[lon_0]),
+            ascii(34737, &format!("{words}|")),
+        ];
+        write_map(&path, (20, 10), tags, colours);
+        let map = open(&path).unwrap();
+        (map.georeference().crs().definition().to_owned(), map)
+    };
+    let expected = grimnet_geo::Crs::from_epsg(3857)
+        .unwrap()
+        .lonlat_from_xy(1e6, 6e6)
+        .unwrap();
+    let pe = "ESRI PE String = PROJCS[\"WGS_1984_Web_Mercator_Auxiliary_Sphere\",GEOGCS[]]";
+    for (model, citation, words) in [
+        (32767, 3073, pe),
+        (1, 1026, "WGS_1984_Web_Mercator"),
+        (1, 1026, "WGS 84 / Pseudo-Mercator"),
+    ] {
+        let (definition, map) = write(model, citation, words, 0.0);
+        assert_eq!(definition, "EPSG:3857", "{words}");
+        let georeference = map.georeference();
+        let corner = georeference
+            .lonlat_from_map_px(MapPx::new(0.0, 0.0))
+            .unwrap();
+        assert!(distance_m(corner, expected) < 1e-3, "{words}: {corner:?}");
+    }
+    // Other projections keep theirs, also where the model type is not stated.
+    for (words, lon_0) in [("My Mercator", 0.0), ("WGS 84 / Pseudo-Mercator", 12.0)] {
+        let (definition, _) = write(32767, 1026, words, lon_0);
+        assert!(
+            definition.starts_with("+proj=merc"),
+            "{words}: {definition}"
+        );
+    }
+}
+
 #[test]
 fn a_crs_that_does_not_fit_is_refused() {
     let dir = folder();
@@ -186,7 +246,7 @@ fn a_mirrored_map_is_refused() {
 }
 
 #[test]
-fn swapped_corners_are_told() {
+fn swapped_corners_are_reported() {
     let dir = folder();
     let path = dir.path().join("map.png");
     picture(&path, 200, 100);

@@ -82,7 +82,10 @@ fn rows_counted_from_the_north_look_flipped() {
     base.execute_batch("UPDATE tiles SET tile_row = (1 << zoom_level) - 1 - tile_row")
         .unwrap();
     drop(base);
-    let told = caveats(&path);
-    assert!(told.contains("its rows look flipped"), "{told}");
-    assert!(told.contains("rows counted from the south (TMS)"), "{told}");
+    let caveats = caveats(&path);
+    assert!(caveats.contains("its rows look flipped"), "{caveats}");
+    assert!(
+        caveats.contains("rows counted from the south (TMS)"),
+        "{caveats}"
+    );
 }

@@ -24,23 +24,32 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     }
     let columns = Columns::of(&header)?;
     let mut telemetry = Telemetry::new(TelemetryClock::Own);
+    // That of the first row that can be read: times of two clocks cannot be put in order.
+    let mut clock = None;
     let mut record = StringRecord::new();
     loop {
         match reader.read_record(&mut record) {
             Ok(false) => break,
-            Ok(true) => match columns.inputs(&record) {
-                Ok((clock, inputs)) => {
-                    telemetry.clock = clock;
-                    telemetry.inputs.extend(inputs);
+            Ok(true) => {
+                let row = columns.inputs(&record).and_then(|(of_row, inputs)| {
+                    if *clock.get_or_insert(of_row) == of_row {
+                        Ok(inputs)
+                    } else {
+                        Err("seconds and dates are mixed in the column `time`".to_owned())
+                    }
+                });
+                match row {
+                    Ok(inputs) => telemetry.inputs.extend(inputs),
+                    Err(problem) => {
+                        let line = record.position().map_or(0, csv::Position::line);
+                        telemetry.leave_out(|| format!("line {line}: {problem}"));
+                    }
                 }
-                Err(problem) => {
-                    let line = record.position().map_or(0, csv::Position::line);
-                    telemetry.leave_out(|| format!("line {line}: {problem}"));
-                }
-            },
+            }
             Err(error) => telemetry.leave_out(|| error.to_string()),
         }
     }
+    telemetry.clock = clock.unwrap_or(TelemetryClock::Own);
     Ok(telemetry.sorted())
 }
 
@@ -177,6 +186,28 @@ mod tests {
         assert!((attitude.pitch_deg - 10.0).abs() < 1e-9);
         assert_eq!(second.amsl_m, Some(130.0));
         assert_eq!((velocity.east_m_s, velocity.north_m_s), (1.0, 2.0));
+    }
+
+    #[test]
+    fn rows_of_another_clock_than_the_first_are_left_out() {
+        for (rows, clock, time_s) in [
+            (
+                "5,100\n2026-09-21T14:13:20Z,100\n",
+                TelemetryClock::Own,
+                5.0,
+            ),
+            (
+                "2026-09-21T14:13:20Z,100\n5,100\n",
+                TelemetryClock::Unix,
+                1_790_000_000.0,
+            ),
+        ] {
+            let telemetry = parse(format!("time,height_agl_m\n{rows}").as_bytes()).unwrap();
+            assert_eq!((telemetry.clock, telemetry.left_out), (clock, 1), "{rows}");
+            let times: Vec<f64> = telemetry.inputs.iter().map(Input::time_s).collect();
+            assert_eq!(times, [time_s], "{rows}");
+            assert!(telemetry.first_problem.unwrap().starts_with("line 3: "));
+        }
     }
 
     #[test]

@@ -11,7 +11,7 @@ use crate::{
 
 /// So many keypoints on the ground must agree with a motion. By chance hardly one does.
 const LEAST_ON_GROUND: usize = 8;
-/// Keypoints on the ground must agree at least this much as often as all do, or another surface tells the motion.
+/// Keypoints on the ground must agree at least this much as often as all do, or the motion is that of another surface.
 const LEAST_SHARE_OF_ALL: f64 = 0.5;
 
 /// See the module.
@@ -21,7 +21,7 @@ pub(crate) enum Surface {
     Mapped,
     /// It moved with ground.
     Followed,
-    /// Nothing tells that it is ground.
+    /// Nothing shows that it is ground.
     Unknown,
 }
 
@@ -104,7 +104,7 @@ mod tests {
         assert_eq!(classify(20, [30, 20], [60, 40]), Surface::Mapped);
         assert_eq!(classify(3, [30, 20], [60, 40]), Surface::Followed);
         assert_eq!(classify(7, [7, 0], [60, 40]), Surface::Unknown);
-        // 60 of 100 agree, but of those on the ground one in eleven: another surface tells the motion.
+        // 60 of 100 agree, but of those on the ground one in eleven: the motion is that of another surface.
         assert_eq!(classify(10, [10, 100], [60, 40]), Surface::Unknown);
         assert_eq!(classify(0, [0, 0], [0, 0]), Surface::Unknown);
     }

@@ -9,13 +9,13 @@ use crate::{
     confidence::{Support, with_unknown_width},
     context::Context,
     error::Result,
+    geometry::distribution::{occupied_cells, spread},
     options::Options,
     outcome::{
         EvidenceUsed, Fix, MatchedPoints, NoFix, Outcome, Reason, Rejection, RunnerUp, TileRef,
         TimeMs,
     },
     pipeline::{
-        gates::{occupied_cells, spread},
         ground_position::{GroundPosition, ground_position, matched_points},
         held_back::HeldBack,
         queries::{extract_queries, side_px},
@@ -37,7 +37,7 @@ pub(crate) fn outcome(
     evidence: EvidenceUsed,
 ) -> Result<Outcome> {
     let evidence = EvidenceUsed {
-        assumed: Some(best.round.about.clone()),
+        assumed: Some(best.round.assumption.clone()),
         ..evidence
     };
     let level = context.level(best.round.level);

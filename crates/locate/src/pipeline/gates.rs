@@ -5,7 +5,11 @@
 use nalgebra::{Matrix2, Point2};
 
 use crate::{
-    geometry::{homography::Homography, transform::Transform},
+    geometry::{
+        distribution::{occupied_cells, spread},
+        homography::Homography,
+        transform::Transform,
+    },
     options::Gates,
     outcome::Rejection,
 };
@@ -55,42 +59,6 @@ impl Shape {
             perspective_per_px,
         })
     }
-}
-
-/// Standard deviation of `points` along their short axis, over `half_side_px`; 0 for fewer than two points.
-pub fn spread(points: impl Iterator<Item = Point2<f64>> + Clone, half_side_px: f64) -> f64 {
-    let count = points.clone().count() as f64;
-    if count < 2.0 {
-        return 0.0;
-    }
-    let mean = points
-        .clone()
-        .fold(nalgebra::Vector2::zeros(), |sum, point| sum + point.coords)
-        / count;
-    let scatter = points.fold(Matrix2::zeros(), |sum, point| {
-        let d = point.coords - mean;
-        sum + d * d.transpose()
-    }) / count;
-    let apart = ((scatter[(0, 0)] - scatter[(1, 1)]) / 2.0).hypot(scatter[(0, 1)]);
-    (scatter.trace() / 2.0 - apart).max(0.0).sqrt() / half_side_px
-}
-
-/// Number of grid cells per half side of the photo.
-const CELLS_PER_HALF_SIDE: f64 = 6.0;
-
-/// Smallest side of a grid cell, pixels: keypoints that are closer share most of what their descriptors see.
-const MIN_CELL_PX: f64 = 20.0;
-
-/// Number of grid cells, a twelfth of the photo's mean side wide and at least [`MIN_CELL_PX`], that hold at least one of `points`.
-///
-/// Keypoints cluster on tree crowns and edges, and a wrong match often has neighbours with the same wrong translation. A cell
-/// counts them once.
-pub fn occupied_cells(points: impl Iterator<Item = Point2<f64>>, half_side_px: f64) -> usize {
-    let side_px = (half_side_px / CELLS_PER_HALF_SIDE).max(MIN_CELL_PX);
-    points
-        .map(|point| [point.x, point.y].map(|along| (along / side_px).floor() as i64))
-        .collect::<std::collections::HashSet<_>>()
-        .len()
 }
 
 impl Gates {
@@ -306,14 +274,12 @@ mod tests {
             (0..40).map(|i| Point2::new(100.0 + f64::from(i % 7) * 5.0, 100.0 + f64::from(i)));
         let far = [Point2::new(480.0, 20.0), Point2::new(30.0, 400.0)];
         let crowded = crowd.chain(far);
-        assert!(occupied_cells(crowded.clone(), 256.0) <= 6);
         assert!(matches!(
             gates.check_support(crowded, 100, 256.0),
             Err(Rejection::Places { needed: 15, .. })
         ));
         let everywhere =
             (0..40).map(|i| Point2::new(f64::from(i % 8) * 60.0, f64::from(i / 8) * 90.0));
-        assert_eq!(occupied_cells(everywhere.clone(), 256.0), 40);
         assert_eq!(gates.check_support(everywhere, 100, 256.0), Ok(()));
     }
 

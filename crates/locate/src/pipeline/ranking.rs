@@ -250,7 +250,7 @@ mod tests {
             queries: Vec::new(),
             dense: None,
             verified,
-            about: String::new(),
+            assumption: String::new(),
             trace: RoundTrace::default(),
             time_ms: TimeMs::default(),
         }
@@ -290,13 +290,13 @@ mod tests {
             inlier_weight: 0.6,
             ..verified(20.0, 39)
         };
-        let (told, nearer) = (
+        let (stated, nearer) = (
             round(0, vec![verified(0.0, 33)]),
             round(0, vec![roof.clone()]),
         );
         let options = Options::default();
         let of = |result| RankedAnswer::of(result, &options).unwrap();
-        let order = RankedAnswer::best_first(&of(&told), &of(&nearer));
+        let order = RankedAnswer::best_first(&of(&stated), &of(&nearer));
         assert_eq!(order, Ordering::Less);
         let both = round(0, vec![roof, verified(0.0, 33)]);
         assert_eq!(inliers(&of(&both)), (33, 0), "a roof is no rival");

@@ -70,7 +70,7 @@ pub(crate) fn realign(
         queries,
         dense,
         verified,
-        about: round.about.clone(),
+        assumption: round.assumption.clone(),
         trace: RoundTrace::default(),
         time_ms,
     }))

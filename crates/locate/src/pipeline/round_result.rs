@@ -19,7 +19,7 @@ pub(crate) struct RoundResult {
     /// The candidates that were matched in full, in that order.
     pub verified: Vec<VerifiedCandidate>,
     /// What was assumed, for the answer's evidence.
-    pub about: String,
+    pub assumption: String,
     /// The steps of the search.
     pub trace: RoundTrace,
     /// Wall time by stage.

@@ -20,7 +20,7 @@ use crate::{
     query_features::{MIN_KEYPOINTS, QueryFeatures},
     search::{
         candidates::{Candidate, by_descriptor, distinct_tiles, evidence, join_map_votes},
-        cascade::{Cascade, Voters},
+        cascade::{Cascade, VoteContext},
         hypotheses::Round,
     },
     trace::RoundTrace,
@@ -56,7 +56,7 @@ impl OpenRound {
     ) -> Result<Self> {
         let Round {
             hypotheses,
-            about,
+            assumption,
             purpose,
         } = round;
         let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
@@ -87,7 +87,7 @@ impl OpenRound {
                 queries,
                 dense,
                 verified: Vec::new(),
-                about,
+                assumption,
                 trace,
                 time_ms,
             },
@@ -133,8 +133,8 @@ impl OpenRound {
 
     /// Lets the candidates of at least this score enter.
     pub fn enter_scored(&mut self, context: Context<'_>, least_score: f32) -> Result<()> {
-        self.let_enter(context, |cascade, voters| {
-            cascade.enter_scored(least_score, voters)
+        self.let_enter(context, |cascade, vote_context| {
+            cascade.enter_scored(least_score, vote_context)
         })
     }
 
@@ -147,16 +147,16 @@ impl OpenRound {
     fn let_enter<T>(
         &mut self,
         context: Context<'_>,
-        enter: impl FnOnce(&mut Cascade, Voters<'_>) -> Result<T>,
+        enter: impl FnOnce(&mut Cascade, VoteContext<'_>) -> Result<T>,
     ) -> Result<T> {
         let since = Instant::now();
-        let voters = Voters {
+        let vote_context = VoteContext {
             level: context.level(self.result.level),
             queries: &self.result.queries,
             scratch: context.scratch,
             options: context.options,
         };
-        let entered = enter(&mut self.cascade, voters)?;
+        let entered = enter(&mut self.cascade, vote_context)?;
         self.result.time_ms.vote += elapsed_ms(since);
         Ok(entered)
     }

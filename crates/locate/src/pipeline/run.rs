@@ -17,7 +17,7 @@ use crate::{
     },
     prior::Prior,
     query_features::{MIN_KEYPOINTS, QueryFeatures},
-    search::hypotheses::{ROUNDS_IN_FULL, rounds},
+    search::hypotheses::{MAX_STAGED_ROUNDS, rounds},
     trace::Trace,
 };
 
@@ -114,7 +114,7 @@ fn search(
             break;
         }
     }
-    if open.len() > ROUNDS_IN_FULL {
+    if open.len() > MAX_STAGED_ROUNDS {
         if !is_over {
             enter_best(context, &mut open)?;
             match_best(context, &mut open, options.joint_matched, budget)?;

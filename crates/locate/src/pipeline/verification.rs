@@ -25,8 +25,12 @@ use crate::{
         tile_frame::TileFrame,
     },
     query_features::QueryFeatures,
-    search::matching::{Descriptors, sort_best_first},
-    search::{candidates::Candidate, hypotheses::Hypothesis, scratch::Scratch},
+    search::{
+        candidates::Candidate,
+        hypotheses::Hypothesis,
+        matching::{Descriptors, sort_best_first},
+        scratch::Scratch,
+    },
 };
 
 /// A candidate with the result of its full matching.
@@ -105,7 +109,11 @@ pub(crate) fn verify_with(
     options: &Options,
 ) -> Result<VerifiedCandidate> {
     let frame = TileFrame::new(level, candidate.tile);
-    let (estimated, pairs, expected_inliers) = match_tile(
+    let MatchedTile {
+        estimated,
+        pairs,
+        expected_inliers,
+    } = match_tile(
         level,
         query,
         &frame,
@@ -143,6 +151,16 @@ pub(crate) fn verify_with(
     Ok(verified)
 }
 
+/// A query matched with a tile.
+struct MatchedTile {
+    /// The transform; `None` if none was found.
+    estimated: Option<EstimatedTransform>,
+    /// The matches.
+    pairs: Vec<Correspondence>,
+    /// Expected number of inliers if descriptors said nothing.
+    expected_inliers: f64,
+}
+
 /// Matches and estimates the transform, by mutual nearest neighbours first and then guided by the transform that they give.
 fn match_tile(
     level: &Level,
@@ -152,7 +170,7 @@ fn match_tile(
     expected: Expected,
     scratch: &mut Scratch,
     options: &Options,
-) -> Result<(Option<EstimatedTransform>, Vec<Correspondence>, f64)> {
+) -> Result<MatchedTile> {
     let estimation = EstimationOptions {
         scale_prior: expected.scale_prior,
         ..options.estimation(expected.max_rotation_rad)
@@ -195,10 +213,14 @@ fn match_tile(
         Some((guided, guided_pairs)) => (Some(guided), guided_pairs),
         None => (estimated, pairs),
     };
-    let expected = estimated.as_ref().map_or(0.0, |estimated| {
+    let expected_inliers = estimated.as_ref().map_or(0.0, |estimated| {
         expected_inliers(&estimated.homography, &keypoints, threshold_px)
     });
-    Ok((estimated, pairs, expected))
+    Ok(MatchedTile {
+        estimated,
+        pairs,
+        expected_inliers,
+    })
 }
 
 fn centre_covariance(

@@ -15,7 +15,7 @@ use crate::{
 
 /// What a vote needs beside the candidates.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Voters<'a> {
+pub(crate) struct VoteContext<'a> {
     /// The level that the candidates are tiles of.
     pub level: &'a Level,
     /// The queries that the candidates belong to.
@@ -69,11 +69,11 @@ impl Cascade {
     ///
     /// # Errors
     /// Returns an error if the descriptors of query and pack do not have the same length.
-    pub fn begin_stage(&mut self, voters: Voters<'_>) -> Result<bool> {
-        let Some(size) = self.stage_size(voters.options) else {
+    pub fn begin_stage(&mut self, context: VoteContext<'_>) -> Result<bool> {
+        let Some(size) = self.stage_size(context.options) else {
             return Ok(false);
         };
-        self.enter(size, voters)?;
+        self.enter(size, context)?;
         self.stages_begun += 1;
         Ok(true)
     }
@@ -82,10 +82,10 @@ impl Cascade {
     ///
     /// # Errors
     /// As [`Self::begin_stage`].
-    pub fn enter_scored(&mut self, least_score: f32, voters: Voters<'_>) -> Result<()> {
+    pub fn enter_scored(&mut self, least_score: f32, context: VoteContext<'_>) -> Result<()> {
         let waiting = self.waiting.as_slice();
         let size = waiting.partition_point(|candidate| candidate.score >= least_score);
-        self.enter(size, voters)
+        self.enter(size, context)
     }
 
     /// The candidates that have not entered, best by score first.
@@ -113,10 +113,10 @@ impl Cascade {
     }
 
     /// Lets the next `size` candidates enter and vote.
-    fn enter(&mut self, size: usize, voters: Voters<'_>) -> Result<()> {
+    fn enter(&mut self, size: usize, context: VoteContext<'_>) -> Result<()> {
         let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
-        if let Some(options) = &voters.options.vote {
-            self.count_votes(&mut entering, voters, options)?;
+        if let Some(options) = &context.options.vote {
+            self.count_votes(&mut entering, context, options)?;
             self.entered.extend(entering);
             rank_by_votes(&mut self.entered, options);
         } else {
@@ -129,23 +129,23 @@ impl Cascade {
     fn count_votes(
         &mut self,
         entering: &mut Vec<Candidate>,
-        voters: Voters<'_>,
+        context: VoteContext<'_>,
         options: &VoteOptions,
     ) -> Result<()> {
         let vote = |candidates: &mut [Candidate], keypoints: usize| {
             vote(
-                voters.level,
-                voters.queries,
+                context.level,
+                context.queries,
                 candidates,
                 keypoints,
-                voters.scratch,
+                context.scratch,
                 options,
             )
         };
         vote(entering, options.keypoints)?;
         let recount = options
             .recount
-            .filter(|_| entering.len() > voters.options.max_matched);
+            .filter(|_| entering.len() > context.options.max_matched);
         if let Some(recount) = recount {
             rank_by_votes(entering, options);
             let others = entering.split_off(recount.candidates.min(entering.len()));

@@ -17,16 +17,16 @@ pub(crate) struct Hypothesis {
     pub heading_deg: f64,
     /// Largest difference to the true heading, degrees.
     pub heading_reach_deg: f64,
-    /// The ground width that prior or metadata tell, if they do; `width_m` may be another.
-    pub told: Option<Footprint>,
+    /// The ground width that prior or metadata state, if they do; `width_m` may be another.
+    pub stated: Option<Footprint>,
 }
 
 impl Hypothesis {
     /// How probable the scales of transforms of a query of this width are.
     pub fn scale_prior(&self) -> Option<ScalePrior> {
-        self.told.map(|told| ScalePrior {
-            scale: told.width_m / self.width_m,
-            relative_sigma: told.relative_sigma,
+        self.stated.map(|stated| ScalePrior {
+            scale: stated.width_m / self.width_m,
+            relative_sigma: stated.relative_sigma,
         })
     }
 }
@@ -37,19 +37,19 @@ pub(crate) struct Round {
     /// They differ in heading only.
     pub hypotheses: Vec<Hypothesis>,
     /// What this round assumes, for the answer's evidence.
-    pub about: String,
+    pub assumption: String,
     /// What its queries are for: to search, where they are so many that most must be wrong, or to answer.
     pub purpose: Purpose,
 }
 
-/// With more rounds than these, which differ in ground width and of which one can be right, the rounds are searched together after the
-/// first look.
-pub(crate) const ROUNDS_IN_FULL: usize = 3;
+/// Up to so many rounds are searched stage by stage. More of them differ in ground width, of which one at most is right: after a few
+/// candidates of each, they are searched together.
+pub(crate) const MAX_STAGED_ROUNDS: usize = 3;
 
 /// A heading may be wrong by twice its sigma plus this, degrees: descriptors tolerate about that much.
 const HEADING_MARGIN_DEG: f64 = 15.0;
 /// If the sigma of a heading is above this, other headings are tried after it, degrees.
-const DOUBTFUL_HEADING_DEG: f64 = 8.0;
+const UNCERTAIN_HEADING_DEG: f64 = 8.0;
 /// Ground widths near this one are tried first if none is known, metres: 120 m above ground (the legal ceiling in most countries)
 /// with a field of view of 70 degrees.
 const TYPICAL_WIDTH_M: f64 = 165.0;
@@ -58,7 +58,7 @@ const TYPICAL_WIDTH_M: f64 = 165.0;
 struct AssumedWidth {
     level: usize,
     width_m: f64,
-    about: String,
+    assumption: String,
 }
 
 /// The rounds for a photo with this view, the most probable first.
@@ -72,27 +72,27 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
                 width_m,
                 heading_deg: heading.heading_deg,
                 heading_reach_deg: (2.0 * heading.sigma_deg + HEADING_MARGIN_DEG).min(180.0),
-                told: view.footprint,
+                stated: view.footprint,
             }],
             None => around_circle(assumed, view, options.headings, 0.0),
         };
         Round {
             purpose: purpose(widths.len(), hypotheses.len()),
             hypotheses,
-            about: assumed.about.clone(),
+            assumption: assumed.assumption.clone(),
         }
     };
     let mut rounds: Vec<Round> = widths.iter().map(round).collect();
-    let doubtful = view
+    let uncertain = view
         .heading
-        .filter(|heading| heading.sigma_deg > DOUBTFUL_HEADING_DEG);
-    if let (Some(heading), Some(first)) = (doubtful, widths.first()) {
+        .filter(|heading| heading.sigma_deg > UNCERTAIN_HEADING_DEG);
+    if let (Some(heading), Some(first)) = (uncertain, widths.first()) {
         let mut hypotheses = around_circle(first, view, options.headings, heading.heading_deg);
         let others = hypotheses.split_off(1);
         if !others.is_empty() {
             rounds.push(Round {
                 hypotheses: others,
-                about: "other headings than the doubtful one".into(),
+                assumption: "other headings than the uncertain one".into(),
                 purpose: Purpose::Answer,
             });
         }
@@ -102,7 +102,7 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
 
 /// What queries under so many ground widths and headings are for.
 fn purpose(widths: usize, headings: usize) -> Purpose {
-    if widths > ROUNDS_IN_FULL && headings > 1 {
+    if widths > MAX_STAGED_ROUNDS && headings > 1 {
         Purpose::Search
     } else {
         Purpose::Answer
@@ -124,26 +124,26 @@ fn around_circle(
             width_m: assumed.width_m,
             heading_deg: (first_deg + i as f64 * step_deg).rem_euclid(360.0),
             heading_reach_deg: (step_deg / 2.0 + HEADING_MARGIN_DEG).min(180.0),
-            told: view.footprint,
+            stated: view.footprint,
         })
         .collect()
 }
 
 /// Level and ground width of each round, the most probable first.
 fn assumed_widths(view: &View, pack: &Pack, options: &Options) -> Vec<AssumedWidth> {
-    let at_nearest_level = |width_m: f64, about: String| AssumedWidth {
+    let at_nearest_level = |width_m: f64, assumption: String| AssumedWidth {
         level: pack.nearest_level(width_m / options.query_width_px),
         width_m,
-        about,
+        assumption,
     };
     if let Some(footprint) = view.footprint {
         let width_m = footprint.width_m;
         let known = at_nearest_level(width_m, "ground width from prior or metadata".into());
         let mut all = vec![known];
-        if footprint.is_doubtful() {
-            all.extend(options.doubtful_scales.iter().map(|&factor| {
-                let about = format!("{factor} times the uncertain ground width");
-                at_nearest_level(width_m * factor, about)
+        if footprint.is_uncertain() {
+            all.extend(options.uncertain_scales.iter().map(|&factor| {
+                let assumption = format!("{factor} times the uncertain ground width");
+                at_nearest_level(width_m * factor, assumption)
             }));
         }
         return all;
@@ -160,7 +160,7 @@ fn assumed_widths(view: &View, pack: &Pack, options: &Options) -> Vec<AssumedWid
                 AssumedWidth {
                     level: index,
                     width_m,
-                    about: format!("assumed ground width {width_m:.0} m (none given)"),
+                    assumption: format!("assumed ground width {width_m:.0} m (none given)"),
                 }
             })
         })
@@ -177,7 +177,7 @@ mod tests {
     #[test]
     fn only_queries_of_many_widths_and_headings_search() {
         assert_eq!(purpose(8, 12), Purpose::Search);
-        // The ground width told; doubtful; the heading told.
+        // A known ground width; an uncertain one; a known heading.
         for (widths, headings) in [(1, 12), (3, 12), (8, 1), (1, 1)] {
             assert_eq!(purpose(widths, headings), Purpose::Answer);
         }
@@ -188,7 +188,7 @@ mod tests {
         let assumed = AssumedWidth {
             level: 0,
             width_m: 100.0,
-            about: String::new(),
+            assumption: String::new(),
         };
         let view = View::default();
         let all = around_circle(&assumed, &view, 12, 350.0);

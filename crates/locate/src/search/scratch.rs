@@ -5,9 +5,9 @@ use std::sync::{Mutex, PoisonError};
 use grimnet_kernels::Isa;
 use nalgebra::Point2;
 
-use crate::{
-    search::matching::{Match, Matcher},
-    search::vote::Histogram,
+use crate::search::{
+    matching::{Match, Matcher},
+    vote::Histogram,
 };
 
 /// Buffers of one matching thread.

@@ -54,14 +54,14 @@ fn scale_beside_a_roof(on_ground: usize, scale_prior: Option<ScalePrior>) -> f64
 }
 
 #[test]
-fn of_two_planes_the_one_at_the_told_scale_is_found_unless_it_has_far_fewer_points() {
-    let told = Some(ScalePrior {
+fn of_two_planes_the_one_at_the_stated_scale_is_found_unless_it_has_far_fewer_points() {
+    let stated = Some(ScalePrior {
         scale: 1.0,
         relative_sigma: 0.15,
     });
     assert!((scale_beside_a_roof(30, None) - 0.8).abs() < 1e-9);
-    assert!((scale_beside_a_roof(30, told) - 1.0).abs() < 1e-9);
-    assert!((scale_beside_a_roof(15, told) - 0.8).abs() < 1e-9);
+    assert!((scale_beside_a_roof(30, stated) - 1.0).abs() < 1e-9);
+    assert!((scale_beside_a_roof(15, stated) - 0.8).abs() < 1e-9);
 }
 
 #[test]

@@ -113,9 +113,9 @@ fn paper_mode_neither_uses_nor_claims_to_use_what_is_known_of_the_view() {
     let (place, _) = PLACES[1];
     let query = photo(&town(2), place, 0.0);
     let localizer = paper_localizer(Options::paper());
-    let told = Prior::none().with_heading(90.0, 5.0).with_gsd_m(GSD_M);
+    let given = Prior::none().with_heading(90.0, 5.0).with_gsd_m(GSD_M);
     let [with, without] =
-        [told, Prior::none()].map(|prior| localizer.locate(&query, &prior).unwrap());
+        [given, Prior::none()].map(|prior| localizer.locate(&query, &prior).unwrap());
     let [with, without] = [&with, &without].map(|outcome| outcome.fix().unwrap());
     assert_eq!(
         (with.lat_deg, with.lon_deg, with.inliers),

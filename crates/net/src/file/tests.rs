@@ -34,7 +34,7 @@ fn a_model_survives_a_round_trip_and_gives_the_same_bytes() {
 fn int8_whitening_is_written_and_read() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.safetensors");
-    let model = small().with_whitening_precision(Precision::I8).unwrap();
+    let model = small().with_whitening_precision(DataType::I8).unwrap();
     model.save(&path).unwrap();
     let read = Model::open(&path).unwrap();
     assert_eq!(read.hash(), model.hash());
@@ -122,7 +122,7 @@ fn bytes_of(model: &Model) -> Vec<u8> {
 #[test]
 fn one_flipped_bit_anywhere_is_refused() {
     let model = small()
-        .with_whitening_precision(Precision::I8)
+        .with_whitening_precision(DataType::I8)
         .unwrap()
         .with_calibration(calibration())
         .unwrap();

@@ -36,7 +36,7 @@ pub fn new_manifest(
             card: serde_json::to_value(model.card()).map_err(json)?,
             descriptor_dim: spec.descriptor_dim,
             global_dim: spec.global_len(),
-            arithmetic: model.arithmetic().of(Purpose::Answer),
+            precision: model.precision().of(Purpose::Answer),
         },
         map: MapSummary {
             hash: hex(raster.content_hash()?),

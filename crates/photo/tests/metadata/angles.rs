@@ -15,7 +15,7 @@ fn the_gimbal_is_preferred_to_the_aircraft() {
     // 40.1 m and 4000 px at 3666.67 px.
     let footprint = view.footprint.unwrap();
     assert!((footprint.width_m - 40.1 * 4000.0 / 3666.666504).abs() < 1e-9);
-    assert!(footprint.is_doubtful() && footprint.relative_sigma < 0.16);
+    assert!(footprint.is_uncertain() && footprint.relative_sigma < 0.16);
     assert!(aside(&view, "GPS altitude", "above sea level"));
 }
 
@@ -39,7 +39,7 @@ fn angles_that_are_all_zero_were_not_recorded(
     assert!(aside(&view, "gimbal yaw, pitch, roll", "not recorded"));
     if let Some(heading) = view.heading {
         assert_eq!(heading.sigma_deg, 10.0);
-        assert!(view.used.iter().any(|e| e.reason.contains("doubtful")));
+        assert!(view.used.iter().any(|e| e.reason.contains("uncertain")));
     }
 }
 
@@ -113,4 +113,58 @@ fn image_direction_is_the_last_resort() {
     assert!(view.used[0].reason.contains("magnetic"));
     let absurd = read_exif(&[(Tag::GPSImgDirection, rationals(&[(4000, 1)]))]);
     assert!(resolve(&absurd).heading.is_none());
+}
+
+/// A telephone held upright: its orientation makes the direction it looks in up, however the sensor's rows are stored.
+#[rstest]
+fn the_image_direction_does_not_turn_with_the_stored_picture(
+    #[values(1, 3, 6, 8)] orientation: u16,
+) {
+    let metadata = read_exif(&[
+        (Tag::Orientation, short(orientation)),
+        (Tag::GPSImgDirection, rationals(&[(850, 10)])),
+    ]);
+    assert_eq!(resolve(&metadata).heading.unwrap().heading_deg, 85.0);
+}
+
+/// Where an edge of the stored picture that comes to the top in the displayed one lies: on the other side if it is stored mirrored.
+#[rstest]
+#[case(1, 10.0)]
+#[case(2, 10.0)]
+#[case(3, 190.0)]
+#[case(4, 190.0)]
+#[case(5, 100.0)]
+#[case(6, 280.0)]
+#[case(7, 280.0)]
+#[case(8, 100.0)]
+fn a_yaw_turns_with_the_stored_picture(#[case] orientation: u8, #[case] heading_deg: f64) {
+    let mut metadata = read_xmp(&dji_elements(&[
+        ("GimbalYawDegree", "10"),
+        ("GimbalPitchDegree", "-90"),
+    ]));
+    metadata.orientation = orientation;
+    assert_eq!(resolve(&metadata).heading.unwrap().heading_deg, heading_deg);
+}
+
+/// A program turned the pixels by a quarter and left the metadata: the heading of the top is not the yaw, and the field of view is
+/// still known.
+#[test]
+fn a_picture_turned_after_it_was_taken_has_no_heading() {
+    let mut metadata = read_xmp(&dji_elements(&[
+        ("GimbalYawDegree", "10"),
+        ("GimbalPitchDegree", "-60"),
+        ("FlightYawDegree", "11"),
+        ("RelativeAltitude", "100"),
+        ("CalibratedFocalLength", "4000"),
+    ]));
+    metadata.original_size_px = Some((4000, 3000));
+    let of = |size| View::resolve(&metadata, size, &ViewPrior::default());
+    let turned = of((1500, 2000));
+    assert!(turned.heading.is_none() && turned.attitude.is_none());
+    for field in ["gimbal yaw", "flight yaw", "gimbal pitch"] {
+        assert!(aside(&turned, field, "turned"), "{field}");
+    }
+    // 3000 px at 4000 px.
+    assert!((turned.footprint.unwrap().width_m - 75.0).abs() < 1e-9);
+    assert!(of((2000, 1500)).heading.is_some());
 }

@@ -132,7 +132,7 @@ fn prior_values_override_metadata() {
     // The sigma that is given is the sigma that is used.
     assert_eq!((heading.heading_deg, heading.sigma_deg), (270.0, 7.5));
     let footprint = view.footprint.unwrap();
-    assert!((footprint.width_m - 100.0).abs() < 1e-9 && !footprint.is_doubtful());
+    assert!((footprint.width_m - 100.0).abs() < 1e-9 && !footprint.is_uncertain());
     assert!(aside(&view, "RelativeAltitude", "better"));
     let view = with(ViewPrior {
         heading: HeadingPrior::Unknown,

@@ -70,15 +70,43 @@ fn parrot_sequoia_elements_under_pix4d_names_with_another_prefix() {
     assert_eq!(metadata.gimbal_yaw_deg, Some(-179.5));
     assert_eq!(metadata.gimbal_pitch_deg, Some(-85.75));
     assert_eq!(metadata.above_ground_m, Some(81.5));
-    assert!((resolve(&metadata).heading.unwrap().heading_deg - 179.0).abs() < 0.1);
+    // The roll is about the picture's top: it tilts the camera, and hardly turns the picture.
+    assert!((resolve(&metadata).heading.unwrap().heading_deg - 180.6).abs() < 0.1);
     let zeros = read_xmp(&packet("0", "0", "0.0"));
     assert_eq!(zeros.gimbal_yaw_deg, None);
     let view = resolve(&zeros);
     assert!(view.heading.is_none() && aside(&view, "Camera:Yaw", "not recorded"));
-    // A pitch of 90 is straight down to some makers and the horizon to others.
-    let ambiguous = read_xmp(&packet("12", "-90", "0"));
-    assert_eq!(ambiguous.gimbal_pitch_deg, None);
-    assert!(aside(&resolve(&ambiguous), "Camera:Pitch", "convention"));
+    // A pitch of 90 is straight down to some makers and the horizon to others, and one of -45 looks behind or ahead.
+    for pitch in ["-90", "90", "-45"] {
+        let ambiguous = read_xmp(&packet("12", pitch, "3"));
+        assert_eq!(ambiguous.gimbal_pitch_deg, None);
+        let view = resolve(&ambiguous);
+        assert!(aside(&view, "Camera:Pitch", "convention") && view.attitude.is_none());
+        assert_eq!(view.heading.unwrap().heading_deg, 12.0);
+    }
+}
+
+/// A fixed-wing aircraft that banks: its camera looks down and is fixed to it.
+#[test]
+fn a_bank_under_pix4d_names_tilts_the_camera_and_does_not_turn_the_picture() {
+    let metadata = read_xmp(
+        r#"<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">
+        <rdf:Description xmlns:Camera="http://ns.sensefly.com/Camera/1.0/" Camera:Yaw="100" Camera:Pitch="3" Camera:Roll="15"/>
+        </rdf:RDF>"#,
+    );
+    let view = resolve(&metadata);
+    assert!((view.heading.unwrap().heading_deg - 99.2).abs() < 0.1);
+    // The angle between the optical axis and straight down, by the spherical law of cosines.
+    let from_nadir_deg = (3f64.to_radians().cos() * 15f64.to_radians().cos())
+        .acos()
+        .to_degrees();
+    let attitude = view.attitude.unwrap();
+    assert!((attitude.pitch_from_nadir_deg - from_nadir_deg).abs() < 1e-9);
+    assert!(
+        view.used
+            .iter()
+            .any(|e| e.field == "gimbal pitch" && e.reason.contains("15.3 degrees"))
+    );
 }
 
 #[test]

@@ -5,7 +5,7 @@ use exif::experimental::Writer;
 use exif::{Field, In, Rational, Tag, Value};
 use image::{ImageFormat, Rgb, RgbImage};
 
-/// A picture whose pixels tell where they are: red grows to the right, green downwards.
+/// A picture whose pixels encode where they are: red grows to the right, green downwards.
 pub fn gradient(width: u32, height: u32) -> RgbImage {
     RgbImage::from_fn(width, height, |x, y| {
         Rgb([

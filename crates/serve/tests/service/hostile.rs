@@ -3,7 +3,7 @@
 use std::io::{Cursor, Write as _};
 use std::time::Duration;
 
-use grimnet_serve::{Limits, PhotoLimits};
+use grimnet_serve::{Access, Limits, PhotoLimits, Token};
 use image::{DynamicImage, ImageFormat, RgbImage};
 
 use crate::area::{Running, area, shared};
@@ -156,7 +156,7 @@ fn a_full_queue_refuses_and_recovers() {
 }
 
 #[test]
-fn an_error_waits_for_the_body() {
+fn the_answer_of_a_refused_request_is_found_after_its_body() {
     let limits = Limits {
         at_once: 1,
         queue: 0,
@@ -190,12 +190,134 @@ fn an_error_waits_for_the_body() {
         stream.write_all(&body).unwrap();
         Answer::of(&read_all(&mut stream)).problem(status, kind);
     }
-    // A client that waits to be asked is told at once.
+    // A client that waits to be asked is answered at once.
     let mut stream = connect(running.address);
     let waits = head("POST /v1/locate", "expect: 100-continue\r\n");
     stream.write_all(waits.as_bytes()).unwrap();
     Answer::of(&read_all(&mut stream)).problem(503, "busy");
     drop(holder);
+}
+
+#[test]
+fn slow_bodies_of_refused_requests_keep_nobody_out() {
+    let token = "correct-horse-battery-staple";
+    let limits = Limits {
+        at_once: 1,
+        queue: 0,
+        connections: 6,
+        // Longer than any test: whoever waits for such a body waits for ever.
+        body_time: Duration::from_secs(3600),
+        body_pause: Duration::from_secs(3600),
+        ..Limits::default()
+    };
+    let access = Access::WithToken(Token::new(token).unwrap());
+    let maps = vec![area().served("area", true)];
+    let running = Running::start(access, maps, limits);
+    let address = running.address;
+    let right = format!("authorization: bearer {token}");
+    let head = |line: &str, headers: &str| {
+        format!("{line} HTTP/1.1\r\nhost: {address}\r\n{headers}\r\n\r\n{{")
+    };
+    // It takes the only place of a localisation, and one of the connections.
+    let mut holder = connect(address);
+    let held = head(
+        "POST /v1/locate",
+        &format!("{right}\r\n{PHOTO}\r\ncontent-length: 1000"),
+    );
+    holder.write_all(held.as_bytes()).unwrap();
+    let waiting = || send(address, "GET /metrics", &[&right], &[]).text();
+    while !waiting().contains("grimnet_localisations_waiting 1\n") {}
+    let long = "content-length: 1000";
+    let refused = [
+        (401, "token", "POST /v1/locate", long.to_owned()),
+        (
+            404,
+            "not-found",
+            "POST /v1/nothing",
+            format!("{right}\r\n{long}"),
+        ),
+        (
+            405,
+            "method-not-allowed",
+            "POST /v1/maps",
+            format!("{right}\r\n{long}"),
+        ),
+        (
+            413,
+            "too-large",
+            "POST /v1/tracks",
+            format!("{right}\r\ncontent-length: 100000"),
+        ),
+        (
+            503,
+            "busy",
+            "POST /v1/locate",
+            format!("{right}\r\n{PHOTO}\r\n{long}"),
+        ),
+    ];
+    let slow: Vec<_> = refused
+        .into_iter()
+        .map(|(status, kind, line, headers)| {
+            let mut stream = connect(address);
+            stream.write_all(head(line, &headers).as_bytes()).unwrap();
+            std::thread::spawn(move || {
+                // Byte by byte, until the service has closed the connection. It reads nothing before.
+                while stream.write_all(b"x").is_ok() {
+                    std::thread::sleep(Duration::from_millis(20));
+                }
+                let answer = Answer::of(&read_all(&mut stream));
+                answer.problem(status, kind);
+                assert_eq!(answer.header("connection"), Some("close"));
+            })
+        })
+        .collect();
+    // All connections are taken: this one is answered when one of the slow clients has gone.
+    assert_eq!(get(address, "/healthz").status, 200);
+    for client in slow {
+        client.join().unwrap();
+    }
+    drop(holder);
+}
+
+#[test]
+fn lists_of_answers_have_places_of_their_own() {
+    let limits = Limits {
+        at_once: 1,
+        queue: 1,
+        ..Limits::default()
+    };
+    let running = Running::on_area(limits);
+    let address = running.address;
+    let head = format!(
+        "POST /v1/answers HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\ncontent-length: 2\r\n\r\n"
+    );
+    let mut open: Vec<_> = (0..2).map(|_| connect(address)).collect();
+    for stream in &mut open {
+        stream.write_all(head.as_bytes()).unwrap();
+    }
+    while !get(address, "/metrics")
+        .text()
+        .contains("grimnet_conversions_waiting 2\n")
+    {}
+    let refused = send(address, "POST /v1/answers", &[], b"[]");
+    let detail = refused.problem(503, "busy");
+    assert!(detail.contains("conversions"), "{detail}");
+    let after: u64 = refused.header("retry-after").unwrap().parse().unwrap();
+    assert!((1..=60).contains(&after));
+    // Photos are localised all the same.
+    let photo = send(address, "POST /v1/locate", &[PHOTO], &area().photo);
+    assert_eq!(photo.json()["state"], "fix");
+    for stream in &mut open {
+        stream.write_all(b"[]").unwrap();
+    }
+    for mut stream in open {
+        assert_eq!(Answer::of(&read_all(&mut stream)).status, 200);
+    }
+    assert_eq!(send(address, "POST /v1/answers", &[], b"[]").status, 200);
+    let counted =
+        "grimnet_requests_total{method=\"POST\",route=\"/v1/answers\",status=\"503\"} 1\n";
+    let text = get(address, "/metrics").text();
+    assert!(text.contains(counted), "{text}");
 }
 
 #[test]

@@ -5,6 +5,7 @@
 mod access;
 mod area;
 mod client;
+mod description;
 mod hostile;
 mod locating;
 mod tiles;

@@ -61,7 +61,7 @@ impl Alias {
     }
 }
 
-/// Fixes, misses and motion between frames, told late.
+/// Fixes, misses and motion between frames, delivered late.
 pub(super) fn frames(
     options: &FlightOptions,
     path: &[Truth],
@@ -86,14 +86,14 @@ pub(super) fn frames(
     };
     let motion_bias = [0, 1].map(|_| 0.05 * normal(rng));
     let interval_s = 1.0 / options.frame_rate_hz;
-    let mut told = Vec::new();
+    let mut deliveries = Vec::new();
     let mut before: Option<Seen<'_>> = None;
     let mut ground = Surface::Unknown;
     for frame in 0..(options.duration_s * options.frame_rate_hz) as u32 {
         let truth = truth_at(path, f64::from(frame) * interval_s);
         let time_s = truth.time_s;
         let arrival_s = time_s + rng.random::<f64>() * options.latest_s;
-        let mut tell = |input| told.push(Delivered { arrival_s, input });
+        let mut deliver = |input| deliveries.push(Delivered { arrival_s, input });
         let seen = Seen::new(truth, attitude_at(&attitudes, time_s), boresight_rad);
         let in_gap = gaps
             .iter()
@@ -108,21 +108,21 @@ pub(super) fn frames(
             if let Some(gap) = water {
                 drag(&mut motion, options, truth, gap);
             }
-            tell(Input::Motion(motion));
+            deliver(Input::Motion(motion));
             if ground == Surface::Mapped {
                 ground = Surface::Followed;
             }
         }
         before = Some(seen);
         if in_gap.is_some() || rng.random::<f64>() >= options.fix_rate {
-            tell(Input::Miss(Miss { time_s }));
+            deliver(Input::Miss(Miss { time_s }));
             continue;
         }
         let is_alias = options.alias_share > 0.0 && alias.next(options, rng);
         if !is_alias {
             ground = Surface::Mapped;
         }
-        tell(Input::Fix(fix(
+        deliver(Input::Fix(fix(
             options,
             truth,
             map_m,
@@ -131,7 +131,7 @@ pub(super) fn frames(
             rng,
         )));
     }
-    told
+    deliveries
 }
 
 fn fix(
@@ -210,7 +210,7 @@ fn sample(options: &FlightOptions, rng: &mut ChaCha8Rng) -> FixSample {
     }
 }
 
-/// The told attitude nearest to a time.
+/// The reported attitude nearest to a time.
 fn attitude_at(attitudes: &[Attitude], time_s: f64) -> Option<&Attitude> {
     let after = attitudes.partition_point(|attitude| attitude.time_s < time_s);
     let near = &attitudes[after.saturating_sub(1)..attitudes.len().min(after + 1)];
@@ -218,7 +218,7 @@ fn attitude_at(attitudes: &[Attitude], time_s: f64) -> Option<&Attitude> {
     near.iter().min_by(|a, b| away_s(a).total_cmp(&away_s(b)))
 }
 
-/// A frame and by how much its image centre is off where the told attitude puts it.
+/// A frame and by how much its image centre is off where the reported attitude puts it.
 #[derive(Debug, Clone, Copy)]
 struct Seen<'a> {
     truth: &'a Truth,
@@ -226,8 +226,8 @@ struct Seen<'a> {
 }
 
 impl<'a> Seen<'a> {
-    /// Where no attitude is told the camera is taken for one that looks straight down.
-    fn new(truth: &'a Truth, told: Option<&Attitude>, boresight_rad: Vector2<f64>) -> Self {
+    /// Where no attitude is reported the camera is taken for one that looks straight down.
+    fn new(truth: &'a Truth, reported: Option<&Attitude>, boresight_rad: Vector2<f64>) -> Self {
         let centre_m = |pitch_deg: f64, roll_deg: f64, boresight_rad: Vector2<f64>| {
             let attitude = Attitude {
                 time_s: truth.time_s,
@@ -238,17 +238,17 @@ impl<'a> Seen<'a> {
             CentreOffset::new(&attitude, boresight_rad, truth.height_agl_m)
                 .map_or(Vector2::zeros(), |centre| centre.offset_en_m)
         };
-        let told_m = told.map_or(Vector2::zeros(), |told| {
-            centre_m(told.pitch_deg, told.roll_deg, Vector2::zeros())
+        let reported_m = reported.map_or(Vector2::zeros(), |reported| {
+            centre_m(reported.pitch_deg, reported.roll_deg, Vector2::zeros())
         });
         Self {
             truth,
-            off_m: centre_m(truth.pitch_deg, truth.roll_deg, boresight_rad) - told_m,
+            off_m: centre_m(truth.pitch_deg, truth.roll_deg, boresight_rad) - reported_m,
         }
     }
 }
 
-/// Motion between two frames that were levelled with the told attitude: the error of that attitude moves what each shows.
+/// Motion between two frames that were levelled with the reported attitude: the error of that attitude moves what each shows.
 fn motion(
     options: &FlightOptions,
     before: &Seen<'_>,

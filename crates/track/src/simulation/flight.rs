@@ -1,4 +1,4 @@
-//! A simulated flight: truth, and what sensors and fixes tell of it and when.
+//! A simulated flight: truth, and what sensors and fixes report of it and when.
 
 use grimnet_geo::{LonLat, destination_en_m};
 use nalgebra::{Rotation2, Vector2};
@@ -41,8 +41,8 @@ impl Flight {
     /// Draws a flight.
     pub fn new(options: FlightOptions) -> Self {
         let (mut flight, mut rng) = Self::begun(options);
-        let told = frames(&flight.options, &flight.path, &flight.deliveries, &mut rng);
-        flight.deliver(told);
+        let deliveries = frames(&flight.options, &flight.path, &flight.deliveries, &mut rng);
+        flight.deliver(deliveries);
         flight
     }
 
@@ -72,8 +72,8 @@ impl Flight {
     }
 
     /// Adds inputs.
-    pub fn deliver(&mut self, told: impl IntoIterator<Item = Delivered>) {
-        self.deliveries.extend(told);
+    pub fn deliver(&mut self, deliveries: impl IntoIterator<Item = Delivered>) {
+        self.deliveries.extend(deliveries);
         self.deliveries
             .sort_by(|a, b| a.arrival_s.total_cmp(&b.arrival_s));
     }

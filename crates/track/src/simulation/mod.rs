@@ -1,4 +1,4 @@
-//! Simulated flights: what the filter would be told, and the truth.
+//! Simulated flights: what the filter would be given, and the truth.
 //!
 //! The errors that are drawn are those that the filter's options describe (the map's offset, boresight, attitude, velocity),
 //! but also what they do not describe: banked turns, gusts, fixes of other places that repeat from frame to frame, late and

@@ -65,7 +65,7 @@ pub struct FlightOptions {
     pub area: Option<FlightArea>,
     /// Share of frames outside of gaps that give a fix.
     pub fix_rate: f64,
-    /// Right fixes to draw from, for instance measured ones. `None`: a normal error of 0.5 to 2 m, told truly.
+    /// Right fixes to draw from, for instance measured ones. `None`: a normal error of 0.5 to 2 m, with its true covariance.
     pub fixes: Option<Arc<[FixSample]>>,
     /// Legs without fixes.
     pub gaps: Option<Gaps>,
@@ -77,9 +77,9 @@ pub struct FlightOptions {
     pub confidence: Confidence,
     /// Fixes come late by up to this, seconds, each by another time, so that they swap.
     pub latest_s: f64,
-    /// Whether attitude and height are told.
+    /// Whether attitude and height are reported.
     pub attitude: bool,
-    /// Whether the autopilot's velocity is told.
+    /// Whether the autopilot's velocity is reported.
     pub velocity: bool,
     /// Whether motion between frames is measured.
     pub motion: bool,

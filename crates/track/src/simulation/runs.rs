@@ -63,7 +63,7 @@ pub fn run_filter(flight: &Flight, options: &TrackOptions) -> Result<Vec<Instant
         .collect())
 }
 
-/// The last fix, put right for attitude and height where they are told, held for a frame and a half.
+/// The last fix, put right for attitude and height where they are reported, held for a frame and a half.
 pub fn fixes_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
     let hold_s = 1.5 / flight.options.frame_rate_hz;
     let mut deliveries = flight.deliveries.iter().peekable();
@@ -74,8 +74,8 @@ pub fn fixes_only(flight: &Flight, options: &TrackOptions) -> Vec<Instant> {
         .map(|time_s| {
             while let Some(delivered) = deliveries.next_if(|d| d.arrival_s <= time_s) {
                 match delivered.input {
-                    Input::Attitude(told) => attitude = Some(told),
-                    Input::Height(told) => height_agl_m = Some(told.agl_m),
+                    Input::Attitude(reported) => attitude = Some(reported),
+                    Input::Height(reported) => height_agl_m = Some(reported.agl_m),
                     Input::Fix(fix) => {
                         let [ee, en, nn] = fix.covariance_en_m2;
                         let mut covariance = Matrix2::new(ee, en, en, nn)

@@ -1,4 +1,4 @@
-//! What the autopilot tells: attitude, height and velocity, with errors that change slowly.
+//! What the autopilot reports: attitude, height and velocity, with errors that change slowly.
 
 use rand_chacha::ChaCha8Rng;
 
@@ -16,7 +16,7 @@ const TELEMETRY_HZ: f64 = 10.0;
 /// Correlation time of the error of roll and pitch, seconds.
 const ATTITUDE_CORRELATION_S: f64 = 2.0;
 
-/// Attitude, height and velocity, told at once.
+/// Attitude, height and velocity, delivered at once.
 pub(super) fn telemetry(
     options: &FlightOptions,
     path: &[Truth],
@@ -33,21 +33,21 @@ pub(super) fn telemetry(
     });
     let compass_deg = 4.0 * normal(rng);
     let height_error = 1.0 + 0.01 * normal(rng);
-    let mut told = Vec::new();
+    let mut deliveries = Vec::new();
     let interval_s = 1.0 / TELEMETRY_HZ;
     for tick in 0..(options.duration_s * TELEMETRY_HZ) as u32 {
         let time_s = f64::from(tick) * interval_s;
         let truth = truth_at(path, time_s);
         let lean_deg = lean.each_mut().map(|error| error.step(interval_s, rng));
         let slip_m_s = slip.each_mut().map(|error| error.step(interval_s, rng));
-        let mut tell = |input| {
-            told.push(Delivered {
+        let mut deliver = |input| {
+            deliveries.push(Delivered {
                 arrival_s: time_s,
                 input,
             })
         };
         if options.attitude {
-            tell(Input::Attitude(Attitude {
+            deliver(Input::Attitude(Attitude {
                 time_s,
                 yaw_deg: truth.yaw_deg + compass_deg,
                 pitch_deg: truth.pitch_deg + lean_deg[0],
@@ -55,14 +55,14 @@ pub(super) fn telemetry(
             }));
         }
         if tick % 5 == 0 {
-            tell(Input::Height(Height {
+            deliver(Input::Height(Height {
                 time_s,
                 agl_m: truth.height_agl_m * height_error,
                 amsl_m: None,
             }));
         }
         if options.velocity && tick % 2 == 0 {
-            tell(Input::Velocity(Velocity {
+            deliver(Input::Velocity(Velocity {
                 time_s,
                 east_m_s: truth.velocity_m_s.x + slip_m_s[0],
                 north_m_s: truth.velocity_m_s.y + slip_m_s[1],
@@ -70,5 +70,5 @@ pub(super) fn telemetry(
             }));
         }
     }
-    told
+    deliveries
 }

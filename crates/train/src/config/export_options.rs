@@ -1,6 +1,6 @@
 //! Settings of the export.
 
-use grimnet_net::Precision;
+use grimnet_net::DataType;
 use serde::{Deserialize, Serialize};
 
 /// Which whitening an exported model gets.
@@ -27,7 +27,7 @@ pub struct ExportOptions {
     /// Training views added to the gallery of the recall measurement.
     pub distractors: usize,
     /// Precision of the stored whitening projection: `i8` or `f16`.
-    pub whitening_precision: Precision,
+    pub whitening_precision: DataType,
 }
 
 impl Default for ExportOptions {
@@ -37,7 +37,7 @@ impl Default for ExportOptions {
             whitening_pairs: 5000,
             validation_pairs: 240,
             distractors: 300,
-            whitening_precision: Precision::I8,
+            whitening_precision: DataType::I8,
         }
     }
 }

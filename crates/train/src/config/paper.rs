@@ -1,6 +1,6 @@
 //! The paper's training recipe.
 
-use grimnet_net::Precision;
+use grimnet_net::DataType;
 
 use super::{DescriptorLoss, ExportOptions, GlobalLoss, TrainConfig, Weights, WhiteningChoice};
 use crate::data::{HomographyRange, LabelOptions, PairOptions};
@@ -77,7 +77,7 @@ impl TrainConfig {
             export: ExportOptions {
                 whitening: WhiteningChoice::Pca,
                 whitening_pairs: 1100,
-                whitening_precision: Precision::F16,
+                whitening_precision: DataType::F16,
                 ..ExportOptions::default()
             },
             ..Self::default()

@@ -14,7 +14,7 @@ use crate::model::parameters::Parameters;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::data::Data;
 use burn::tensor::Device;
-use grimnet_net::{Card, ExtractOptions, Model, NetSpec, Precision};
+use grimnet_net::{Card, DataType, ExtractOptions, Model, NetSpec};
 
 /// Seed of the held-out pairs.
 const HELD_OUT_SEED: u64 = 11;
@@ -172,7 +172,7 @@ fn whitened_models(
     vectors: Vec<f32>,
     whitened: usize,
     kinds: &[WhiteningKind],
-    precision: Precision,
+    precision: DataType,
 ) -> Result<Vec<(WhiteningKind, Model)>, TrainError> {
     let axes = PrincipalAxes::of(vectors, parameters.spec().vlad_len(), whitened)?;
     let mut out = Vec::new();

@@ -12,6 +12,8 @@ X264 = ["-c:v", "libx264", "-preset", "slow", "-crf", "30"]
 X265 = ["-c:v", "libx265", "-preset", "medium", "-crf", "32"]
 TAGS_709 = ["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"]
 TAGS_601 = ["-colorspace", "smpte170m", "-color_primaries", "smpte170m", "-color_trc", "smpte170m"]
+# Without it ffmpeg shows columns at the left that are not to be shown.
+EXACT = ["-flags", "unaligned"]
 SOURCE = ["-f", "lavfi", "-i", "testsrc2=size=176x112:rate=15:duration=2"]
 
 
@@ -30,13 +32,13 @@ def golden(name):
         check=True, capture_output=True, text=True).stdout.split()
     times = [time.strip(",") for time in times]
     hashes = subprocess.run(
-        ["ffmpeg", "-loglevel", "error", "-noautorotate", "-i", path, "-vsync", "passthrough", "-f", "framehash", "-hash", "sha256", "-"],
+        ["ffmpeg", "-loglevel", "error", "-noautorotate", *EXACT, "-i", path, "-vsync", "passthrough", "-f", "framehash", "-hash", "sha256", "-"],
         check=True, capture_output=True, text=True).stdout.splitlines()
     hashes = [line.split(",")[-1].strip() for line in hashes if not line.startswith("#")]
     assert len(times) == len(hashes), (name, len(times), len(hashes))
     text = "".join(f"{time} {digest}\n" for time, digest in zip(times, hashes))
     path.with_suffix(".txt").write_text(text)
-    ffmpeg("-i", path, "-vf", f"select=eq(n\\,{len(times) // 2}),scale=flags=neighbor+accurate_rnd+full_chroma_int",
+    ffmpeg(*EXACT, "-i", path, "-vf", f"select=eq(n\\,{len(times) // 2}),scale=flags=neighbor+accurate_rnd+full_chroma_int",
            "-frames:v", 1, "-pix_fmt", "rgb24", path.with_suffix(".png"))
     print(name, path.stat().st_size, "bytes,", len(times), "frames")
 
@@ -58,6 +60,9 @@ encode("h265_10_bit.mp4", *X265, "-pix_fmt", "yuv420p10le", "-tag:v", "hvc1", *T
 # Fragments.
 encode("h264_fragments.mp4", *X264, "-pix_fmt", "yuv420p", "-g", 10, "-bf", 2, "-movflags",
        "frag_keyframe+empty_moov+default_base_moof")
+# Cropped on all sides: 168 x 100 of 176 x 112.
+encode("h264_cropped.mp4", *X264, "-pix_fmt", "yuv420p", "-g", 30, "-bf", 2,
+       "-bsf:v", "h264_metadata=crop_left=2:crop_top=4:crop_right=6:crop_bottom=8")
 # Turned by the container.
 encode("whole.mp4", *X264, "-pix_fmt", "yuv420p", "-g", 30, "-bf", 2)
 ffmpeg("-i", HERE / "whole.mp4", "-c", "copy", "-metadata:s:v", "rotate=90", HERE / "h264_rotated.mp4")

@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 /// Their names.
-pub const VIDEOS: [&str; 7] = [
+pub const VIDEOS: [&str; 8] = [
     "h264_b_frames.mp4",
+    "h264_cropped.mp4",
     "h264_edit_list.mp4",
     "h264_fragments.mp4",
     "h264_rotated.mp4",

@@ -35,7 +35,7 @@ pub struct EvalArgs {
     pub(super) world: Option<u64>,
 
     /// Folder for summary.json, report.html, frames.csv, failed.jsonl and the pack
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", value_parser = values::output_folder())]
     pub(super) out: PathBuf,
 
     #[command(flatten)]

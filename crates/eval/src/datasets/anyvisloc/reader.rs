@@ -49,6 +49,7 @@ pub fn read(
     })?;
     fs_err::create_dir_all(photos)?;
     let (mut frames, mut left_out) = (Vec::new(), Vec::new());
+    let mut sources: Vec<PathBuf> = reference_file(folder).into_iter().collect();
     for path in files_of(folder) {
         if path.extension().is_none_or(|e| e != "npz") {
             continue;
@@ -57,11 +58,13 @@ pub fn read(
             Ok(frame) => frames.push(frame),
             Err(error) => left_out.push(format!("{}: {error}; skipped", path.display())),
         }
+        sources.push(path);
     }
     Ok(AnyVisLocScene {
         map,
         corners: reference.corners(size_px),
         frames,
+        sources,
         left_out,
     })
 }

@@ -13,6 +13,8 @@ pub struct AnyVisLocScene {
     pub corners: [f64; 4],
     /// The truths; their photos are files in the photo folder.
     pub frames: Vec<TruthFrame>,
+    /// The description of the maps, and the samples that the photos were taken from.
+    pub sources: Vec<PathBuf>,
     /// Messages about samples that were skipped, each with the reason.
     pub left_out: Vec<String>,
 }

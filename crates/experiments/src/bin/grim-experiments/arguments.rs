@@ -31,7 +31,7 @@ const TRAINING: &str = "Experiments that train networks";
 
 const EXAMPLES: &str = "\
 Examples:
-  grim-experiments --experiment all --out tables                        on procedural worlds
+  grim-experiments --experiment all --out tables                        # on procedural worlds
   grim-experiments MSDI --scene-map museum=museum.tif --experiment success --out tables
   grim-experiments --sweep yaw,scale --worlds 2 --out sweeps
   grim-experiments flight --distractors aerial/ --gsd 0.3 --out gallery

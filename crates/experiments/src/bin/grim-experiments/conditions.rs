@@ -19,12 +19,12 @@ impl Conditions {
     pub fn added_to(&self, mut table: ExperimentTable, model: Option<&Model>) -> ExperimentTable {
         let hash = model.map(|m| m.hash().to_string().chars().take(HASH_DIGITS).collect());
         // As in the summaries of `grim eval`: not where it is single precision.
-        let arithmetic = model.map(Model::arithmetic).filter(|one| !one.is_f32());
+        let precision = model.map(Model::precision).filter(|one| !one.is_f32());
         let all = [
             ("data", Some(self.data.clone())),
             ("frames", Some(self.frames.to_string())),
             ("model", hash),
-            ("arithmetic", arithmetic.map(|one| one.to_string())),
+            ("precision", precision.map(|one| one.to_string())),
             (
                 "program",
                 Some(format!("grim {}", env!("CARGO_PKG_VERSION"))),
@@ -43,22 +43,19 @@ impl Conditions {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grimnet_net::Arithmetic;
+    use grimnet_net::Precision;
 
     #[test]
-    fn arithmetic_is_told_if_it_is_not_single_precision() {
+    fn precision_is_stated_if_it_is_not_single_precision() {
         let conditions = Conditions {
             data: "5 procedural worlds".to_owned(),
             frames: 5,
         };
-        for (arithmetic, expected) in [(Arithmetic::F32, None), (Arithmetic::Int8, Some("int8"))] {
-            let model = Model::bundled()
-                .unwrap()
-                .with_arithmetic(arithmetic)
-                .unwrap();
+        for (precision, expected) in [(Precision::F32, None), (Precision::Int8, Some("int8"))] {
+            let model = Model::bundled().unwrap().with_precision(precision).unwrap();
             let table = conditions.added_to(ExperimentTable::default(), Some(&model));
-            let told = table.conditions.get("arithmetic").map(String::as_str);
-            assert_eq!(told, expected);
+            let stated = table.conditions.get("precision").map(String::as_str);
+            assert_eq!(stated, expected);
             assert!(table.conditions.contains_key("model"));
         }
     }

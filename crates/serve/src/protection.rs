@@ -1,13 +1,14 @@
-//! Who may ask: the token, and pages of other sites.
+//! Refuses requests of those who may not ask: without the token, or from pages of other sites.
 
 use std::sync::Arc;
 
 use axum::extract::Request;
-use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
+use axum::http::{HeaderMap, HeaderValue, Uri, header};
 use axum::middleware::Next;
 use axum::response::{IntoResponse, Response};
 
-use crate::problem::Problem;
+use crate::access::Access;
+use crate::problem::{Problem, ProblemKind};
 use crate::state::{Shared, State};
 
 /// What answers may load and do in a browser: only what this service sends. The map's worker and its pictures need `blob:`.
@@ -40,12 +41,10 @@ pub(crate) async fn protect(
 
 fn check(state: &Arc<State>, uri: &Uri, headers: &HeaderMap) -> Result<(), Problem> {
     let host = host_of(uri, headers);
-    if state.is_local && !host.is_some_and(names_this_machine) {
+    if matches!(state.access, Access::ThisMachine) && !host.is_some_and(names_this_machine) {
         // Another site's name can be made to resolve to 127.0.0.1 (DNS rebinding).
         return Err(Problem::new(
-            StatusCode::MISDIRECTED_REQUEST,
-            "host",
-            "The request is for another host",
+            ProblemKind::Host,
             "the service answers on this machine only; expected the host 127.0.0.1, [::1] or localhost",
         ));
     }
@@ -56,8 +55,8 @@ fn check(state: &Arc<State>, uri: &Uri, headers: &HeaderMap) -> Result<(), Probl
     }
     // The page itself is public and asks for the token.
     let needs_token = uri.path().starts_with("/v1/") || uri.path() == "/metrics";
-    match &state.token {
-        Some(token) if needs_token => {
+    match &state.access {
+        Access::WithToken(token) if needs_token => {
             let given = headers
                 .get(header::AUTHORIZATION)
                 .and_then(|value| value.to_str().ok())
@@ -67,9 +66,7 @@ fn check(state: &Arc<State>, uri: &Uri, headers: &HeaderMap) -> Result<(), Probl
             match given {
                 Some(given) if token.is(given) => Ok(()),
                 _ => Err(Problem::new(
-                    StatusCode::UNAUTHORIZED,
-                    "token",
-                    "A token is required",
+                    ProblemKind::Token,
                     "expected the header `Authorization: Bearer TOKEN` with the token of this service",
                 )
                 .with_header(header::WWW_AUTHENTICATE, "Bearer realm=\"grimnet\"")),
@@ -112,9 +109,7 @@ fn is_same_origin(origin: &HeaderValue, host: Option<&str>) -> bool {
 
 fn forbidden_origin() -> Problem {
     Problem::new(
-        StatusCode::FORBIDDEN,
-        "origin",
-        "Pages of other sites may not ask",
+        ProblemKind::Origin,
         "the request comes from a page of another site; expected one from this service, or no browser",
     )
 }

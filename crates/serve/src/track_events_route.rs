@@ -10,14 +10,14 @@ use futures_util::stream::{Stream, unfold};
 use tokio::sync::{OwnedSemaphorePermit, watch};
 
 use crate::path::Path;
-use crate::problem::Problem;
+use crate::problem::{Problem, ProblemKind};
 use crate::state::Shared;
 use crate::track_store::Track;
 
 /// Where a browser says what it has got.
 const LAST_EVENT_ID: &str = "last-event-id";
 
-/// Seconds that a client is told to wait for the place of another one: nobody knows when that ends.
+/// Seconds after which a client may ask for the place of another one: nobody knows when that ends.
 const LISTENER_RETRY_S: u64 = 10;
 
 /// Follows a track
@@ -48,8 +48,7 @@ pub(crate) async fn events(
     };
     let Ok(place) = state.listeners.clone().try_acquire_owned() else {
         return Err(Problem::unavailable(
-            "listeners",
-            "Too many clients follow tracks",
+            ProblemKind::Listeners,
             "no further client can follow a track now; one may when another has ended",
             LISTENER_RETRY_S,
         ));

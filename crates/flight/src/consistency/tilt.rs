@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 use grimnet_geo::{LonLat, offset_en_m};
 use grimnet_track::Attitude;
 
-use super::median;
+use super::median::median;
 
 /// So many of the latest fixes are compared.
 const FIXES: usize = 5;
@@ -17,20 +17,20 @@ const FIXES: usize = 5;
 const NEEDED: usize = 4;
 /// They must be of so long a time at least, seconds: in a gust or at the beginning of a turn an attitude is late.
 const LEAST_TIME_S: f64 = 2.5;
-/// A tilt this far off is doubted, degrees. Over a dense town photos taken straight down look tilted by 7 degrees in the median: roofs
+/// A tilt this far off is inconsistent, degrees. Over a dense town photos taken straight down look tilted by 7 degrees in the median: roofs
 /// lean outwards.
-const LEAST_DOUBT_DEG: f64 = 15.0;
+const LEAST_OFF_DEG: f64 = 15.0;
 
-/// The told tilt is not that of the photos.
+/// The reported tilt is not that of the photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TiltDoubt {
-    /// Pitch that the latest fixes show minus the told one, median, degrees.
+pub struct TiltWarning {
+    /// Pitch that the latest fixes show minus the reported one, median, degrees.
     pub pitch_deg: f64,
     /// The same of roll, degrees.
     pub roll_deg: f64,
 }
 
-impl std::fmt::Display for TiltDoubt {
+impl std::fmt::Display for TiltWarning {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
@@ -43,59 +43,59 @@ impl std::fmt::Display for TiltDoubt {
     }
 }
 
-/// Compares the told tilt with fixes.
+/// Compares the reported tilt with fixes.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct ToldTilt {
-    /// Times of the latest fixes, seconds, and pitch and roll that they show minus those told, degrees.
+pub(crate) struct TiltCheck {
+    /// Times of the latest fixes, seconds, and pitch and roll that they show minus those reported, degrees.
     off_deg: VecDeque<(f64, [f64; 2])>,
-    doubt: Option<TiltDoubt>,
+    warning: Option<TiltWarning>,
 }
 
-impl ToldTilt {
-    /// Takes in what a fix shows, and the attitude that was told for it.
-    pub fn fix(&mut self, seen: SeenTilt, told: &Attitude) {
+impl TiltCheck {
+    /// Takes in what a fix shows, and the attitude that was reported for it.
+    pub fn fix(&mut self, measured: MeasuredTilt, reported: &Attitude) {
         if self.off_deg.len() == FIXES {
             self.off_deg.pop_front();
         }
         let off_deg = [
-            seen.pitch_deg - told.pitch_deg,
-            seen.roll_deg - told.roll_deg,
+            measured.pitch_deg - reported.pitch_deg,
+            measured.roll_deg - reported.roll_deg,
         ];
-        self.off_deg.push_back((told.time_s, off_deg));
+        self.off_deg.push_back((reported.time_s, off_deg));
         let contradicting: Vec<f64> = self
             .off_deg
             .iter()
-            .filter(|(_, [pitch, roll])| pitch.hypot(*roll) > LEAST_DOUBT_DEG)
+            .filter(|(_, [pitch, roll])| pitch.hypot(*roll) > LEAST_OFF_DEG)
             .map(|(time_s, _)| *time_s)
             .collect();
         if let [first_s, .., last_s] = contradicting[..]
             && contradicting.len() >= NEEDED
             && last_s - first_s >= LEAST_TIME_S
-            && self.doubt.is_none()
+            && self.warning.is_none()
         {
             let [pitch_deg, roll_deg] =
                 [0, 1].map(|axis| median(self.off_deg.iter().map(|(_, off)| off[axis])));
-            self.doubt = Some(TiltDoubt {
+            self.warning = Some(TiltWarning {
                 pitch_deg,
                 roll_deg,
             });
         }
     }
 
-    /// What is doubted; once it is, it stays so.
-    pub fn doubt(&self) -> Option<TiltDoubt> {
-        self.doubt
+    /// What is inconsistent; once it is, it stays so.
+    pub fn warning(&self) -> Option<TiltWarning> {
+        self.warning
     }
 }
 
 /// The direction of view that a fix shows, as [`Attitude`] has it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct SeenTilt {
+pub(crate) struct MeasuredTilt {
     pub pitch_deg: f64,
     pub roll_deg: f64,
 }
 
-impl SeenTilt {
+impl MeasuredTilt {
     /// From where the photo's corners are (top left, top right, bottom right, bottom left; degrees), its size and its focal length.
     ///
     /// The corners tell the projective transform from the photo to the ground (Heckbert 1989, section 2.2.3), whose denominator
@@ -187,45 +187,51 @@ mod tests {
             (200.0, 0.0, -25.0),
             (310.0, -8.0, 17.0),
         ] {
-            let told = attitude(yaw, pitch, roll);
-            let seen = SeenTilt::of(&corners(&told), (1280, 960), 1000.0).unwrap();
-            assert!((seen.pitch_deg - pitch).abs() < 0.01, "{told:?} {seen:?}");
-            assert!((seen.roll_deg - roll).abs() < 0.01, "{told:?} {seen:?}");
+            let reported = attitude(yaw, pitch, roll);
+            let measured = MeasuredTilt::of(&corners(&reported), (1280, 960), 1000.0).unwrap();
+            assert!(
+                (measured.pitch_deg - pitch).abs() < 0.01,
+                "{reported:?} {measured:?}"
+            );
+            assert!(
+                (measured.roll_deg - roll).abs() < 0.01,
+                "{reported:?} {measured:?}"
+            );
         }
         let level = corners(&attitude(0.0, 0.0, 0.0));
-        assert_eq!(SeenTilt::of(&level[..3], (1280, 960), 1000.0), None);
-        assert_eq!(SeenTilt::of(&[level[0]; 4], (1280, 960), 1000.0), None);
+        assert_eq!(MeasuredTilt::of(&level[..3], (1280, 960), 1000.0), None);
+        assert_eq!(MeasuredTilt::of(&[level[0]; 4], (1280, 960), 1000.0), None);
     }
 
     #[test]
-    fn a_tilt_that_four_of_five_fixes_contradict_is_doubted() {
-        let seen = |pitch_deg, roll_deg| SeenTilt {
+    fn a_tilt_that_four_of_five_fixes_contradict_is_inconsistent() {
+        let measured = |pitch_deg, roll_deg| MeasuredTilt {
             pitch_deg,
             roll_deg,
         };
-        let told = |number: usize, fixes_per_s: f64, roll_deg: f64| Attitude {
+        let reported = |number: usize, fixes_per_s: f64, roll_deg: f64| Attitude {
             time_s: number as f64 / fixes_per_s,
             ..attitude(0.0, 0.0, roll_deg)
         };
-        let mut right = ToldTilt::default();
+        let mut right = TiltCheck::default();
         for number in 0..40 {
             // Every fourth is of another place.
             let off = if number % 4 == 0 { 40.0 } else { 7.0 };
-            right.fix(seen(3.0, off - 4.0), &told(number, 1.0, -4.0));
+            right.fix(measured(3.0, off - 4.0), &reported(number, 1.0, -4.0));
         }
-        assert_eq!(right.doubt(), None);
-        let mut askew = ToldTilt::default();
+        assert_eq!(right.warning(), None);
+        let mut askew = TiltCheck::default();
         for number in 0..NEEDED {
-            assert_eq!(askew.doubt(), None);
-            askew.fix(seen(2.0, -3.0), &told(number, 1.0, 17.0));
+            assert_eq!(askew.warning(), None);
+            askew.fix(measured(2.0, -3.0), &reported(number, 1.0, 17.0));
         }
-        let doubt = askew.doubt().unwrap();
-        assert_eq!((doubt.pitch_deg, doubt.roll_deg), (2.0, -20.0));
-        let mut gust = ToldTilt::default();
+        let warning = askew.warning().unwrap();
+        assert_eq!((warning.pitch_deg, warning.roll_deg), (2.0, -20.0));
+        let mut gust = TiltCheck::default();
         for number in 0..40 {
             let roll_deg = if number % 10 < 5 { 25.0 } else { 0.0 };
-            gust.fix(seen(0.0, 0.0), &told(number, 5.0, roll_deg));
+            gust.fix(measured(0.0, 0.0), &reported(number, 5.0, roll_deg));
         }
-        assert_eq!(gust.doubt(), None, "a second of five fixes is a gust");
+        assert_eq!(gust.warning(), None, "a second of five fixes is a gust");
     }
 }

@@ -1,9 +1,9 @@
 //! Which format an answer has: content negotiation (RFC 9110, 12.5.1).
 
-use axum::http::{HeaderMap, HeaderValue, StatusCode, header};
+use axum::http::{HeaderMap, HeaderValue, header};
 use grimnet_answer::{AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
-use crate::problem::Problem;
+use crate::problem::{Problem, ProblemKind};
 
 /// A format of answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -66,9 +66,7 @@ impl AnswerType {
         }
         best.map(|(_, kind)| kind).ok_or_else(|| {
             Problem::new(
-                StatusCode::NOT_ACCEPTABLE,
-                "not-acceptable",
-                "No format of the answer is accepted",
+                ProblemKind::NotAcceptable,
                 format!(
                     "the Accept header is {:?}; expected one of {}",
                     ranges.join(","),

@@ -17,7 +17,7 @@ pub(crate) async fn health() -> &'static str {
 /// Figures for Prometheus
 #[utoipa::path(get, path = "/metrics", tag = "service", responses((status = 200, description = "Counts and times", body = String, content_type = "text/plain")))]
 pub(crate) async fn metrics(axum::extract::State(state): Shared) -> Response {
-    let text = state.metrics.text(&state.admission);
+    let text = state.metrics.text(&state.localisations, &state.conversions);
     let content_type = HeaderValue::from_static(PROMETHEUS);
     ([(header::CONTENT_TYPE, content_type)], text).into_response()
 }

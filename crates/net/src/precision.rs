@@ -1,4 +1,4 @@
-//! The arithmetic in which a network is computed.
+//! The precision in which a network is computed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -8,18 +8,18 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Decoder, Downsample, KeypointHead, NetSpec, VladInput};
 
-/// The arithmetic of a network's convolutions ([`crate::Model::with_arithmetic`]). What is stored without one was computed in single
+/// The precision of a network's convolutions ([`crate::Model::with_precision`]). What is stored without one was computed in single
 /// precision.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Arithmetic {
+pub enum Precision {
     /// Single precision.
     #[default]
     F32,
     /// Activations and weights of encoder, decoder and the layers on top are rounded to bytes; keypoints are those of
-    /// [`Arithmetic::F32`]. For networks of the form of [`NetSpec::compact`].
+    /// [`Precision::F32`]. For networks of the form of [`NetSpec::compact`].
     Int8,
-    /// [`Arithmetic::Int8`] for [`Purpose::Search`] and [`Arithmetic::F32`] for [`Purpose::Answer`].
+    /// [`Precision::Int8`] for [`Purpose::Search`] and [`Precision::F32`] for [`Purpose::Answer`].
     Mixed,
 }
 
@@ -32,26 +32,26 @@ pub enum Purpose {
     Answer,
 }
 
-impl Arithmetic {
+impl Precision {
     /// All.
-    pub const ALL: [Arithmetic; 3] = [Arithmetic::Mixed, Arithmetic::F32, Arithmetic::Int8];
+    pub const ALL: [Precision; 3] = [Precision::Mixed, Precision::F32, Precision::Int8];
 
     /// The one that a model of this description has unless another is chosen: mixed, or single precision where the network cannot be
     /// computed in bytes or it would take longer ([`Isa::has_byte_products`]).
     pub fn usual(spec: &NetSpec, isa: Isa) -> Self {
-        if Arithmetic::Mixed.supports(spec) && isa.has_byte_products() {
-            Arithmetic::Mixed
+        if Precision::Mixed.supports(spec) && isa.has_byte_products() {
+            Precision::Mixed
         } else {
-            Arithmetic::F32
+            Precision::F32
         }
     }
 
-    /// The arithmetic of passes for this purpose, which is not mixed.
+    /// The precision of passes for this purpose, which is not mixed.
     #[must_use]
     pub fn of(self, purpose: Purpose) -> Self {
         match (self, purpose) {
-            (Arithmetic::Mixed, Purpose::Search) => Arithmetic::Int8,
-            (Arithmetic::Mixed, Purpose::Answer) => Arithmetic::F32,
+            (Precision::Mixed, Purpose::Search) => Precision::Int8,
+            (Precision::Mixed, Purpose::Answer) => Precision::F32,
             (pure, _) => pure,
         }
     }
@@ -59,15 +59,15 @@ impl Arithmetic {
     /// The name: `mixed`, `f32` or `int8`.
     pub fn name(self) -> &'static str {
         match self {
-            Arithmetic::F32 => "f32",
-            Arithmetic::Int8 => "int8",
-            Arithmetic::Mixed => "mixed",
+            Precision::F32 => "f32",
+            Precision::Int8 => "int8",
+            Precision::Mixed => "mixed",
         }
     }
 
     /// Whether it is single precision for every purpose.
     pub fn is_f32(&self) -> bool {
-        *self == Arithmetic::F32
+        *self == Precision::F32
     }
 
     /// Whether networks of this description can be computed in it.
@@ -87,25 +87,25 @@ impl Arithmetic {
     }
 }
 
-impl fmt::Display for Arithmetic {
+impl fmt::Display for Precision {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-/// No arithmetic has this name.
+/// No precision has this name.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("unknown precision '{0}'; expected mixed, f32 or int8")]
-pub struct UnknownArithmetic(pub String);
+pub struct UnknownPrecision(pub String);
 
-impl FromStr for Arithmetic {
-    type Err = UnknownArithmetic;
+impl FromStr for Precision {
+    type Err = UnknownPrecision;
 
     fn from_str(name: &str) -> Result<Self, Self::Err> {
         Self::ALL
             .into_iter()
-            .find(|arithmetic| arithmetic.name() == name)
-            .ok_or_else(|| UnknownArithmetic(name.to_owned()))
+            .find(|precision| precision.name() == name)
+            .ok_or_else(|| UnknownPrecision(name.to_owned()))
     }
 }
 
@@ -115,12 +115,12 @@ mod tests {
 
     #[test]
     fn names_round_trip() {
-        for arithmetic in Arithmetic::ALL {
-            assert_eq!(arithmetic.name().parse(), Ok(arithmetic));
+        for precision in Precision::ALL {
+            assert_eq!(precision.name().parse(), Ok(precision));
         }
         assert_eq!(
-            "i8".parse::<Arithmetic>(),
-            Err(UnknownArithmetic("i8".into()))
+            "i8".parse::<Precision>(),
+            Err(UnknownPrecision("i8".into()))
         );
     }
 
@@ -128,13 +128,13 @@ mod tests {
     fn only_networks_of_the_form_of_compact_are_computed_in_int8() {
         for spec in NetSpec::presets() {
             let is_compact = spec.preset == "compact";
-            assert!(Arithmetic::F32.supports(&spec));
-            assert_eq!(Arithmetic::Int8.supports(&spec), is_compact);
+            assert!(Precision::F32.supports(&spec));
+            assert_eq!(Precision::Int8.supports(&spec), is_compact);
             for isa in Isa::available() {
-                let is_mixed = Arithmetic::usual(&spec, isa) == Arithmetic::Mixed;
+                let is_mixed = Precision::usual(&spec, isa) == Precision::Mixed;
                 assert_eq!(is_mixed, is_compact && isa.has_byte_products());
             }
-            assert_eq!(Arithmetic::usual(&spec, Isa::Portable), Arithmetic::F32);
+            assert_eq!(Precision::usual(&spec, Isa::Portable), Precision::F32);
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use std::collections::VecDeque;
 
-use super::median;
+use super::median::median;
 
 /// So many of the latest fixes are compared.
 const FIXES: usize = 8;
@@ -15,39 +15,39 @@ const NEEDED: usize = 6;
 /// A height within this factor of that of a fix is confirmed by it: roofs and slopes are nearer than the ground below.
 const CONFIRMED: f64 = 1.35;
 
-/// The told height is not that of the photos.
+/// The reported height is not that of the photos.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HeightDoubt {
-    /// Told height over that which the latest fixes show with the stated field of view, median.
+pub struct HeightWarning {
+    /// Reported height over that which the latest fixes show with the stated field of view, median.
     pub factor: f64,
     /// Height above ground that the latest fix shows, metres.
-    pub seen_m: f64,
+    pub measured_m: f64,
 }
 
-impl std::fmt::Display for HeightDoubt {
+impl std::fmt::Display for HeightWarning {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(
             f,
             "the heights of the telemetry are {:.2} times those that the fixes show ({:.0} m with this field of view): metres above the \
              ground below were expected",
-            self.factor, self.seen_m
+            self.factor, self.measured_m
         )
     }
 }
 
-/// Compares the told height with fixes.
+/// Compares the reported height with fixes.
 #[derive(Debug, Clone, Default)]
-pub(crate) struct ToldHeight {
+pub(crate) struct HeightCheck {
     is_confirmed: bool,
-    /// Told over seen heights, the latest last.
+    /// Reported over measured heights, the latest last.
     factors: VecDeque<f64>,
-    doubt: Option<HeightDoubt>,
+    warning: Option<HeightWarning>,
 }
 
-impl ToldHeight {
-    /// Takes in the height above ground that a fix shows and the one that was told for it, metres.
-    pub fn fix(&mut self, seen_m: f64, told_m: f64) {
-        let factor = told_m / seen_m;
+impl HeightCheck {
+    /// Takes in the height above ground that a fix shows and the one that was reported for it, metres.
+    pub fn fix(&mut self, measured_m: f64, reported_m: f64) {
+        let factor = reported_m / measured_m;
         self.is_confirmed |= factor.ln().abs() < CONFIRMED.ln();
         if self.factors.len() == FIXES {
             self.factors.pop_front();
@@ -57,10 +57,10 @@ impl ToldHeight {
         let agreeing = |factor: &&f64| {
             (*factor / middle).ln().abs() < CONFIRMED.ln() && factor.ln().abs() > CONFIRMED.ln()
         };
-        if self.factors.iter().filter(agreeing).count() >= NEEDED && self.doubt.is_none() {
-            self.doubt = Some(HeightDoubt {
+        if self.factors.iter().filter(agreeing).count() >= NEEDED && self.warning.is_none() {
+            self.warning = Some(HeightWarning {
                 factor: middle,
-                seen_m,
+                measured_m,
             });
         }
     }
@@ -70,9 +70,9 @@ impl ToldHeight {
         self.is_confirmed
     }
 
-    /// What is doubted; once it is, it stays so.
-    pub fn doubt(&self) -> Option<HeightDoubt> {
-        self.doubt
+    /// What is inconsistent; once it is, it stays so.
+    pub fn warning(&self) -> Option<HeightWarning> {
+        self.warning
     }
 }
 
@@ -80,25 +80,25 @@ impl ToldHeight {
 mod tests {
     use super::*;
 
-    fn flown(told_over_seen: impl Fn(usize) -> f64) -> ToldHeight {
-        let mut told = ToldHeight::default();
+    fn flown(reported_over_measured: impl Fn(usize) -> f64) -> HeightCheck {
+        let mut check = HeightCheck::default();
         for number in 0..20 {
-            told.fix(100.0, 100.0 * told_over_seen(number));
+            check.fix(100.0, 100.0 * reported_over_measured(number));
         }
-        told
+        check
     }
 
     #[test]
-    fn feet_are_told_and_roofs_and_wrong_fixes_are_not() {
+    fn feet_are_noticed_and_roofs_and_wrong_fixes_are_consistent() {
         let feet = flown(|number| if number % 7 == 3 { 0.4 } else { 3.28 });
-        let doubt = feet.doubt().unwrap();
-        assert_eq!(doubt.factor, 3.28);
+        let warning = feet.warning().unwrap();
+        assert_eq!(warning.factor, 3.28);
         assert!(!feet.is_confirmed());
-        assert!(doubt.to_string().contains("3.28 times"), "{doubt}");
+        assert!(warning.to_string().contains("3.28 times"), "{warning}");
         let roofs = flown(|number| 1.0 + 0.03 * (number % 10) as f64);
-        assert_eq!(roofs.doubt(), None);
+        assert_eq!(roofs.warning(), None);
         assert!(roofs.is_confirmed());
         let wrong = flown(|number| [0.3, 1.0, 2.8, 5.0][number % 4]);
-        assert_eq!(wrong.doubt(), None, "they agree on no factor");
+        assert_eq!(wrong.warning(), None, "they agree on no factor");
     }
 }

@@ -1,0 +1,239 @@
+//! Whether the telemetry is consistent with the fixes: its times, yaw, tilt, height and velocity.
+
+pub(crate) mod delay;
+mod displacement;
+pub(crate) mod height;
+mod median;
+pub(crate) mod tilt;
+pub(crate) mod velocity;
+#[cfg(test)]
+mod velocity_tests;
+pub(crate) mod yaw;
+
+use grimnet_geo::{LonLat, destination_en_m, turn_deg};
+use grimnet_locate::Fix;
+use grimnet_track::{Attitude, Estimate, Input, RelativeMotion};
+
+use self::displacement::PlacedFix;
+use self::tilt::MeasuredTilt;
+use crate::recent::Recent;
+use crate::warning::Warning;
+
+pub use delay::DelayWarning;
+pub use height::HeightWarning;
+pub use tilt::TiltWarning;
+pub use velocity::VelocityWarning;
+pub use yaw::YawWarning;
+
+/// After so many searches of the whole map in a row without a fix, other headings and scales than the reported ones are searched.
+const VAIN_SEARCHES: u32 = 3;
+/// A fix whose heading is further off the expected one does not count against velocities, degrees: it is of another place.
+const SAME_HEADING_DEG: f64 = 40.0;
+
+/// What was reported for a photo that gave a fix.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PhotoTelemetry {
+    /// Attitude of the camera, of the telemetry or of the photo's metadata.
+    pub attitude: Option<Attitude>,
+    /// Yaw of the telemetry, degrees.
+    pub yaw_deg: Option<f64>,
+    /// Height of the telemetry, metres above ground.
+    pub height_agl_m: Option<f64>,
+    /// Size of the photo, pixels.
+    pub size_px: (u32, u32),
+    /// Focal length of the photo at this size, pixels.
+    pub focal_length_px: Option<f64>,
+}
+
+/// Compares telemetry with fixes.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct ConsistencyChecks {
+    delay: delay::DelayCheck,
+    yaw: yaw::YawCheck,
+    tilt: tilt::TiltCheck,
+    height: height::HeightCheck,
+    velocity: velocity::VelocityCheck,
+}
+
+impl ConsistencyChecks {
+    /// Takes in telemetry.
+    pub fn take(&mut self, input: &Input) {
+        if let Input::Velocity(velocity) = input {
+            self.velocity.velocity(velocity);
+        }
+    }
+
+    /// Takes in the fix of a photo, and the track at its time if that may be used. `true` if the filter was given what is inconsistent
+    /// from now on, and has to restart.
+    pub fn fix(
+        &mut self,
+        time_s: f64,
+        fix: &Fix,
+        telemetry: &PhotoTelemetry,
+        track: Option<&Estimate>,
+    ) -> bool {
+        let before = self.left_out();
+        let measured_tilt = telemetry.focal_length_px.and_then(|focal_px| {
+            MeasuredTilt::of(&fix.outline_lonlat_deg, telemetry.size_px, focal_px)
+        });
+        let measured_height_m = telemetry
+            .focal_length_px
+            .zip(measured_tilt)
+            .map(|(focal_px, tilt)| fix.gsd_m * focal_px / tilt.gsd_over_nadir());
+        let expected_deg = telemetry
+            .yaw_deg
+            .filter(|_| self.uses_yaw())
+            .or_else(|| track?.heading_deg);
+        let headings_deg = expected_deg.zip(fix.heading_deg);
+        let has_expected_heading = headings_deg.is_none_or(|(expected_deg, measured_deg)| {
+            turn_deg(expected_deg, measured_deg).abs() <= SAME_HEADING_DEG
+        });
+        let placed = self.placed(time_s, fix, telemetry, measured_height_m, track);
+        self.velocity.fix(placed, has_expected_heading);
+        if let (Some(reported_deg), Some(measured_deg)) = (telemetry.yaw_deg, fix.heading_deg) {
+            self.yaw.fix(reported_deg, measured_deg);
+        }
+        if let (Some(measured), Some(attitude)) = (measured_tilt, &telemetry.attitude) {
+            self.tilt.fix(measured, attitude);
+        }
+        if let (Some(measured_m), Some(reported_m)) = (measured_height_m, telemetry.height_agl_m) {
+            self.height.fix(measured_m, reported_m);
+        }
+        before != self.left_out()
+    }
+
+    /// Where the aircraft is according to a fix, if its attitude is known, else the image centre.
+    fn placed(
+        &self,
+        time_s: f64,
+        fix: &Fix,
+        telemetry: &PhotoTelemetry,
+        measured_height_m: Option<f64>,
+        track: Option<&Estimate>,
+    ) -> PlacedFix {
+        let centre = LonLat::new(fix.lon_deg, fix.lat_deg);
+        let attitude = telemetry.attitude.filter(|_| !self.leaves_out_attitude());
+        let offset_en_m = attitude
+            .zip(measured_height_m.or(telemetry.height_agl_m))
+            .and_then(|(attitude, height_m)| attitude.centre_offset_en_m(height_m));
+        PlacedFix {
+            time_s,
+            place: offset_en_m.map_or(centre, |[east_m, north_m]| {
+                destination_en_m(centre, -east_m, -north_m)
+            }),
+            is_of_aircraft: offset_en_m.is_some(),
+            track: track.map(|track| LonLat::new(track.lon_deg, track.lat_deg)),
+        }
+    }
+
+    /// The track accepted the last fix.
+    pub fn accepted(&mut self) {
+        self.velocity.accepted();
+    }
+
+    /// Takes in the motion from the frame before to one whose fix was taken in, if it gave one: see [`VelocityCheck::motion`].
+    pub fn motion(&mut self, motion: &RelativeMotion, gsd_m: f64, is_new_picture: bool) {
+        self.velocity.motion(motion, gsd_m, is_new_picture);
+    }
+
+    /// Forgets the times of all that was taken in: the clock was set.
+    pub fn restart_clock(&mut self) {
+        self.velocity.restart_clock();
+        self.delay = delay::DelayCheck::default();
+    }
+
+    /// Compares the times of the fixes with what was reported by now, of which there may be a new one: its time and heading.
+    pub fn compare_times(&mut self, new_fix: Option<(f64, f64)>, recent: &Recent) {
+        if let Some(newest_s) = recent.newest_attitude_s() {
+            self.delay
+                .fix(new_fix, newest_s, |time_s| recent.nearest(time_s));
+        }
+    }
+
+    /// Whether other headings than the reported one are to be searched as well, after so many searches of the whole map in a row without
+    /// a fix.
+    pub fn tests_yaw(&self, vain_searches: u32) -> bool {
+        vain_searches >= VAIN_SEARCHES && !self.yaw.is_confirmed()
+    }
+
+    /// Whether other scales than the reported height's are.
+    pub fn tests_height(&self, vain_searches: u32) -> bool {
+        vain_searches >= VAIN_SEARCHES && !self.height.is_confirmed()
+    }
+
+    /// Whether searches use the yaw.
+    pub fn uses_yaw(&self) -> bool {
+        self.yaw.warning().is_none()
+    }
+
+    /// Whether the filter goes without attitude.
+    pub fn leaves_out_attitude(&self) -> bool {
+        self.tilt.warning().is_some() || self.yaw.warning().is_some()
+    }
+
+    /// Whether searches and filter go without height.
+    pub fn leaves_out_height(&self) -> bool {
+        self.height.warning().is_some()
+    }
+
+    /// Whether the filter goes without velocities.
+    fn leaves_out_velocity(&self) -> bool {
+        self.velocity.warning().is_some()
+    }
+
+    fn left_out(&self) -> [bool; 3] {
+        [
+            self.leaves_out_attitude(),
+            self.leaves_out_height(),
+            self.leaves_out_velocity(),
+        ]
+    }
+
+    /// Whether the filter is not given this.
+    pub fn leaves_out(&self, input: &Input) -> bool {
+        match input {
+            Input::Attitude(_) => self.leaves_out_attitude(),
+            Input::Height(_) => self.leaves_out_height(),
+            Input::Velocity(_) => self.leaves_out_velocity(),
+            _ => false,
+        }
+    }
+
+    /// All that is inconsistent.
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> {
+        [
+            self.delay.warning().map(Warning::Delay),
+            self.yaw.warning().map(Warning::Yaw),
+            self.tilt.warning().map(Warning::Tilt),
+            self.height.warning().map(Warning::Height),
+            self.velocity.warning().map(Warning::Velocity),
+        ]
+        .into_iter()
+        .flatten()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_no_fix_has_confirmed_is_tested_after_three_vain_searches() {
+        let mut checks = ConsistencyChecks::default();
+        for tests in [
+            ConsistencyChecks::tests_yaw,
+            ConsistencyChecks::tests_height,
+        ] {
+            assert!(!tests(&checks, 2));
+            assert!(tests(&checks, 3));
+        }
+        checks.yaw.fix(355.0, 20.0);
+        checks.height.fix(100.0, 110.0);
+        for tests in [
+            ConsistencyChecks::tests_yaw,
+            ConsistencyChecks::tests_height,
+        ] {
+            assert!(!tests(&checks, 9), "water gives no fix either");
+        }
+    }
+}

@@ -1,0 +1,41 @@
+//! A photo of a flight, and what is known of it besides the track.
+
+use grimnet_photo::{Photo, View, focal_px};
+use grimnet_track::Attitude;
+
+use crate::frame::Known;
+use crate::recent::Recent;
+use crate::recorded_attitude::recorded_attitude;
+
+/// See the module.
+pub(crate) struct Exposure<'a> {
+    pub photo: &'a Photo,
+    pub time_s: f64,
+    pub known: &'a Known,
+    pub view: &'a View,
+    /// Photo pixels for one pixel at the focal length that the track's ground resolutions refer to.
+    pub px_per_reference_px: f64,
+}
+
+impl Exposure<'_> {
+    /// Attitude of the camera: that which the caller knows, else of the telemetry, else of the metadata.
+    pub fn attitude(&self, recent: &Recent) -> Option<Attitude> {
+        self.known
+            .attitude
+            .or_else(|| recent.attitude_at(self.time_s))
+            .or_else(|| recorded_attitude(self.view, self.time_s))
+    }
+
+    /// Yaw that was measured at this time, degrees.
+    pub fn yaw_deg(&self, recent: &Recent) -> Option<f64> {
+        let attitude = self.known.attitude;
+        let attitude = attitude.or_else(|| recent.attitude_at(self.time_s))?;
+        Some(attitude.yaw_deg)
+    }
+
+    /// Focal length of the full-size photo, pixels, if it is known.
+    pub fn focal_length_px(&self) -> Option<f64> {
+        let hfov_deg = self.view.hfov_deg?;
+        Some(focal_px(f64::from(self.photo.full_size_px.0), hfov_deg))
+    }
+}

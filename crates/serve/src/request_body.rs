@@ -1,0 +1,85 @@
+//! Reads the body of a request, within limits of size and time.
+
+use axum::body::{Body, Bytes, HttpBody as _};
+use futures_util::StreamExt as _;
+use tokio::time::timeout;
+
+use crate::limits::Limits;
+use crate::problem::Problem;
+
+/// Reads a whole body of `max_bytes` at most.
+///
+/// # Errors
+/// Status 408 if it arrives too slowly, 413 if it is too large, 400 if it breaks off.
+pub(crate) async fn read_body(
+    body: Body,
+    max_bytes: usize,
+    limits: &Limits,
+) -> Result<Vec<u8>, Problem> {
+    in_time(limits, read_chunks(body, max_bytes, limits)).await
+}
+
+/// What `reading` gives, if the body arrives within `limits.body_time`.
+pub(crate) async fn in_time<T>(
+    limits: &Limits,
+    reading: impl Future<Output = Result<T, Problem>>,
+) -> Result<T, Problem> {
+    match timeout(limits.body_time, reading).await {
+        Ok(result) => result,
+        Err(_) => Err(Problem::too_slow(format!(
+            "the body did not arrive within {} s",
+            limits.body_time.as_secs_f64()
+        ))),
+    }
+}
+
+/// As [`read_body`], for a caller that limits the whole time.
+pub(crate) async fn read_chunks(
+    body: Body,
+    max_bytes: usize,
+    limits: &Limits,
+) -> Result<Vec<u8>, Problem> {
+    if body.size_hint().lower() > max_bytes as u64 {
+        return Err(longer_than(max_bytes));
+    }
+    let mut stream = body.into_data_stream();
+    let mut bytes = Vec::new();
+    loop {
+        let next = timeout(limits.body_pause, stream.next()).await;
+        match next.map_err(|_| paused(limits))? {
+            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes)?,
+            Some(Err(error)) => {
+                return Err(Problem::bad_request(format!(
+                    "the body breaks off: {error}"
+                )));
+            }
+            None => return Ok(bytes),
+        }
+    }
+}
+
+/// Adds a chunk to what has arrived.
+///
+/// # Errors
+/// Status 413 if it is more than `max_bytes` then.
+pub(crate) fn append(bytes: &mut Vec<u8>, chunk: &Bytes, max_bytes: usize) -> Result<(), Problem> {
+    if bytes.len() + chunk.len() > max_bytes {
+        return Err(longer_than(max_bytes));
+    }
+    bytes.extend_from_slice(chunk);
+    Ok(())
+}
+
+fn longer_than(max_bytes: usize) -> Problem {
+    Problem::too_large(format!(
+        "the content is longer than the limit of {max_bytes} bytes"
+    ))
+}
+
+/// Status 408: no byte came for `limits.body_pause`.
+pub(crate) fn paused(limits: &Limits) -> Problem {
+    Problem::too_slow(format!(
+        "no byte of the body arrived for {} s",
+        limits.body_pause.as_secs_f64()
+    ))
+}

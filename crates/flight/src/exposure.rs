@@ -35,7 +35,12 @@ impl Exposure<'_> {
 
     /// Focal length of the full-size photo, pixels, if it is known.
     pub fn focal_length_px(&self) -> Option<f64> {
-        let hfov_deg = self.view.hfov_deg?;
-        Some(focal_px(f64::from(self.photo.full_size_px.0), hfov_deg))
+        focal_length_px(self.photo, self.view)
     }
+}
+
+/// Focal length of a full-size photo, pixels, if it is known.
+pub(crate) fn focal_length_px(photo: &Photo, view: &View) -> Option<f64> {
+    let hfov_deg = view.hfov_deg?;
+    Some(focal_px(f64::from(photo.full_size_px.0), hfov_deg))
 }

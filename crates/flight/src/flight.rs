@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use grimnet_locate::{Localizer, LocateError, Outcome};
-use grimnet_photo::{Photo, View, focal_px};
+use grimnet_photo::{Photo, View};
 use grimnet_track::{
     Attitude, Height, Input, InputError, Miss, OptionsError, Taken, TrackOptions, TrackPoint,
     Tracker,
@@ -12,8 +12,8 @@ use grimnet_track::{
 
 use crate::between_frames::{SearchedFrame, motion_between};
 use crate::consistency::{ConsistencyChecks, PhotoTelemetry};
-use crate::exposure::Exposure;
-use crate::frame::{FrameAnswer, FrameTimeMs, Known, Searched};
+use crate::exposure::{Exposure, focal_length_px};
+use crate::frame::{FrameAnswer, FrameTimeMs, Known};
 use crate::frame_history::FrameHistory;
 use crate::frame_search::{Found, is_without_texture, search_frame};
 use crate::position_fix::position_fix;
@@ -215,12 +215,13 @@ impl Flight {
                 .is_due(search.whole_map, self.whole_map_after_misses),
             px_per_reference_px: exposure.px_per_reference_px,
         };
-        let found = search_frame(&self.localizer, exposure.photo, &plan(&search, &steering));
-        Found {
-            whole_map_was_searched: steering.whole_map
-                || matches!(found.searched, Searched::WholeMap),
-            ..found
-        }
+        let searches = plan(&search, &steering);
+        search_frame(
+            &self.localizer,
+            exposure.photo,
+            &searches,
+            steering.whole_map,
+        )
     }
 
     /// Compares a frame that is not repeated with the telemetry, and gives the filter what was found.
@@ -386,10 +387,9 @@ impl Flight {
     /// Pixels of this photo for one pixel at the focal length that the track's ground resolutions refer to: that of the options
     /// or of the first photo that tells one. It changes where the camera zooms.
     fn px_per_reference_px(&mut self, photo: &Photo, view: &View) -> f64 {
-        let Some(hfov_deg) = view.hfov_deg else {
+        let Some(focal_px) = focal_length_px(photo, view) else {
             return 1.0;
         };
-        let focal_px = focal_px(f64::from(photo.full_size_px.0), hfov_deg);
         match self.tracker.options().focal_length_px {
             Some(reference_px) => focal_px / reference_px,
             None => {

@@ -18,11 +18,12 @@ pub(crate) struct Found {
     pub whole_map_was_searched: bool,
 }
 
-/// Searches one plan after the other until one gives a fix or no other can.
+/// Searches one plan after the other until one gives a fix or no other can. `whole_map_is_due`: the plans end with the whole map.
 pub(crate) fn search_frame(
     localizer: &Localizer,
     photo: &Photo,
     searches: &[PlannedSearch],
+    whole_map_is_due: bool,
 ) -> Found {
     let mut count = 0;
     let mut last = None;
@@ -54,7 +55,7 @@ pub(crate) fn search_frame(
         features: first_features,
         searched,
         searches: count,
-        whole_map_was_searched: false,
+        whole_map_was_searched: whole_map_is_due || matches!(searched, Searched::WholeMap),
     }
 }
 

@@ -362,13 +362,8 @@ fn velocities_that_become_wrong_in_flight_are_left_out() {
     let mut answers = Vec::new();
     for number in 0..22 {
         let time_s = f64::from(number);
-        for tick in 0..10 {
-            let velocity = Input::Velocity(Velocity {
-                time_s: time_s - 0.9 + 0.1 * f64::from(tick),
-                east_m_s: 8.0,
-                north_m_s: if number < 8 { 0.0 } else { 8.0 },
-                sigma_m_s: 0.3,
-            });
+        let north_m_s = if number < 8 { 0.0 } else { 8.0 };
+        for velocity in velocities(time_s, [8.0, north_m_s], 0.3) {
             flight.push(velocity).unwrap();
         }
         let pose = pose(160.0 + 8.0 * time_s, 320.0);
@@ -396,15 +391,25 @@ fn velocities_that_become_wrong_in_flight_are_left_out() {
     assert!(error_m(&answers[21]).is_some());
 }
 
-/// Gives the velocities of the second before a frame, ten a second.
-fn push_velocities(flight: &mut Flight, time_s: f64, [east_m_s, north_m_s]: [f64; 2]) {
-    for tick in 0..10 {
-        let velocity = Input::Velocity(Velocity {
+/// The velocities of the second before a frame, ten a second.
+fn velocities(
+    time_s: f64,
+    [east_m_s, north_m_s]: [f64; 2],
+    sigma_m_s: f64,
+) -> impl Iterator<Item = Input> {
+    (0..10).map(move |tick| {
+        Input::Velocity(Velocity {
             time_s: time_s - 0.9 + 0.1 * f64::from(tick),
             east_m_s,
             north_m_s,
-            sigma_m_s: 0.5,
-        });
+            sigma_m_s,
+        })
+    })
+}
+
+/// Gives the velocities of the second before a frame.
+fn push_velocities(flight: &mut Flight, time_s: f64, velocity_en_m_s: [f64; 2]) {
+    for velocity in velocities(time_s, velocity_en_m_s, 0.5) {
         // Refused while a clock is being set.
         let _ = flight.push(velocity);
     }

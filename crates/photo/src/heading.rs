@@ -22,15 +22,15 @@ const MIN_TILT_DEG: f64 = 1.0;
 const TURNED: &str = "the picture was turned by a quarter after it was taken (its width and height are exchanged), in an \
                       unknown direction";
 
-/// Sets the view's heading. Returns the attitude, `None` if it is unknown. `stored_px` is the size of the file's picture.
+/// Sets the view's heading. Returns the attitude, `None` if it is unknown. `size_px` is the size of the displayed picture.
 pub(crate) fn resolve(
     metadata: &Metadata,
-    stored_px: (u32, u32),
+    size_px: (u32, u32),
     prior: &ViewPrior,
     view: &mut View,
 ) -> Option<CameraAttitude> {
     let recorded = gimbal_is_recorded(metadata, view);
-    let turned = metadata.was_turned(stored_px);
+    let turned = metadata.was_turned(metadata.stored_px(size_px));
     let attitude = match metadata.gimbal_pitch_deg.filter(|_| recorded) {
         Some(pitch) if turned => {
             view.set_aside("gimbal pitch", degrees(pitch), TURNED);

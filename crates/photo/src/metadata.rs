@@ -89,6 +89,15 @@ impl Metadata {
         (5..=8).contains(&self.orientation)
     }
 
+    /// The size of the file's picture, of which that of the displayed one is given, pixels.
+    pub(crate) fn stored_px(&self, (width, height): (u32, u32)) -> (u32, u32) {
+        if self.swaps_sides() {
+            (height, width)
+        } else {
+            (width, height)
+        }
+    }
+
     /// Whether the picture was turned by a quarter after it was taken: its stored size is that which the camera stored, with width
     /// and height exchanged. Programs that turn pixels often leave the other metadata.
     pub(crate) fn was_turned(&self, stored_px: (u32, u32)) -> bool {

@@ -15,14 +15,9 @@ impl View {
     pub fn resolve(metadata: &Metadata, size_px: (u32, u32), prior: &ViewPrior) -> Self {
         let mut view = Self::default();
         view.set_aside.extend(metadata.notes.iter().cloned());
-        let stored_px = if metadata.swaps_sides() {
-            (size_px.1, size_px.0)
-        } else {
-            size_px
-        };
-        let attitude = heading::resolve(metadata, stored_px, prior, &mut view);
+        let attitude = heading::resolve(metadata, size_px, prior, &mut view);
         view.attitude = attitude;
-        scale::resolve(metadata, (size_px, stored_px), prior, attitude, &mut view);
+        scale::resolve(metadata, size_px, prior, attitude, &mut view);
         view
     }
 }

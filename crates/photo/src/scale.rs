@@ -29,15 +29,15 @@ struct Uncertain {
     relative_sigma: f64,
 }
 
-/// Sets the view's field of view, height, tilt and ground width. The sizes are those of the displayed picture and of the stored one.
+/// Sets the view's field of view, height, tilt and ground width. `size_px` is the size of the displayed picture.
 pub(crate) fn resolve(
     metadata: &Metadata,
-    (size_px, stored_px): ((u32, u32), (u32, u32)),
+    size_px: (u32, u32),
     prior: &ViewPrior,
     attitude: Option<CameraAttitude>,
     view: &mut View,
 ) {
-    let focal = focal(metadata, (size_px, stored_px), prior, view);
+    let focal = focal(metadata, size_px, prior, view);
     let hfov_deg = focal.map(|focal| fov_deg(f64::from(size_px.0), focal.value));
     view.hfov_deg = hfov_deg;
     view.tilt = attitude
@@ -131,10 +131,10 @@ fn height(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Unc
     found
 }
 
-/// Focal length in pixels of the photo at full size, of which the displayed and the stored size are given.
+/// Focal length in pixels of the photo at full size.
 fn focal(
     metadata: &Metadata,
-    (size_px, stored_px): ((u32, u32), (u32, u32)),
+    size_px: (u32, u32),
     prior: &ViewPrior,
     view: &mut View,
 ) -> Option<Uncertain> {
@@ -152,6 +152,7 @@ fn focal(
             "given by the caller, but not between 1 and 150 degrees",
         );
     }
+    let stored_px = metadata.stored_px(size_px);
     let original_px = match metadata.original_size_px {
         Some((width, height)) if metadata.was_turned(stored_px) => (height, width),
         Some(original_px) => original_px,

@@ -23,7 +23,7 @@ struct Block {
     commands: String,
 }
 
-fn docs() -> PathBuf {
+pub fn docs() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs")
 }
 

@@ -7,13 +7,12 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::{demo, grim, lines, locate, pack, photo};
+use super::{demo, grim, guide, lines, locate, pack, photo};
 
 type Names = BTreeSet<String>;
 
 fn docs(name: &str) -> String {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs");
-    fs::read_to_string(docs.join(name)).unwrap()
+    fs::read_to_string(guide::docs().join(name)).unwrap()
 }
 
 fn page() -> String {

@@ -76,40 +76,30 @@ fn outputs_that_meet_are_refused_before_anything_is_read() {
 #[test]
 fn several_outputs_may_share_a_folder() {
     let folder = tempfile::tempdir().unwrap();
-    grim()
-        .current_dir(folder.path())
-        .args([
-            "track",
-            "-o",
-            "r/track.gpx",
-            "--record",
-            "r",
-            "--nmea",
-            "r/a.nmea",
-            "--pack",
-        ])
-        .arg(fs::canonicalize(pack()).unwrap())
-        .arg(fs::canonicalize(frame(1)).unwrap())
+    let track = || {
+        let mut track = grim();
+        track
+            .current_dir(folder.path())
+            .args([
+                "track",
+                "-o",
+                "r/track.gpx",
+                "--record",
+                "r",
+                "--nmea",
+                "r/a.nmea",
+                "--pack",
+            ])
+            .arg(fs::canonicalize(pack()).unwrap())
+            .arg(fs::canonicalize(frame(1)).unwrap());
+        track
+    };
+    track()
         .assert()
         .code(2)
         .stderr(contains("the folder r does not exist"));
     fs::create_dir(folder.path().join("r")).unwrap();
-    grim()
-        .current_dir(folder.path())
-        .args([
-            "track",
-            "-o",
-            "r/track.gpx",
-            "--record",
-            "r",
-            "--nmea",
-            "r/a.nmea",
-            "--pack",
-        ])
-        .arg(fs::canonicalize(pack()).unwrap())
-        .arg(fs::canonicalize(frame(1)).unwrap())
-        .assert()
-        .code(predicate::in_iter([0, 1]));
+    track().assert().code(predicate::in_iter([0, 1]));
     for name in ["track.gpx", "flight.jsonl", "a.nmea"] {
         assert!(folder.path().join("r").join(name).is_file(), "{name}");
     }

@@ -22,8 +22,8 @@ const ON_PATH_M: f64 = 4.0;
 const LEAST_MOVED_M: f64 = 12.0;
 /// So far away from what was reported where the attitude is unknown, metres: the tilt of a turn moves the image centre.
 const LEAST_MOVED_OF_CENTRE_M: f64 = 40.0;
-/// No small drone is faster, metres per second.
-const MOST_SPEED_M_S: f64 = 60.0;
+/// No small drone is faster, metres per second: of two fixes further apart one is of another place.
+pub(super) const MOST_SPEED_M_S: f64 = 60.0;
 /// The reported velocity must be off by more than so many of its standard deviations.
 const SIGMAS: f64 = 3.0;
 /// A track that accepts the fixes knows of a small error of the velocities, and one that cannot be used says nothing. They are then
@@ -211,7 +211,7 @@ impl DisplacementTest {
     }
 }
 
-fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
+pub(super) fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
     [a[0] - b[0], a[1] - b[1]]
 }
 

@@ -9,14 +9,12 @@ use std::collections::VecDeque;
 use grimnet_geo::{LonLat, offset_en_m};
 use grimnet_track::{RelativeMotion, Velocity};
 
-use super::displacement::{DisplacementTest, Moved, PlacedFix};
+use super::displacement::{DisplacementTest, MOST_SPEED_M_S, Moved, PlacedFix, difference};
 
 /// Fixes closer to each other than this say little, metres: tilt alone moves the image centre by tens of metres.
 const LEAST_DISTANCE_M: f64 = 40.0;
 /// Fixes further apart in time than this are not compared, seconds.
 const LONGEST_S: f64 = 20.0;
-/// No small drone is faster, metres per second: of two fixes further apart one is of another place.
-const MOST_SPEED_M_S: f64 = 60.0;
 /// Velocities further apart than this are not added up, seconds.
 const LONGEST_GAP_S: f64 = 1.5;
 /// So many of the latest comparisons are kept.
@@ -62,15 +60,23 @@ impl std::fmt::Display for VelocityWarning {
     }
 }
 
+/// An earlier fix.
+#[derive(Debug, Clone, Copy)]
+struct Earlier {
+    /// Seconds.
+    time_s: f64,
+    place: LonLat,
+    /// What all velocities added up to by then, metres east and north.
+    path_en_m: [f64; 2],
+}
+
 /// Compares velocities with fixes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct VelocityCheck {
-    /// The fix that distances are taken from, and its time in seconds.
-    from: Option<(f64, LonLat)>,
+    /// The fix that distances are taken from. `None` if there was a gap since.
+    from: Option<Earlier>,
     /// The latest velocity.
     latest: Option<Velocity>,
-    /// What the velocities add up to since that fix, metres east and north. `None` if there was a gap.
-    moved_en_m: Option<[f64; 2]>,
     /// Reported over measured displacements, and the measured speed, metres per second.
     ratios: VecDeque<(Ratio, f64)>,
     /// What all velocities so far add up to, metres east and north.
@@ -91,16 +97,15 @@ impl VelocityCheck {
             return;
         }
         if interval_s > LONGEST_GAP_S {
-            self.moved_en_m = None;
+            self.from = None;
             self.displacement.clear();
         }
         let step_en_m = [
             0.5 * (before.east_m_s + reported.east_m_s) * interval_s,
             0.5 * (before.north_m_s + reported.north_m_s) * interval_s,
         ];
-        let farther = |[east_m, north_m]: [f64; 2]| [east_m + step_en_m[0], north_m + step_en_m[1]];
-        self.moved_en_m = self.moved_en_m.map(farther);
-        self.path_en_m = farther(self.path_en_m);
+        let [east_m, north_m] = self.path_en_m;
+        self.path_en_m = [east_m + step_en_m[0], north_m + step_en_m[1]];
         self.latest = Some(*reported);
     }
 
@@ -152,15 +157,14 @@ impl VelocityCheck {
     pub fn restart_clock(&mut self) {
         self.from = None;
         self.latest = None;
-        self.moved_en_m = None;
         self.displacement = DisplacementTest::default();
     }
 
     /// Compares the distance from an earlier fix with what was reported.
     fn compare(&mut self, time_s: f64, place: LonLat, reported: Option<Velocity>) {
-        if let (Some((from_s, from)), Some(reported_en_m)) = (self.from, self.moved_en_m) {
-            let (east_m, north_m) = offset_en_m(from, place);
-            let (apart_m, apart_s) = (east_m.hypot(north_m), time_s - from_s);
+        if let Some(from) = self.from {
+            let (east_m, north_m) = offset_en_m(from.place, place);
+            let (apart_m, apart_s) = (east_m.hypot(north_m), time_s - from.time_s);
             let reported = reported.filter(|_| (0.0..=LONGEST_S).contains(&apart_s));
             if reported.is_some() && apart_m < LEAST_DISTANCE_M {
                 return;
@@ -168,6 +172,7 @@ impl VelocityCheck {
             if let Some(reported) = reported
                 && apart_m < MOST_SPEED_M_S * apart_s
             {
+                let reported_en_m = difference(self.path_en_m, from.path_en_m);
                 let off_m = (reported_en_m[0] - east_m).hypot(reported_en_m[1] - north_m);
                 let is_as_stated = off_m <= SIGMAS * reported.sigma_m_s * apart_s;
                 let ratio = if is_as_stated {
@@ -181,8 +186,11 @@ impl VelocityCheck {
                 }
             }
         }
-        self.from = Some((time_s, place));
-        self.moved_en_m = reported.map(|_| [0.0; 2]);
+        self.from = reported.map(|_| Earlier {
+            time_s,
+            place,
+            path_en_m: self.path_en_m,
+        });
     }
 
     /// What is inconsistent; once it is, it stays so.

@@ -55,6 +55,7 @@ mod tests {
             gsd_m: Some(0.12),
             radius95_m: Some(2.5),
             covariance_en_m2: Some([1.0, 0.1, 1.2]),
+            confidence: Some(0.97),
             inliers: Some(41),
             time_ms: [("total".to_owned(), 37.0)].into(),
             matches: Some(96),

@@ -229,6 +229,7 @@ fn top_k(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, Ben
     let rows = varied(bench, scenes, &cases, |mut setup, k| {
         setup.options.top_k = k;
         setup.options.max_matched = k;
+        setup.options.first_matched = k;
         setup.options.min_matched = k;
         setup
     })?;

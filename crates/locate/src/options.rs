@@ -54,11 +54,12 @@ pub struct VoteOptions {
     /// Number of votes that a similarity of 1 of the global descriptors is worth. Both are evidence for a tile, and on a map of
     /// thousands of tiles some get as many votes by chance as the right one.
     pub similarity_votes: f64,
-    /// A second vote with more keypoints, among the best of a stage in which more candidates enter than are matched in full.
+    /// A second vote with more keypoints, among the best of a stage in which more candidates enter than are matched in full, and of many
+    /// ground widths among the best of all that have entered.
     pub recount: Option<Recount>,
 }
 
-/// The second vote of a stage.
+/// The second vote.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Recount {
     /// Number of candidates that take part, best by the first vote; the others are not matched.
@@ -221,7 +222,8 @@ pub struct Options {
     /// Number of candidates that enter after the first stage if many ground widths are tried, the most similar of all widths. There is
     /// no later stage then.
     pub joint_candidates: usize,
-    /// Maximum number of these that are matched in full.
+    /// Maximum number of candidates that are matched in full after the first look at each of many ground widths: half of them before
+    /// the joint candidates enter, from the first stage of each width.
     pub joint_matched: usize,
     /// Minimum number of candidates that are matched in full before a clear answer ends the search.
     pub min_matched: usize,

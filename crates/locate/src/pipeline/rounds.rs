@@ -103,7 +103,7 @@ impl OpenRound {
         {
             self.vote_over_map(context, options)?;
         }
-        self.let_enter(context, Cascade::begin_stage)
+        self.let_vote(context, Cascade::begin_stage)
     }
 
     /// Finds candidates by votes over the whole map, too, if the level has an index of its keypoints.
@@ -132,22 +132,39 @@ impl OpenRound {
     }
 
     /// Lets the candidates of at least this score enter.
-    pub fn enter_scored(&mut self, context: Context<'_>, least_score: f32) -> Result<()> {
-        self.let_enter(context, |cascade, vote_context| {
+    pub fn enter_scored(&mut self, context: Context<'_>, least_score: f64) -> Result<()> {
+        self.let_vote(context, |cascade, vote_context| {
             cascade.enter_scored(least_score, vote_context)
         })
     }
 
-    /// The scores of the candidates that have not entered.
-    pub fn waiting_scores(&self) -> impl Iterator<Item = f32> {
-        let waiting = self.cascade.waiting().iter();
-        waiting.map(|candidate| candidate.score)
-    }
-
-    fn let_enter<T>(
+    /// Lets the candidates that have entered vote again, with more keypoints, if there is at least this evidence for them.
+    pub fn recount(
         &mut self,
         context: Context<'_>,
-        enter: impl FnOnce(&mut Cascade, VoteContext<'_>) -> Result<T>,
+        keypoints: usize,
+        least_evidence: f64,
+    ) -> Result<()> {
+        self.let_vote(context, |cascade, vote_context| {
+            cascade.recount(keypoints, least_evidence, vote_context)
+        })
+    }
+
+    /// The evidence for each candidate that has entered and was not matched yet.
+    pub fn entered_evidence<'a>(&'a self, options: &'a Options) -> impl Iterator<Item = f64> + 'a {
+        self.cascade.entered_evidence(options)
+    }
+
+    /// The scores of the candidates that have not entered.
+    pub fn waiting_scores(&self) -> impl Iterator<Item = f64> {
+        let waiting = self.cascade.waiting().iter();
+        waiting.map(|candidate| f64::from(candidate.score))
+    }
+
+    fn let_vote<T>(
+        &mut self,
+        context: Context<'_>,
+        vote: impl FnOnce(&mut Cascade, VoteContext<'_>) -> Result<T>,
     ) -> Result<T> {
         let since = Instant::now();
         let vote_context = VoteContext {
@@ -156,9 +173,9 @@ impl OpenRound {
             scratch: context.scratch,
             options: context.options,
         };
-        let entered = enter(&mut self.cascade, vote_context)?;
+        let done = vote(&mut self.cascade, vote_context)?;
         self.result.time_ms.vote += elapsed_ms(since);
-        Ok(entered)
+        Ok(done)
     }
 
     /// The evidence for the next candidate to be matched in full, comparable between rounds; `None` if none has entered.

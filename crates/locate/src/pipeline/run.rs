@@ -87,7 +87,7 @@ pub(crate) fn locate(
 
 /// Searches the rounds until an answer is clear: first the best of the most similar candidates of each, which cost little and are
 /// enough for most photos under the right hypothesis, then further candidates of all rounds, those with the most evidence first: of
-/// few rounds stage by stage, of many those that are the most similar of all.
+/// few rounds stage by stage, of many those that have voted already and then those that are the most similar of all.
 fn search(
     context: Context<'_>,
     photo: &Photo,
@@ -115,9 +115,11 @@ fn search(
         }
     }
     if open.len() > MAX_STAGED_ROUNDS {
-        if !is_over {
+        // Half of them before the others enter, among which wrong ones may get more votes than the right one.
+        let early = options.joint_matched / 2;
+        if !is_over && !match_best(context, &mut open, early, budget)? {
             enter_best(context, &mut open)?;
-            match_best(context, &mut open, options.joint_matched, budget)?;
+            match_best(context, &mut open, options.joint_matched - early, budget)?;
         }
     } else {
         let most = options.max_matched.saturating_mul(open.len());
@@ -133,18 +135,30 @@ fn search(
     Ok(open.into_iter().map(OpenRound::finish).collect())
 }
 
-/// Lets the [`Options::joint_candidates`](crate::Options) with the best scores of all rounds enter, each in its round.
+/// Lets the [`Options::joint_candidates`](crate::Options) with the best scores of all rounds enter, each in its round, and the best of
+/// all that have entered vote again: evidence is comparable between votes with as many keypoints only.
 fn enter_best(context: Context<'_>, open: &mut [OpenRound]) -> Result<()> {
+    let options = context.options;
     let scores = open.iter().flat_map(OpenRound::waiting_scores);
-    let least = least_of_largest(scores.collect(), context.options.joint_candidates);
+    let least = least_of_largest(scores.collect(), options.joint_candidates);
+    for round in &mut *open {
+        round.enter_scored(context, least)?;
+    }
+    let Some(recount) = options.vote.and_then(|vote| vote.recount) else {
+        return Ok(());
+    };
+    let evidence = open
+        .iter()
+        .flat_map(|round| round.entered_evidence(options));
+    let least = least_of_largest(evidence.collect(), recount.candidates);
     open.iter_mut()
-        .try_for_each(|round| round.enter_scored(context, least))
+        .try_for_each(|round| round.recount(context, recount.keypoints, least))
 }
 
 /// The least of the `count` largest values; minus infinity if there are no more.
-fn least_of_largest(mut values: Vec<f32>, count: usize) -> f32 {
+fn least_of_largest(mut values: Vec<f64>, count: usize) -> f64 {
     if count >= values.len() {
-        return f32::NEG_INFINITY;
+        return f64::NEG_INFINITY;
     }
     let (_, least, _) =
         values.select_nth_unstable_by(count.saturating_sub(1), |a, b| b.total_cmp(a));
@@ -213,7 +227,7 @@ mod tests {
             assert_eq!(values.iter().filter(|&&v| v >= least).count(), count);
         }
         for count in [5, 6] {
-            assert_eq!(least_of_largest(values.clone(), count), f32::NEG_INFINITY);
+            assert_eq!(least_of_largest(values.clone(), count), f64::NEG_INFINITY);
         }
     }
 }

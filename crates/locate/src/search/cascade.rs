@@ -5,10 +5,10 @@ use grimnet_pack::Level;
 
 use crate::{
     error::Result,
-    options::{Options, VoteOptions},
+    options::{Options, Recount},
     query_features::QueryFeatures,
     search::{
-        candidates::{Candidate, rank_by_votes, vote},
+        candidates::{Candidate, evidence, rank_by_votes, vote},
         scratch::ScratchPool,
     },
 };
@@ -24,6 +24,17 @@ pub(crate) struct VoteContext<'a> {
     pub scratch: &'a ScratchPool,
     /// Settings.
     pub options: &'a Options,
+}
+
+impl VoteContext<'_> {
+    /// Lets the strongest `keypoints` of each candidate vote, if there is a vote.
+    fn vote(self, candidates: &mut [Candidate], keypoints: usize) -> Result<()> {
+        let Some(options) = &self.options.vote else {
+            return Ok(());
+        };
+        let (level, queries) = (self.level, self.queries);
+        vote(level, queries, candidates, keypoints, self.scratch, options)
+    }
 }
 
 /// The candidates of one round that were not matched yet.
@@ -73,19 +84,48 @@ impl Cascade {
         let Some(size) = self.stage_size(context.options) else {
             return Ok(false);
         };
-        self.enter(size, context)?;
+        let recount = context.options.vote.and_then(|vote| vote.recount);
+        self.enter(size, recount, context)?;
         self.stages_begun += 1;
         Ok(true)
     }
 
-    /// Lets the candidates of at least this score enter and vote.
+    /// Lets the candidates of at least this score enter and vote, none of them twice.
     ///
     /// # Errors
     /// As [`Self::begin_stage`].
-    pub fn enter_scored(&mut self, least_score: f32, context: VoteContext<'_>) -> Result<()> {
+    pub fn enter_scored(&mut self, least_score: f64, context: VoteContext<'_>) -> Result<()> {
         let waiting = self.waiting.as_slice();
-        let size = waiting.partition_point(|candidate| candidate.score >= least_score);
-        self.enter(size, context)
+        let size = waiting.partition_point(|candidate| f64::from(candidate.score) >= least_score);
+        self.enter(size, None, context)
+    }
+
+    /// Lets the candidates that have entered vote again, with more keypoints, if there is at least this evidence for them. The others
+    /// are passed over.
+    ///
+    /// # Errors
+    /// As [`Self::begin_stage`].
+    pub fn recount(
+        &mut self,
+        keypoints: usize,
+        least_evidence: f64,
+        context: VoteContext<'_>,
+    ) -> Result<()> {
+        let enough = |evidence: f64| evidence >= least_evidence;
+        let count = self
+            .entered_evidence(context.options)
+            .filter(|&e| enough(e))
+            .count();
+        self.passed_over.extend(self.entered.drain(count..));
+        context.vote(&mut self.entered, keypoints)?;
+        self.rank(context.options);
+        Ok(())
+    }
+
+    /// The evidence for each candidate that has entered and was not matched yet, best first.
+    pub fn entered_evidence<'a>(&'a self, options: &'a Options) -> impl Iterator<Item = f64> + 'a {
+        let entered = self.entered.iter();
+        entered.map(|candidate| evidence(candidate, options.vote.as_ref()))
     }
 
     /// The candidates that have not entered, best by score first.
@@ -112,47 +152,34 @@ impl Cascade {
             .chain(self.waiting)
     }
 
-    /// Lets the next `size` candidates enter and vote.
-    fn enter(&mut self, size: usize, context: VoteContext<'_>) -> Result<()> {
+    /// Lets the next `size` candidates enter and vote, and the best of them again with more keypoints, if they are more than can be
+    /// matched. The others are passed over.
+    fn enter(
+        &mut self,
+        size: usize,
+        recount: Option<Recount>,
+        context: VoteContext<'_>,
+    ) -> Result<()> {
+        let options = context.options;
         let mut entering: Vec<Candidate> = self.waiting.by_ref().take(size).collect();
-        if let Some(options) = &context.options.vote {
-            self.count_votes(&mut entering, context, options)?;
-            self.entered.extend(entering);
-            rank_by_votes(&mut self.entered, options);
-        } else {
-            self.entered.extend(entering);
+        if let Some(votes) = &options.vote {
+            context.vote(&mut entering, votes.keypoints)?;
+            if let Some(recount) = recount.filter(|_| entering.len() > options.max_matched) {
+                rank_by_votes(&mut entering, votes);
+                let others = entering.split_off(recount.candidates.min(entering.len()));
+                context.vote(&mut entering, recount.keypoints)?;
+                self.passed_over.extend(others);
+            }
         }
+        self.entered.extend(entering);
+        self.rank(options);
         Ok(())
     }
 
-    /// Lets the candidates vote, and the best of them again with more keypoints. The others are passed over.
-    fn count_votes(
-        &mut self,
-        entering: &mut Vec<Candidate>,
-        context: VoteContext<'_>,
-        options: &VoteOptions,
-    ) -> Result<()> {
-        let vote = |candidates: &mut [Candidate], keypoints: usize| {
-            vote(
-                context.level,
-                context.queries,
-                candidates,
-                keypoints,
-                context.scratch,
-                options,
-            )
-        };
-        vote(entering, options.keypoints)?;
-        let recount = options
-            .recount
-            .filter(|_| entering.len() > context.options.max_matched);
-        if let Some(recount) = recount {
-            rank_by_votes(entering, options);
-            let others = entering.split_off(recount.candidates.min(entering.len()));
-            vote(entering, recount.keypoints)?;
-            self.passed_over.extend(others);
+    fn rank(&mut self, options: &Options) {
+        if let Some(votes) = &options.vote {
+            rank_by_votes(&mut self.entered, votes);
         }
-        Ok(())
     }
 
     /// Number of candidates that enter in the next stage; `None` if all have entered.

@@ -19,7 +19,7 @@ use crate::{
     prior::{Near, Prior},
     query_features::{MIN_KEYPOINTS, QueryFeatures},
     search::{
-        candidates::{Candidate, by_descriptor, distinct_tiles, evidence, join_map_votes},
+        candidates::{Candidate, by_descriptor, distinct_tiles, join_map_votes},
         cascade::{Cascade, VoteContext},
         hypotheses::Round,
     },
@@ -150,7 +150,7 @@ impl OpenRound {
         })
     }
 
-    /// The evidence for each candidate that has entered and was not matched yet.
+    /// The evidence for each candidate that has entered and was not matched yet, in the order in which they are matched.
     pub fn entered_evidence<'a>(&'a self, options: &'a Options) -> impl Iterator<Item = f64> + 'a {
         self.cascade.entered_evidence(options)
     }
@@ -180,7 +180,7 @@ impl OpenRound {
 
     /// The evidence for the next candidate to be matched in full, comparable between rounds; `None` if none has entered.
     pub fn next_evidence(&self, options: &Options) -> Option<f64> {
-        Some(evidence(self.cascade.next()?, options.vote.as_ref()))
+        self.entered_evidence(options).next()
     }
 
     /// Matches the next candidates in full, at most `most`, in batches until the answer is clear or the time is used up.

@@ -111,10 +111,9 @@ impl Cascade {
         least_evidence: f64,
         context: VoteContext<'_>,
     ) -> Result<()> {
-        let enough = |evidence: f64| evidence >= least_evidence;
         let count = self
             .entered_evidence(context.options)
-            .filter(|&e| enough(e))
+            .take_while(|&evidence| evidence >= least_evidence)
             .count();
         self.passed_over.extend(self.entered.drain(count..));
         context.vote(&mut self.entered, keypoints)?;
@@ -122,7 +121,7 @@ impl Cascade {
         Ok(())
     }
 
-    /// The evidence for each candidate that has entered and was not matched yet, best first.
+    /// The evidence for each candidate that has entered and was not matched yet, in the order in which they are matched.
     pub fn entered_evidence<'a>(&'a self, options: &'a Options) -> impl Iterator<Item = f64> + 'a {
         let entered = self.entered.iter();
         entered.map(|candidate| evidence(candidate, options.vote.as_ref()))
@@ -131,11 +130,6 @@ impl Cascade {
     /// The candidates that have not entered, best by score first.
     pub fn waiting(&self) -> &[Candidate] {
         self.waiting.as_slice()
-    }
-
-    /// The next candidate to match in full; `None` if all that have entered were matched.
-    pub fn next(&self) -> Option<&Candidate> {
-        self.entered.first()
     }
 
     /// The next candidates to match in full, at most `most`.

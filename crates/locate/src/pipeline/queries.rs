@@ -1,8 +1,9 @@
 //! Queries: the photo resampled and rotated for each hypothesis, with its features.
 
-use std::time::Instant;
+use std::{sync::Arc, time::Instant};
 
 use grimnet_net::Purpose;
+use grimnet_pack::Level;
 use grimnet_photo::{Photo, QueryMaker, QueryOptions, View};
 use rayon::prelude::*;
 
@@ -29,7 +30,7 @@ pub(crate) fn side_px(context: Context<'_>, hypotheses: &[Hypothesis]) -> u32 {
 #[derive(Debug, Default)]
 pub(crate) struct Queries {
     /// The features of each hypothesis.
-    pub features: Vec<QueryFeatures>,
+    pub features: Arc<[QueryFeatures]>,
     /// The network's output for a single hypothesis. It takes more memory than all else: that of many is not kept.
     pub dense: Option<DenseQuery>,
     /// Wall time by stage.
@@ -51,8 +52,7 @@ pub(crate) fn extract_queries(
     let since = Instant::now();
     let maker = query_maker(context, photo, view, first, max_side_px)?;
     let level = context.level(first.level);
-    let georeference = level.georeference();
-    let up_bearing_deg = georeference.up_bearing_deg(georeference.centre_px())?;
+    let up_bearing_deg = up_bearing_deg(level)?;
     let made: Vec<_> = hypotheses
         .par_iter()
         .map(|hypothesis| maker.make(hypothesis.heading_deg - up_bearing_deg))
@@ -76,12 +76,76 @@ pub(crate) fn extract_queries(
         })
         .collect::<Result<_>>()?;
     time_ms.features = elapsed_ms(since);
-    let (features, dense): (Vec<_>, Vec<_>) = made.into_iter().unzip();
+    let (features, dense): (Vec<QueryFeatures>, Vec<_>) = made.into_iter().unzip();
     Ok(Queries {
-        features,
+        features: features.into(),
         dense: dense.into_iter().flatten().next(),
         time_ms,
     })
+}
+
+/// Whether the photo gives the same queries under the hypotheses of two rounds of one search. The levels of a map differ in ground
+/// resolution: where a ground width is assumed from the width of a tile, the photo is as many pixels wide on every level.
+pub(crate) fn are_same_queries(
+    context: Context<'_>,
+    a: &[Hypothesis],
+    b: &[Hypothesis],
+) -> Result<bool> {
+    let (Some(first), Some(second)) = (a.first(), b.first()) else {
+        return Ok(false);
+    };
+    let (level, other) = (context.level(first.level), context.level(second.level));
+    Ok(level.descriptor_type() == other.descriptor_type()
+        && Drawn::new(a, query_gsd_m(level), up_bearing_deg(level)?).is_same(&Drawn::new(
+            b,
+            query_gsd_m(other),
+            up_bearing_deg(other)?,
+        )))
+}
+
+/// How a photo lies in the queries of some hypotheses.
+struct Drawn {
+    /// Its width in query pixels.
+    width_px: f64,
+    /// Bearing of its top from each query's up, degrees clockwise.
+    up_deg: Vec<f64>,
+}
+
+impl Drawn {
+    /// Widths that differ by less than this share are the same.
+    const SAME_WIDTH: f64 = 1e-6;
+    /// Directions that differ by less than this are the same, degrees.
+    const SAME_DIRECTION_DEG: f64 = 0.01;
+
+    /// At `gsd_m` metres per query pixel, where the query's up has this bearing. The hypotheses differ in heading only.
+    fn new(hypotheses: &[Hypothesis], gsd_m: f64, up_bearing_deg: f64) -> Self {
+        let up_deg = |hypothesis: &Hypothesis| hypothesis.heading_deg - up_bearing_deg;
+        Self {
+            width_px: hypotheses.first().map_or(0.0, |first| first.width_m) / gsd_m,
+            up_deg: hypotheses.iter().map(up_deg).collect(),
+        }
+    }
+
+    fn is_same(&self, other: &Self) -> bool {
+        let is_same_direction = |(a, b): (&f64, &f64)| {
+            let difference_deg = (a - b).rem_euclid(360.0);
+            difference_deg.min(360.0 - difference_deg) < Self::SAME_DIRECTION_DEG
+        };
+        (self.width_px / other.width_px - 1.0).abs() < Self::SAME_WIDTH
+            && self.up_deg.len() == other.up_deg.len()
+            && self.up_deg.iter().zip(&other.up_deg).all(is_same_direction)
+    }
+}
+
+/// Bearing of the level's up direction at its centre, degrees clockwise from true north.
+fn up_bearing_deg(level: &Level) -> Result<f64> {
+    let georeference = level.georeference();
+    Ok(georeference.up_bearing_deg(georeference.centre_px())?)
+}
+
+/// Ground resolution of queries for a level, metres per pixel.
+fn query_gsd_m(level: &Level) -> f64 {
+    level.gsd_m() * level_px_per_query_px(level)
 }
 
 /// Prepares queries at the resolution of the hypothesis' level.
@@ -92,8 +156,7 @@ pub(crate) fn query_maker(
     hypothesis: &Hypothesis,
     max_side_px: u32,
 ) -> Result<QueryMaker> {
-    let level = context.level(hypothesis.level);
-    let gsd_m = level.gsd_m() * level_px_per_query_px(level);
+    let gsd_m = query_gsd_m(context.level(hypothesis.level));
     let options = QueryOptions {
         tilt: view.tilt,
         ..QueryOptions::new(gsd_m, hypothesis.width_m)
@@ -103,4 +166,36 @@ pub(crate) fn query_maker(
         ..options
     };
     Ok(photo.query_maker(&options)?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hypotheses(width_m: f64, headings_deg: &[f64]) -> Vec<Hypothesis> {
+        let hypothesis = |&heading_deg: &f64| Hypothesis {
+            level: 0,
+            width_m,
+            heading_deg,
+            heading_reach_deg: 30.0,
+            stated: None,
+        };
+        headings_deg.iter().map(hypothesis).collect()
+    }
+
+    #[test]
+    fn photos_as_many_pixels_wide_and_turned_alike_give_the_same_queries() {
+        let drawn = |width_m, headings_deg: &[f64], gsd_m, up_bearing_deg| {
+            Drawn::new(&hypotheses(width_m, headings_deg), gsd_m, up_bearing_deg)
+        };
+        let first = drawn(80.0, &[0.0, 180.0], 0.2, 0.0);
+        // A coarser level; one whose up lies just west of north.
+        assert!(first.is_same(&drawn(160.0, &[0.0, 180.0], 0.4, 0.0)));
+        assert!(first.is_same(&drawn(80.0, &[0.0, 180.0], 0.2, 359.995)));
+        // Another width, other directions, more of them.
+        assert!(!first.is_same(&drawn(160.0, &[0.0, 180.0], 0.2, 0.0)));
+        assert!(!first.is_same(&drawn(80.0, &[0.0, 170.0], 0.2, 0.0)));
+        assert!(!first.is_same(&drawn(80.0, &[0.0, 180.0], 0.2, 1.0)));
+        assert!(!first.is_same(&drawn(80.0, &[0.0, 90.0, 180.0], 0.2, 0.0)));
+    }
 }

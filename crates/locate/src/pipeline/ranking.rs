@@ -216,6 +216,7 @@ fn same_position(a: &VerifiedCandidate, b: &VerifiedCandidate) -> bool {
 #[cfg(test)]
 mod tests {
     use grimnet_geo::LevelPx;
+    use grimnet_net::Purpose;
 
     use super::*;
     use crate::{
@@ -247,7 +248,8 @@ mod tests {
         RoundResult {
             level,
             hypotheses: Vec::new(),
-            queries: Vec::new(),
+            purpose: Purpose::Answer,
+            queries: [].into(),
             dense: None,
             verified,
             assumption: String::new(),

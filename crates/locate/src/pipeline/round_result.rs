@@ -1,5 +1,9 @@
 //! The result of one round of hypotheses.
 
+use std::sync::Arc;
+
+use grimnet_net::Purpose;
+
 use crate::{
     dense_query::DenseQuery, outcome::TimeMs, pipeline::verification::VerifiedCandidate,
     query_features::QueryFeatures, search::hypotheses::Hypothesis, trace::RoundTrace,
@@ -12,8 +16,10 @@ pub(crate) struct RoundResult {
     pub level: usize,
     /// The hypotheses.
     pub hypotheses: Vec<Hypothesis>,
-    /// The features of each hypothesis.
-    pub queries: Vec<QueryFeatures>,
+    /// What the queries are for.
+    pub purpose: Purpose,
+    /// The features of each hypothesis; rounds with the same queries share them.
+    pub queries: Arc<[QueryFeatures]>,
     /// The network's output for a single hypothesis.
     pub dense: Option<DenseQuery>,
     /// The candidates that were matched in full, in that order.

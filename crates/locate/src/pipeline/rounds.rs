@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use grimnet_net::Purpose;
 use grimnet_photo::{Photo, View};
 use rayon::prelude::*;
 
@@ -11,7 +12,7 @@ use crate::{
     options::{MapVoteOptions, Options},
     outcome::elapsed_ms,
     pipeline::{
-        queries::{Queries, extract_queries, side_px},
+        queries::{Queries, are_same_queries, extract_queries, side_px},
         ranking::{best_candidate, is_clear},
         round_result::RoundResult,
         verification::{VerifiedCandidate, verify},
@@ -21,7 +22,7 @@ use crate::{
     search::{
         candidates::{Candidate, by_descriptor, distinct_tiles, join_map_votes},
         cascade::{Cascade, VoteContext},
-        hypotheses::Round,
+        hypotheses::{Hypothesis, Round},
     },
     trace::RoundTrace,
 };
@@ -38,6 +39,27 @@ pub(crate) struct Matched {
     pub is_clear: bool,
 }
 
+/// The queries under these hypotheses, for this purpose, if an earlier round has them. One with a single hypothesis does not give
+/// them away: it keeps the network's output as well.
+fn queries_of(
+    context: Context<'_>,
+    earlier: &[OpenRound],
+    (hypotheses, purpose): (&[Hypothesis], Purpose),
+) -> Result<Option<Queries>> {
+    for OpenRound { result, .. } in earlier {
+        if result.purpose == purpose
+            && result.dense.is_none()
+            && are_same_queries(context, &result.hypotheses, hypotheses)?
+        {
+            return Ok(Some(Queries {
+                features: result.queries.clone(),
+                ..Queries::default()
+            }));
+        }
+    }
+    Ok(None)
+}
+
 /// A round in progress.
 pub(crate) struct OpenRound {
     result: RoundResult,
@@ -46,13 +68,14 @@ pub(crate) struct OpenRound {
 }
 
 impl OpenRound {
-    /// Finds the candidates under the hypotheses of `round`; none is matched yet.
+    /// Finds the candidates under the hypotheses of `round`; none is matched yet. Its queries are those of an earlier round where
+    /// they are the same.
     pub fn begin(
         context: Context<'_>,
         photo: &Photo,
         view: &View,
         prior: &Prior,
-        round: Round,
+        (round, earlier): (Round, &[Self]),
     ) -> Result<Self> {
         let Round {
             hypotheses,
@@ -60,12 +83,17 @@ impl OpenRound {
             purpose,
         } = round;
         let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
-        let side_px = side_px(context, &hypotheses);
         let Queries {
             features: queries,
             dense,
             mut time_ms,
-        } = extract_queries(context, photo, view, (&hypotheses, purpose), side_px)?;
+        } = match queries_of(context, earlier, (&hypotheses, purpose))? {
+            Some(queries) => queries,
+            None => {
+                let side_px = side_px(context, &hypotheses);
+                extract_queries(context, photo, view, (&hypotheses, purpose), side_px)?
+            }
+        };
         let mut trace = RoundTrace {
             level,
             ..RoundTrace::default()
@@ -84,6 +112,7 @@ impl OpenRound {
             result: RoundResult {
                 level,
                 hypotheses,
+                purpose,
                 queries,
                 dense,
                 verified: Vec::new(),

@@ -105,7 +105,7 @@ fn search(
     let mut open: Vec<OpenRound> = Vec::new();
     let mut is_over = false;
     for round in rounds {
-        let mut round = OpenRound::begin(context, photo, view, prior, round)?;
+        let mut round = OpenRound::begin(context, photo, view, prior, (round, &open))?;
         round.begin_stage(context)?;
         let matched = round.match_next(context, first_look, budget)?;
         open.push(round);
@@ -206,7 +206,7 @@ fn features_of(
 
 /// Why no candidate was matched: too few keypoints under every hypothesis, or no tile.
 fn reason_without_candidates(results: &[RoundResult]) -> Reason {
-    let queries = results.iter().flat_map(|result| &result.queries);
+    let queries = results.iter().flat_map(|result| result.queries.iter());
     let found = queries.map(|query| query.points.len()).max().unwrap_or(0);
     if found < MIN_KEYPOINTS {
         Reason::TooFewKeypoints { found }

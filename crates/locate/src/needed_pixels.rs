@@ -7,7 +7,7 @@ use grimnet_photo::{
     Metadata, Photo, PhotoError, PhotoLimits, QUERY_LONG_SIDE_PX, View, ViewPrior,
 };
 
-use crate::{options::Options, pipeline::tile_frame::level_px_per_query_px};
+use crate::{options::Options, pipeline::tile_frame::query_gsd_m};
 
 /// Pixels of the photo for each pixel of the widest query, in each direction.
 ///
@@ -33,9 +33,7 @@ impl NeededPixels {
     /// For photos of which `prior` is known.
     pub(crate) fn new(pack: &Pack, options: &Options, prior: &ViewPrior) -> Self {
         let levels = || pack.levels().iter().filter(|level| level.tile_count() > 0);
-        let mut gsds_m: Vec<f64> = levels()
-            .map(|level| level.gsd_m() * level_px_per_query_px(level))
-            .collect();
+        let mut gsds_m: Vec<f64> = levels().map(query_gsd_m).collect();
         gsds_m.sort_by(f64::total_cmp);
         let steps = gsds_m.windows(2).map(|pair| pair[1] / pair[0]);
         let largest = |of: &[f64]| of.iter().copied().fold(1.0, f64::max);

@@ -25,6 +25,7 @@ use crate::{
         ground_position::{en_m_from_level_px_jacobian, ground_position, matched_points},
         ranking::{best_candidate, runner_up_inliers},
         run::Located,
+        tile_frame::up_bearing_deg,
         verification::{Expected, VerifiedCandidate, verify_with},
     },
     prior::Prior,
@@ -172,14 +173,12 @@ pub(crate) fn network_image(
             photo_px_from_network_px: scale_from(photo.image.dimensions()),
         });
     };
-    let georeference = level.georeference();
-    let up_bearing_deg = georeference.up_bearing_deg(georeference.centre_px())?;
     // No ground resolution is known: a photo of this many units across, a pixel each, is sharp enough to be reduced afterwards.
     let maker = photo.query_maker(&QueryOptions {
         max_side_px: u32::MAX,
         ..QueryOptions::new(1.0, f64::from(2 * side_px))
     })?;
-    let turned = maker.make(heading_deg - up_bearing_deg);
+    let turned = maker.make(heading_deg - up_bearing_deg(level)?);
     Ok(NetworkImage {
         rgb: resize_for_network(&turned.image, side_px),
         mask: Some(resize(&turned.mask, side_px, side_px, FilterType::Nearest)),

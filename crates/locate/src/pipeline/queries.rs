@@ -2,8 +2,9 @@
 
 use std::{sync::Arc, time::Instant};
 
+use grimnet_geo::turn_deg;
 use grimnet_net::Purpose;
-use grimnet_pack::Level;
+use grimnet_pack::{DescriptorType, Level};
 use grimnet_photo::{Photo, QueryMaker, QueryOptions, View};
 use rayon::prelude::*;
 
@@ -12,7 +13,7 @@ use crate::{
     dense_query::DenseQuery,
     error::Result,
     outcome::{TimeMs, elapsed_ms},
-    pipeline::tile_frame::level_px_per_query_px,
+    pipeline::tile_frame::{query_gsd_m, up_bearing_deg},
     query_features::QueryFeatures,
     search::hypotheses::Hypothesis,
 };
@@ -32,9 +33,60 @@ pub(crate) struct Queries {
     /// The features of each hypothesis.
     pub features: Arc<[QueryFeatures]>,
     /// The network's output for a single hypothesis. It takes more memory than all else: that of many is not kept.
-    pub dense: Option<DenseQuery>,
+    pub dense: Option<Arc<DenseQuery>>,
     /// Wall time by stage.
     pub time_ms: TimeMs,
+}
+
+/// What the queries of one photo depend on. The levels of a map differ in ground resolution: where a ground width is assumed from the
+/// width of a tile, the photo is as many pixels wide on every level, and its queries are the same.
+#[derive(Debug)]
+pub(crate) struct QueryKey {
+    /// Width of the photo in query pixels.
+    width_px: f64,
+    /// Bearing of the photo's top from each query's up, degrees clockwise.
+    up_deg: Vec<f64>,
+    descriptor_type: DescriptorType,
+    purpose: Purpose,
+}
+
+impl QueryKey {
+    /// Widths that differ by less than this share are the same.
+    const SAME_WIDTH: f64 = 1e-6;
+    /// Directions that differ by less than this are the same, degrees.
+    const SAME_DIRECTION_DEG: f64 = 0.01;
+
+    /// Of these hypotheses, which differ in heading only, on `level`.
+    pub fn new(level: &Level, hypotheses: &[Hypothesis], purpose: Purpose) -> Result<Self> {
+        let (gsd_m, up_bearing_deg) = (query_gsd_m(level), up_bearing_deg(level)?);
+        let wanted = (level.descriptor_type(), purpose);
+        Ok(Self::of(hypotheses, gsd_m, up_bearing_deg, wanted))
+    }
+
+    /// At `gsd_m` metres per query pixel, where each query's up has this bearing.
+    fn of(
+        hypotheses: &[Hypothesis],
+        gsd_m: f64,
+        up_bearing_deg: f64,
+        (descriptor_type, purpose): (DescriptorType, Purpose),
+    ) -> Self {
+        let up_deg = |hypothesis: &Hypothesis| hypothesis.heading_deg - up_bearing_deg;
+        Self {
+            width_px: hypotheses.first().map_or(0.0, |first| first.width_m) / gsd_m,
+            up_deg: hypotheses.iter().map(up_deg).collect(),
+            descriptor_type,
+            purpose,
+        }
+    }
+
+    /// Whether the photo gives the same queries.
+    pub fn is_same(&self, other: &Self) -> bool {
+        (self.descriptor_type, self.purpose) == (other.descriptor_type, other.purpose)
+            && (self.width_px / other.width_px - 1.0).abs() < Self::SAME_WIDTH
+            && self.up_deg.len() == other.up_deg.len()
+            && (self.up_deg.iter().zip(&other.up_deg))
+                .all(|(&a, &b)| turn_deg(a, b).abs() < Self::SAME_DIRECTION_DEG)
+    }
 }
 
 /// Queries of the photo under each hypothesis, for this purpose. The hypotheses differ in heading only.
@@ -79,73 +131,9 @@ pub(crate) fn extract_queries(
     let (features, dense): (Vec<QueryFeatures>, Vec<_>) = made.into_iter().unzip();
     Ok(Queries {
         features: features.into(),
-        dense: dense.into_iter().flatten().next(),
+        dense: dense.into_iter().flatten().next().map(Arc::new),
         time_ms,
     })
-}
-
-/// Whether the photo gives the same queries under the hypotheses of two rounds of one search. The levels of a map differ in ground
-/// resolution: where a ground width is assumed from the width of a tile, the photo is as many pixels wide on every level.
-pub(crate) fn are_same_queries(
-    context: Context<'_>,
-    a: &[Hypothesis],
-    b: &[Hypothesis],
-) -> Result<bool> {
-    let (Some(first), Some(second)) = (a.first(), b.first()) else {
-        return Ok(false);
-    };
-    let (level, other) = (context.level(first.level), context.level(second.level));
-    Ok(level.descriptor_type() == other.descriptor_type()
-        && Drawn::new(a, query_gsd_m(level), up_bearing_deg(level)?).is_same(&Drawn::new(
-            b,
-            query_gsd_m(other),
-            up_bearing_deg(other)?,
-        )))
-}
-
-/// How a photo lies in the queries of some hypotheses.
-struct Drawn {
-    /// Its width in query pixels.
-    width_px: f64,
-    /// Bearing of its top from each query's up, degrees clockwise.
-    up_deg: Vec<f64>,
-}
-
-impl Drawn {
-    /// Widths that differ by less than this share are the same.
-    const SAME_WIDTH: f64 = 1e-6;
-    /// Directions that differ by less than this are the same, degrees.
-    const SAME_DIRECTION_DEG: f64 = 0.01;
-
-    /// At `gsd_m` metres per query pixel, where the query's up has this bearing. The hypotheses differ in heading only.
-    fn new(hypotheses: &[Hypothesis], gsd_m: f64, up_bearing_deg: f64) -> Self {
-        let up_deg = |hypothesis: &Hypothesis| hypothesis.heading_deg - up_bearing_deg;
-        Self {
-            width_px: hypotheses.first().map_or(0.0, |first| first.width_m) / gsd_m,
-            up_deg: hypotheses.iter().map(up_deg).collect(),
-        }
-    }
-
-    fn is_same(&self, other: &Self) -> bool {
-        let is_same_direction = |(a, b): (&f64, &f64)| {
-            let difference_deg = (a - b).rem_euclid(360.0);
-            difference_deg.min(360.0 - difference_deg) < Self::SAME_DIRECTION_DEG
-        };
-        (self.width_px / other.width_px - 1.0).abs() < Self::SAME_WIDTH
-            && self.up_deg.len() == other.up_deg.len()
-            && self.up_deg.iter().zip(&other.up_deg).all(is_same_direction)
-    }
-}
-
-/// Bearing of the level's up direction at its centre, degrees clockwise from true north.
-fn up_bearing_deg(level: &Level) -> Result<f64> {
-    let georeference = level.georeference();
-    Ok(georeference.up_bearing_deg(georeference.centre_px())?)
-}
-
-/// Ground resolution of queries for a level, metres per pixel.
-fn query_gsd_m(level: &Level) -> f64 {
-    level.gsd_m() * level_px_per_query_px(level)
 }
 
 /// Prepares queries at the resolution of the hypothesis' level.
@@ -186,7 +174,9 @@ mod tests {
     #[test]
     fn photos_as_many_pixels_wide_and_turned_alike_give_the_same_queries() {
         let drawn = |width_m, headings_deg: &[f64], gsd_m, up_bearing_deg| {
-            Drawn::new(&hypotheses(width_m, headings_deg), gsd_m, up_bearing_deg)
+            let wanted = (DescriptorType::Int8, Purpose::Answer);
+            let hypotheses = hypotheses(width_m, headings_deg);
+            QueryKey::of(&hypotheses, gsd_m, up_bearing_deg, wanted)
         };
         let first = drawn(80.0, &[0.0, 180.0], 0.2, 0.0);
         // A coarser level; one whose up lies just west of north.
@@ -197,5 +187,11 @@ mod tests {
         assert!(!first.is_same(&drawn(80.0, &[0.0, 170.0], 0.2, 0.0)));
         assert!(!first.is_same(&drawn(80.0, &[0.0, 180.0], 0.2, 1.0)));
         assert!(!first.is_same(&drawn(80.0, &[0.0, 90.0, 180.0], 0.2, 0.0)));
+        // Another purpose.
+        let search = QueryKey {
+            purpose: Purpose::Search,
+            ..drawn(80.0, &[0.0, 180.0], 0.2, 0.0)
+        };
+        assert!(!first.is_same(&search));
     }
 }

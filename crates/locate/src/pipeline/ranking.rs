@@ -216,7 +216,6 @@ fn same_position(a: &VerifiedCandidate, b: &VerifiedCandidate) -> bool {
 #[cfg(test)]
 mod tests {
     use grimnet_geo::LevelPx;
-    use grimnet_net::Purpose;
 
     use super::*;
     use crate::{
@@ -248,7 +247,6 @@ mod tests {
         RoundResult {
             level,
             hypotheses: Vec::new(),
-            purpose: Purpose::Answer,
             queries: [].into(),
             dense: None,
             verified,

@@ -67,7 +67,6 @@ pub(crate) fn realign(
     Ok(Some(RoundResult {
         level: round.level,
         hypotheses: vec![hypothesis],
-        purpose: Purpose::Answer,
         queries,
         dense,
         verified,

@@ -2,8 +2,6 @@
 
 use std::sync::Arc;
 
-use grimnet_net::Purpose;
-
 use crate::{
     dense_query::DenseQuery, outcome::TimeMs, pipeline::verification::VerifiedCandidate,
     query_features::QueryFeatures, search::hypotheses::Hypothesis, trace::RoundTrace,
@@ -16,12 +14,10 @@ pub(crate) struct RoundResult {
     pub level: usize,
     /// The hypotheses.
     pub hypotheses: Vec<Hypothesis>,
-    /// What the queries are for.
-    pub purpose: Purpose,
     /// The features of each hypothesis; rounds with the same queries share them.
     pub queries: Arc<[QueryFeatures]>,
-    /// The network's output for a single hypothesis.
-    pub dense: Option<DenseQuery>,
+    /// The network's output for a single hypothesis; shared likewise.
+    pub dense: Option<Arc<DenseQuery>>,
     /// The candidates that were matched in full, in that order.
     pub verified: Vec<VerifiedCandidate>,
     /// What was assumed, for the answer's evidence.

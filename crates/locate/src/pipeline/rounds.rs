@@ -2,7 +2,6 @@
 
 use std::time::Instant;
 
-use grimnet_net::Purpose;
 use grimnet_photo::{Photo, View};
 use rayon::prelude::*;
 
@@ -10,9 +9,9 @@ use crate::{
     context::{Context, TimeBudget},
     error::Result,
     options::{MapVoteOptions, Options},
-    outcome::elapsed_ms,
+    outcome::{TimeMs, elapsed_ms},
     pipeline::{
-        queries::{Queries, are_same_queries, extract_queries, side_px},
+        queries::{Queries, QueryKey, extract_queries, side_px},
         ranking::{best_candidate, is_clear},
         round_result::RoundResult,
         verification::{VerifiedCandidate, verify},
@@ -22,7 +21,7 @@ use crate::{
     search::{
         candidates::{Candidate, by_descriptor, distinct_tiles, join_map_votes},
         cascade::{Cascade, VoteContext},
-        hypotheses::{Hypothesis, Round},
+        hypotheses::Round,
     },
     trace::RoundTrace,
 };
@@ -39,30 +38,10 @@ pub(crate) struct Matched {
     pub is_clear: bool,
 }
 
-/// The queries under these hypotheses, for this purpose, if an earlier round has them. One with a single hypothesis does not give
-/// them away: it keeps the network's output as well.
-fn queries_of(
-    context: Context<'_>,
-    earlier: &[OpenRound],
-    (hypotheses, purpose): (&[Hypothesis], Purpose),
-) -> Result<Option<Queries>> {
-    for OpenRound { result, .. } in earlier {
-        if result.purpose == purpose
-            && result.dense.is_none()
-            && are_same_queries(context, &result.hypotheses, hypotheses)?
-        {
-            return Ok(Some(Queries {
-                features: result.queries.clone(),
-                ..Queries::default()
-            }));
-        }
-    }
-    Ok(None)
-}
-
 /// A round in progress.
 pub(crate) struct OpenRound {
     result: RoundResult,
+    key: QueryKey,
     cascade: Cascade,
     near: Option<Near>,
 }
@@ -83,12 +62,17 @@ impl OpenRound {
             purpose,
         } = round;
         let level = hypotheses.first().map_or(0, |hypothesis| hypothesis.level);
+        let key = QueryKey::new(context.level(level), &hypotheses, purpose)?;
         let Queries {
             features: queries,
             dense,
             mut time_ms,
-        } = match queries_of(context, earlier, (&hypotheses, purpose))? {
-            Some(queries) => queries,
+        } = match earlier.iter().find(|round| round.key.is_same(&key)) {
+            Some(Self { result, .. }) => Queries {
+                features: result.queries.clone(),
+                dense: result.dense.clone(),
+                time_ms: TimeMs::default(),
+            },
             None => {
                 let side_px = side_px(context, &hypotheses);
                 extract_queries(context, photo, view, (&hypotheses, purpose), side_px)?
@@ -112,7 +96,6 @@ impl OpenRound {
             result: RoundResult {
                 level,
                 hypotheses,
-                purpose,
                 queries,
                 dense,
                 verified: Vec::new(),
@@ -120,6 +103,7 @@ impl OpenRound {
                 trace,
                 time_ms,
             },
+            key,
             cascade: Cascade::new(candidates),
             near: prior.near,
         })

@@ -4,7 +4,7 @@ use grimnet_geo::LevelPx;
 use grimnet_pack::Level;
 use nalgebra::Point2;
 
-use crate::query_features::PIXEL_CENTRE;
+use crate::{error::Result, query_features::PIXEL_CENTRE};
 
 /// A continuous point of a tile at the resolution of the query: what a transform from query to tile maps to.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -66,4 +66,15 @@ impl TileFrame {
 /// Level pixels per pixel of the picture that the network saw.
 pub(crate) fn level_px_per_query_px(level: &Level) -> f64 {
     f64::from(level.tile_px()) / f64::from(level.manifest().network_px)
+}
+
+/// Ground resolution of queries for a level, metres per pixel.
+pub(crate) fn query_gsd_m(level: &Level) -> f64 {
+    level.gsd_m() * level_px_per_query_px(level)
+}
+
+/// Bearing of the level's up direction at its centre, degrees clockwise from true north.
+pub(crate) fn up_bearing_deg(level: &Level) -> Result<f64> {
+    let georeference = level.georeference();
+    Ok(georeference.up_bearing_deg(georeference.centre_px())?)
 }

@@ -93,17 +93,19 @@ fn leading_number(text: &str) -> Option<f64> {
         .filter(|number: &f64| number.is_finite())
 }
 
-/// Seconds of `HH:MM:SS,mmm`.
+/// Seconds of `HH:MM:SS,mmm`. Up to three digits are milliseconds, as in ffmpeg; more are a decimal fraction (microseconds).
 fn seconds(text: &str) -> Option<f64> {
-    let (clock, milliseconds) = text.split_once([',', '.'])?;
+    let (clock, digits) = text.split_once([',', '.'])?;
     let mut parts = clock.split(':').map(|part| part.parse::<u32>().ok());
     let [hours, minutes, seconds] = [parts.next()??, parts.next()??, parts.next()??];
-    let milliseconds = milliseconds.parse::<u32>().ok()?;
+    let is_number = digits.bytes().all(|digit| digit.is_ascii_digit());
+    let fraction = f64::from(digits.parse::<u32>().ok().filter(|_| is_number)?);
+    let places = i32::try_from(digits.len()).ok()?.max(3);
     Some(
         f64::from(hours) * 3600.0
             + f64::from(minutes) * 60.0
             + f64::from(seconds)
-            + f64::from(milliseconds) * 1e-3,
+            + fraction / 10f64.powi(places),
     )
 }
 
@@ -185,6 +187,23 @@ mod tests {
                 assert!(off_deg.abs() < 1e-6, "{found:?}");
                 assert!((found.pitch_deg - (pitch + 90.0)).abs() < 1e-6, "{found:?}");
             }
+        }
+    }
+
+    #[test]
+    fn times_have_milliseconds_or_a_longer_fraction() {
+        for (text, expected) in [
+            ("00:00:01,033", Some(1.033)),
+            ("01:02:03.5", Some(3723.005)),
+            ("00:00:01,033333", Some(1.033_333)),
+            ("00:00:01,+33", None),
+            ("00:00:01,", None),
+            ("00:01", None),
+        ] {
+            let found = seconds(text);
+            assert_eq!(found.is_some(), expected.is_some(), "{text}");
+            let apart = found.zip(expected).map_or(0.0, |(f, e)| f - e);
+            assert!(apart.abs() < 1e-9, "{text}: {found:?}");
         }
     }
 

@@ -47,7 +47,7 @@ pub struct Arguments {
     pub folder: Option<PathBuf>,
 
     /// Folder for the tables; packs and trained networks are kept in its folder `work`
-    #[arg(short, long, value_name = "DIR")]
+    #[arg(short, long, value_name = "DIR", value_parser = values::output_folder())]
     pub out: PathBuf,
 
     #[command(flatten)]

@@ -1,6 +1,7 @@
 //! Finds the tiles whose descriptors are most similar to a query's.
 
 mod exact;
+pub(crate) mod hamming_code;
 pub(crate) mod inverted_lists;
 pub(crate) mod ivf_pq;
 pub(crate) mod keypoint_index;

@@ -11,10 +11,9 @@ use crate::local_descriptors::DescriptorType;
 use crate::manifest::KeypointIndexShape;
 use crate::options::BuildOptions;
 use crate::quantise::descriptor_scale;
+use crate::search::hamming_code::code_words;
 use crate::search::inverted_lists::sort_by_list;
-use crate::search::keypoint_index::{
-    KeypointPosition, code_words, encode, lists_for, train, training_points,
-};
+use crate::search::keypoint_index::{KeypointPosition, encode, lists_for, train, training_points};
 use crate::writer::Writer;
 
 /// Descriptors that are encoded at a time.

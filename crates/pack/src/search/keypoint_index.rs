@@ -1,15 +1,15 @@
 //! An inverted file over the keypoints of a level (Sivic and Zisserman 2003). Each local descriptor goes to the list whose centroid has
-//! the largest product with it, with its position and one bit for each number of its rotated difference to the centroid (Hamming
-//! embedding; Jégou, Douze and Schmid 2008). A query's descriptor finds the most similar keypoints of a whole map in a few lists,
-//! without reading a descriptor of the map.
+//! the largest product with it, with its position and the code of its difference to the centroid. A query's descriptor finds the most
+//! similar keypoints of a whole map in a few lists, without reading a descriptor of the map.
 
 use std::ops::Range;
 
 use bytemuck::{Pod, Zeroable};
 use grimnet_geo::LevelPx;
-use grimnet_kernels::{Isa, MatMut, MatRef, PlainKernel, matmul_nt};
+use grimnet_kernels::{Isa, MatMut, MatRef, matmul_nt};
 use grimnet_net::{KMeans, nearest_by_product};
 
+use super::hamming_code::{HammingDistances, code_bits, code_words, push_code};
 use super::inverted_lists::are_starts;
 use super::top_k::{Hit, TopK};
 
@@ -21,9 +21,6 @@ const POINTS_PER_CENTROID: usize = 32;
 const ITERATIONS: usize = 8;
 const MAX_LISTS: usize = 1 << 14;
 const SEED: u64 = 1477;
-
-/// Bits of a word of a code.
-const WORD_BITS: usize = 64;
 
 /// Where a keypoint lies, in steps of [`POSITION_STEP_PX`] from the corner of the level's feature units: x, y.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
@@ -56,16 +53,6 @@ pub fn lists_for(keypoints: u64) -> usize {
         .min(MAX_LISTS)
 }
 
-/// Numbers of a rotated descriptor, which are as many as bits of its code: the next power of two, and a whole number of words.
-fn code_bits(dim: usize) -> usize {
-    dim.next_power_of_two().max(WORD_BITS)
-}
-
-/// Words of a code.
-pub fn code_words(dim: usize) -> usize {
-    code_bits(dim) / WORD_BITS
-}
-
 /// Number of descriptors that centroids are trained on.
 pub fn training_points(lists: usize) -> usize {
     lists * POINTS_PER_CENTROID
@@ -92,48 +79,6 @@ pub fn encode(centroids: &[f32], descriptors: &[f32], dim: usize) -> (Vec<u32>, 
         push_code(descriptor, centroid, &mut rotated, &mut codes);
     }
     (lists, codes)
-}
-
-/// Appends the signs of the rotated difference to the centroid. `rotated` is a buffer of [`code_bits`] numbers.
-fn push_code(descriptor: &[f32], centroid: &[f32], rotated: &mut [f32], codes: &mut Vec<u64>) {
-    rotated.fill(0.0);
-    for (out, (d, c)) in rotated.iter_mut().zip(descriptor.iter().zip(centroid)) {
-        *out = d - c;
-    }
-    rotate(rotated);
-    codes.extend(rotated.chunks_exact(WORD_BITS).map(|numbers| {
-        numbers
-            .iter()
-            .enumerate()
-            .fold(0, |word, (bit, &v)| word | u64::from(v > 0.0) << bit)
-    }));
-}
-
-/// A fixed rotation (up to scale) of a power of two of numbers: signs, then the Hadamard transform, twice. It spreads what few numbers
-/// of a descriptor say over all bits (Ailon and Chazelle 2006).
-fn rotate(numbers: &mut [f32]) {
-    for round in 0..2u64 {
-        let mut state = SEED + round;
-        for v in numbers.iter_mut() {
-            // The multiplicative generator of Knuth's MMIX.
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            if state >> 63 == 1 {
-                *v = -*v;
-            }
-        }
-        let mut half = 1;
-        while half < numbers.len() {
-            for pair in numbers.chunks_exact_mut(2 * half) {
-                let (low, high) = pair.split_at_mut(half);
-                for (a, b) in low.iter_mut().zip(high) {
-                    (*a, *b) = (*a + *b, *a - *b);
-                }
-            }
-            half *= 2;
-        }
-    }
 }
 
 /// The index of a level.
@@ -300,48 +245,6 @@ impl<'a> KeypointIndex<'a> {
 
 /// Distance of a keypoint that is left out.
 const LEFT_OUT: u16 = u16::MAX;
-
-/// Number of different bits of a code and each of several codes.
-struct HammingDistances<'a> {
-    code: &'a [u64],
-    codes: &'a [u64],
-    distances: &'a mut [u16],
-}
-
-impl HammingDistances<'_> {
-    #[inline(always)]
-    fn of_words<const WORDS: usize>(self) {
-        let (codes, _) = self.codes.as_chunks::<WORDS>();
-        let code: [u64; WORDS] = std::array::from_fn(|i| self.code[i]);
-        for (out, other) in self.distances.iter_mut().zip(codes) {
-            *out = (0..WORDS)
-                .map(|i| (code[i] ^ other[i]).count_ones() as u16)
-                .sum();
-        }
-    }
-}
-
-impl PlainKernel for HammingDistances<'_> {
-    type Output = ();
-    #[inline(always)]
-    fn run(self) {
-        match self.code.len() {
-            1 => self.of_words::<1>(),
-            2 => self.of_words::<2>(),
-            4 => self.of_words::<4>(),
-            words => {
-                for (out, other) in self
-                    .distances
-                    .iter_mut()
-                    .zip(self.codes.chunks_exact(words))
-                {
-                    let differ = self.code.iter().zip(other).map(|(a, b)| a ^ b);
-                    *out = differ.map(|word| word.count_ones() as u16).sum();
-                }
-            }
-        }
-    }
-}
 
 /// What a search needs for one descriptor; kept from one to the next.
 #[derive(Default)]
@@ -572,17 +475,5 @@ mod tests {
             KeypointPosition::of([8.0, 65535.9 * 8.0]),
             Some(KeypointPosition([1, 65535]))
         );
-    }
-
-    #[test]
-    fn the_rotation_keeps_angles() {
-        let of = |seed| {
-            let mut vector = descriptors(1, seed);
-            rotate(&mut vector);
-            unit(vector)
-        };
-        let product = |a: &[f32], b: &[f32]| -> f32 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
-        let plain = product(&descriptors(1, 1), &descriptors(1, 2));
-        assert!((product(&of(1), &of(2)) - plain).abs() < 1e-5);
     }
 }

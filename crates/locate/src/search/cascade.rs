@@ -146,8 +146,8 @@ impl Cascade {
             .chain(self.waiting)
     }
 
-    /// Lets the next `size` candidates enter and vote, and the best of them again with more keypoints, if they are more than can be
-    /// matched. The others are passed over.
+    /// Lets the next `size` candidates enter and vote, and the best of all that have entered again with more keypoints, if those that
+    /// enter are more than can be matched. The others are passed over.
     fn enter(
         &mut self,
         size: usize,
@@ -159,6 +159,8 @@ impl Cascade {
         if let Some(votes) = &options.vote {
             context.vote(&mut entering, votes.keypoints)?;
             if let Some(recount) = recount.filter(|_| entering.len() > options.max_matched) {
+                // Votes of as many keypoints are comparable, so those that have entered before are among them.
+                entering.append(&mut self.entered);
                 rank_by_votes(&mut entering, votes);
                 let others = entering.split_off(recount.candidates.min(entering.len()));
                 context.vote(&mut entering, recount.keypoints)?;

@@ -24,8 +24,6 @@ pub struct NeededPixels {
     widest_query_px: f64,
     /// Ground resolution of queries at the coarsest level, m.
     coarsest_gsd_m: f64,
-    /// Largest factor by which an uncertain ground width is multiplied.
-    widest_factor: f64,
     prior: ViewPrior,
 }
 
@@ -49,7 +47,6 @@ impl NeededPixels {
         Self {
             widest_query_px,
             coarsest_gsd_m: gsds_m.last().copied().unwrap_or(f64::INFINITY),
-            widest_factor: largest(&options.uncertain_scales),
             prior: *prior,
         }
     }
@@ -59,14 +56,9 @@ impl NeededPixels {
     #[must_use]
     pub fn long_side_px(&self, metadata: &Metadata, full_size_px: (u32, u32)) -> u32 {
         let view = View::resolve(metadata, full_size_px, &self.prior);
-        let of_footprint_px = view.footprint.map_or(0.0, |footprint| {
-            let factor = if footprint.is_uncertain() {
-                self.widest_factor
-            } else {
-                1.0
-            };
-            footprint.width_m * factor / self.coarsest_gsd_m
-        });
+        let of_footprint_px = view
+            .footprint
+            .map_or(0.0, |footprint| footprint.width_m / self.coarsest_gsd_m);
         let width_px = PX_PER_QUERY_PX * of_footprint_px.max(self.widest_query_px);
         let (width, height) = (f64::from(full_size_px.0.max(1)), f64::from(full_size_px.1));
         // `as` saturates.

@@ -256,10 +256,7 @@ pub struct Options {
     pub adapt: Adapt,
     /// Number of evenly spaced headings that are tried if the heading is unknown; 12 is one every 30 degrees.
     pub headings: usize,
-    /// Factors on an uncertain ground width that are tried after the width itself.
-    #[serde(alias = "doubtful_scales")]
-    pub uncertain_scales: Vec<f64>,
-    /// Ground widths that are tried if none is known, as factors on the width of a tile, for each level of the pack.
+    /// Ground widths that are tried if none is known, or after an uncertain one, as factors on the width of a tile, for each level of the pack.
     pub unknown_scales: Vec<f64>,
     /// Largest side of a query, cropped around the photo's centre, pixels.
     pub query_side_px: u32,
@@ -319,7 +316,6 @@ impl Default for Options {
             coordinates: Coordinates::Georeference,
             adapt: Adapt::None,
             headings: 12,
-            uncertain_scales: vec![0.75, 1.33],
             unknown_scales: vec![0.95, 0.67],
             query_side_px: 512,
             hypothesis_side_px: 384,

@@ -61,9 +61,6 @@ impl Options {
             (1..=MAX_HEADINGS).contains(&self.headings),
             "1 to 360",
         )?;
-        for &factor in &self.uncertain_scales {
-            require("uncertain_scales", factor, is_positive(factor), POSITIVE)?;
-        }
         require(
             "unknown_scales",
             "empty",

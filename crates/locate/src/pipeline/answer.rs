@@ -111,9 +111,13 @@ fn accept(
             runner_up_inliers(best.runner_up.map(|rival| rival.verified)),
         )
     };
-    let confidence = confidence(&support, calibration).map(|given| match view.footprint {
-        Some(_) => given,
-        None => with_unknown_width(given),
+    let hypothesis = &best.round.hypotheses[best.verified.candidate.query];
+    let confidence = confidence(&support, calibration).map(|given| {
+        if hypothesis.is_width_searched {
+            with_unknown_width(given)
+        } else {
+            given
+        }
     });
     Ok(
         match confidence_rejection(confidence, calibration, context.options) {

@@ -167,6 +167,7 @@ mod tests {
             heading_deg,
             heading_reach_deg: 30.0,
             stated: None,
+            is_width_searched: false,
         };
         headings_deg.iter().map(hypothesis).collect()
     }

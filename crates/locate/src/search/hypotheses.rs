@@ -19,6 +19,8 @@ pub(crate) struct Hypothesis {
     pub heading_reach_deg: f64,
     /// The ground width that prior or metadata state, if they do; `width_m` may be another.
     pub stated: Option<Footprint>,
+    /// Whether the width is one of several that are tried because none is stated, or an uncertain one.
+    pub is_width_searched: bool,
 }
 
 impl Hypothesis {
@@ -50,7 +52,7 @@ pub(crate) const MAX_STAGED_ROUNDS: usize = 3;
 const HEADING_MARGIN_DEG: f64 = 15.0;
 /// If the sigma of a heading is above this, other headings are tried after it, degrees.
 const UNCERTAIN_HEADING_DEG: f64 = 8.0;
-/// Ground widths near this one are tried first if none is known, metres: 120 m above ground (the legal ceiling in most countries)
+/// Ground widths near this one are tried first if none is stated, metres: 120 m above ground (the legal ceiling in most countries)
 /// with a field of view of 70 degrees.
 const TYPICAL_WIDTH_M: f64 = 165.0;
 
@@ -58,6 +60,7 @@ const TYPICAL_WIDTH_M: f64 = 165.0;
 struct AssumedWidth {
     level: usize,
     width_m: f64,
+    is_searched: bool,
     assumption: String,
 }
 
@@ -65,7 +68,12 @@ struct AssumedWidth {
 pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> {
     let widths = assumed_widths(view, pack, options);
     let round = |assumed: &AssumedWidth| {
-        let &AssumedWidth { level, width_m, .. } = assumed;
+        let &AssumedWidth {
+            level,
+            width_m,
+            is_searched,
+            ..
+        } = assumed;
         let hypotheses = match view.heading {
             Some(heading) => vec![Hypothesis {
                 level,
@@ -73,11 +81,16 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
                 heading_deg: heading.heading_deg,
                 heading_reach_deg: (2.0 * heading.sigma_deg + HEADING_MARGIN_DEG).min(180.0),
                 stated: view.footprint,
+                is_width_searched: is_searched,
             }],
             None => around_circle(assumed, view, options.headings, 0.0),
         };
         Round {
-            purpose: purpose(widths.len(), hypotheses.len()),
+            purpose: if is_searched {
+                purpose(widths.len(), hypotheses.len())
+            } else {
+                Purpose::Answer
+            },
             hypotheses,
             assumption: assumed.assumption.clone(),
         }
@@ -125,49 +138,49 @@ fn around_circle(
             heading_deg: (first_deg + i as f64 * step_deg).rem_euclid(360.0),
             heading_reach_deg: (step_deg / 2.0 + HEADING_MARGIN_DEG).min(180.0),
             stated: view.footprint,
+            is_width_searched: assumed.is_searched,
         })
         .collect()
 }
 
 /// Level and ground width of each round, the most probable first.
 fn assumed_widths(view: &View, pack: &Pack, options: &Options) -> Vec<AssumedWidth> {
-    let at_nearest_level = |width_m: f64, assumption: String| AssumedWidth {
-        level: pack.nearest_level(width_m / options.query_width_px),
-        width_m,
-        assumption,
-    };
-    if let Some(footprint) = view.footprint {
-        let width_m = footprint.width_m;
-        let known = at_nearest_level(width_m, "ground width from prior or metadata".into());
-        let mut all = vec![known];
-        if footprint.is_uncertain() {
-            all.extend(options.uncertain_scales.iter().map(|&factor| {
-                let assumption = format!("{factor} times the uncertain ground width");
-                at_nearest_level(width_m * factor, assumption)
-            }));
-        }
-        return all;
+    let stated = view
+        .footprint
+        .map(|Footprint { width_m, .. }| AssumedWidth {
+            level: pack.nearest_level(width_m / options.query_width_px),
+            width_m,
+            is_searched: false,
+            assumption: "ground width from prior or metadata".into(),
+        });
+    if view.footprint.is_some_and(|stated| !stated.is_uncertain()) {
+        return stated.into_iter().collect();
     }
+    let (likely_width_m, reason) = match &stated {
+        Some(stated) => (stated.width_m, "the stated one is uncertain"),
+        None => (TYPICAL_WIDTH_M, "none given"),
+    };
     let levels = pack
         .levels()
         .iter()
         .enumerate()
         .filter(|(_, level)| level.tile_count() > 0);
-    let mut all: Vec<AssumedWidth> = levels
+    let mut searched: Vec<AssumedWidth> = levels
         .flat_map(|(index, level)| {
             options.unknown_scales.iter().map(move |&factor| {
                 let width_m = factor * level.tile_m();
                 AssumedWidth {
                     level: index,
                     width_m,
-                    assumption: format!("assumed ground width {width_m:.0} m (none given)"),
+                    is_searched: true,
+                    assumption: format!("assumed ground width {width_m:.0} m ({reason})"),
                 }
             })
         })
         .collect();
-    let distance = |assumed: &AssumedWidth| (assumed.width_m / TYPICAL_WIDTH_M).ln().abs();
-    all.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
-    all
+    let distance = |assumed: &AssumedWidth| (assumed.width_m / likely_width_m).ln().abs();
+    searched.sort_by(|a, b| distance(a).total_cmp(&distance(b)));
+    stated.into_iter().chain(searched).collect()
 }
 
 #[cfg(test)]
@@ -177,7 +190,7 @@ mod tests {
     #[test]
     fn only_queries_of_many_widths_and_headings_search() {
         assert_eq!(purpose(8, 12), Purpose::Search);
-        // A known ground width; an uncertain one; a known heading.
+        // A known ground width; few levels; a known heading.
         for (widths, headings) in [(1, 12), (3, 12), (8, 1), (1, 1)] {
             assert_eq!(purpose(widths, headings), Purpose::Answer);
         }
@@ -188,6 +201,7 @@ mod tests {
         let assumed = AssumedWidth {
             level: 0,
             width_m: 100.0,
+            is_searched: false,
             assumption: String::new(),
         };
         let view = View::default();

@@ -129,10 +129,6 @@ fn every_setting_that_is_not_finite_or_negative_is_named() {
             ("query_width_px", changed(|o| o.query_width_px = bad)),
             ("budget_ms", changed(|o| o.budget_ms = Some(bad))),
             ("map_error_m", changed(|o| o.map_error_m = bad)),
-            (
-                "uncertain_scales",
-                changed(|o| o.uncertain_scales.push(bad)),
-            ),
             ("unknown_scales", changed(|o| o.unknown_scales.push(bad))),
             ("vote.bin_px", changed_vote(|v| v.bin_px = bad)),
             (

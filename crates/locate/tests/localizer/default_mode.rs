@@ -89,6 +89,26 @@ fn unknown_heading_and_scale_are_found() {
     }
 }
 
+/// The height above the take-off point says little of the ground width over hills.
+#[test]
+fn a_wrong_height_above_the_take_off_point_costs_no_fix() {
+    let localizer = localizer(Options::default());
+    let (place, heading_deg) = PLACES[1];
+    let mut photo = photo(&scene().picture, place, heading_deg);
+    let height_m = f64::from(PHOTO_PX.0) * PHOTO_GSD_M;
+    for factor in [0.35, 1.0, 2.8] {
+        photo.metadata.calibrated_focal_px = Some(f64::from(PHOTO_PX.0));
+        photo.metadata.relative_altitude_m = Some(factor * height_m);
+        for prior in [Prior::none(), Prior::none().with_heading(heading_deg, 3.0)] {
+            let outcome = localizer.locate(&photo, &prior).unwrap();
+            assert!(error_m(&outcome, place) < 2.0, "{factor}: {outcome:?}");
+            let assumed = outcome.fix().unwrap().evidence.assumed.as_deref();
+            let is_stated = assumed.unwrap().contains("metadata");
+            assert_eq!(is_stated, factor == 1.0, "{assumed:?}");
+        }
+    }
+}
+
 #[test]
 fn other_places_and_empty_photos_have_no_fix() {
     let localizer = localizer(Options {

@@ -31,10 +31,10 @@ fn escaped(text: &str, keep: fn(char) -> bool) -> Cow<'_, str> {
     Cow::Owned(clean)
 }
 
-/// Control characters (C0, DEL, C1) and bidirectional formatting (Unicode UAX 9).
+/// Control characters (C0, DEL, C1), bidirectional formatting (Unicode UAX 9), and what XML 1.0 cannot hold.
 fn steers(c: char) -> bool {
     c.is_control()
-        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+        || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{fffe}' | '\u{ffff}')
 }
 
 #[cfg(test)]
@@ -46,6 +46,7 @@ mod tests {
         assert_eq!(printable("flight/ä b.jpg"), "flight/ä b.jpg");
         assert_eq!(printable("\x1b[31mred\n"), "\\u{1b}[31mred\\u{a}");
         assert_eq!(printable("\u{9b}2J\u{202e}gpj"), "\\u{9b}2J\\u{202e}gpj");
+        assert_eq!(printable("a\u{fffe}\u{ffff}"), "a\\u{fffe}\\u{ffff}");
         assert_eq!(printable_text("a\tb\n\x07"), "a\tb\n\\u{7}");
     }
 }

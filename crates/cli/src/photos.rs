@@ -39,7 +39,12 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         // A missing file is reported in its own answer, so that the other photos are located.
         return Ok(vec![argument.to_owned()]);
     }
-    let matches = glob::glob(&text).with_context(|| format!("{text}: not a valid pattern"))?;
+    let options = glob::MatchOptions {
+        require_literal_leading_dot: true,
+        ..glob::MatchOptions::default()
+    };
+    let matches =
+        glob::glob_with(&text, options).with_context(|| format!("{text}: not a valid pattern"))?;
     Ok(matches
         .filter_map(Result::ok)
         .filter(|p| p.is_file())
@@ -54,7 +59,7 @@ pub fn in_folder(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut photos = Vec::new();
     for entry in fs_err::read_dir(folder)? {
         let path = entry?.path();
-        if path.is_file() && has_photo_ending(&path) {
+        if path.is_file() && has_photo_name(&path) {
             photos.push(path);
         }
     }
@@ -88,10 +93,14 @@ pub fn picture_names(photos: &[PathBuf]) -> Vec<String> {
     photos.iter().zip(&stems).map(name_of).collect()
 }
 
-/// Whether a file is a picture by its ending.
-pub fn has_photo_ending(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|e| PHOTO_ENDINGS.contains(&e.to_string_lossy().to_lowercase().as_str()))
+/// Whether a file is a picture by its name: by its ending, unless it is hidden. macOS writes a hidden `._a.jpg` beside each `a.jpg` on
+/// the memory cards of drones.
+pub fn has_photo_name(path: &Path) -> bool {
+    let is_hidden = path
+        .file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
+    !is_hidden && ending.is_some_and(|ending| PHOTO_ENDINGS.contains(&ending.as_str()))
 }
 
 #[cfg(test)]
@@ -108,7 +117,7 @@ mod tests {
     #[test]
     fn folders_files_and_patterns() {
         let dir = tempfile::tempdir().unwrap();
-        for name in ["b.JPG", "a.jpg", "notes.txt", "c.png"] {
+        for name in ["b.JPG", "a.jpg", "notes.txt", "c.png", "._a.jpg"] {
             fs_err::write(dir.path().join(name), "x").unwrap();
         }
         let names = |arguments: &[PathBuf]| -> Vec<String> {

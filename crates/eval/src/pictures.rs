@@ -35,10 +35,16 @@ pub fn picture_files_below(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
+/// Whether a file is a picture by its name: by its extension, unless it is hidden, as the `._a.jpg` that macOS writes beside each `a.jpg`.
 fn is_picture(path: &Path) -> bool {
-    path.extension()
+    let is_hidden = path
+        .file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    let extension = path
+        .extension()
         .map(|extension| extension.to_string_lossy().to_lowercase())
-        .is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
+        .filter(|_| !is_hidden);
+    extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
 }
 
 /// File name of a path as text; the whole path if it has none.
@@ -58,7 +64,7 @@ mod tests {
     fn pictures_are_found_by_extension_and_sorted() {
         let folder = tempfile::tempdir().unwrap();
         fs_err::create_dir_all(folder.path().join("sub/x.jpg")).unwrap();
-        for name in ["b.JPG", "a.png", "notes.txt", "sub/c.tif"] {
+        for name in ["b.JPG", "a.png", "notes.txt", "sub/c.tif", "._a.png"] {
             fs_err::write(folder.path().join(name), "x").unwrap();
         }
         let names = |paths: Vec<PathBuf>| paths.iter().map(|p| file_name(p)).collect::<Vec<_>>();

@@ -16,6 +16,7 @@ use grimnet_track::{Attitude, Estimate, Input, RelativeMotion};
 
 use self::displacement::PlacedFix;
 use self::tilt::MeasuredTilt;
+use crate::left_out::LeftOut;
 use crate::recent::Recent;
 use crate::warning::Warning;
 
@@ -181,21 +182,12 @@ impl ConsistencyChecks {
         self.velocity.warning().is_some()
     }
 
-    fn left_out(&self) -> [bool; 3] {
-        [
-            self.leaves_out_attitude(),
-            self.leaves_out_height(),
-            self.leaves_out_velocity(),
-        ]
-    }
-
-    /// Whether the filter is not given this.
-    pub fn leaves_out(&self, input: &Input) -> bool {
-        match input {
-            Input::Attitude(_) => self.leaves_out_attitude(),
-            Input::Height(_) => self.leaves_out_height(),
-            Input::Velocity(_) => self.leaves_out_velocity(),
-            _ => false,
+    /// What the filter is not given.
+    pub fn left_out(&self) -> LeftOut {
+        LeftOut {
+            attitude: self.leaves_out_attitude(),
+            height: self.leaves_out_height(),
+            velocity: self.leaves_out_velocity(),
         }
     }
 

@@ -16,6 +16,7 @@ use crate::exposure::{Exposure, focal_length_px};
 use crate::frame::{FrameAnswer, FrameTimeMs, Known};
 use crate::frame_history::FrameHistory;
 use crate::frame_search::{Found, is_without_texture, search_frame};
+use crate::left_out::LeftOut;
 use crate::position_fix::position_fix;
 use crate::recent::Recent;
 use crate::recorded_attitude::recorded_attitude;
@@ -107,7 +108,7 @@ impl Flight {
     /// # Errors
     /// As [`Tracker::push`].
     pub fn push(&mut self, input: Input) -> Result<Option<Taken>, InputError> {
-        let taken = if self.leaves_out(&input) {
+        let taken = if self.left_out().contains(&input) {
             input.validate()?;
             None
         } else {
@@ -129,9 +130,9 @@ impl Flight {
         clock.into_iter().chain(self.checks.warnings())
     }
 
-    /// Whether the flight goes without telemetry of this kind, because fixes contradicted it.
-    pub fn leaves_out(&self, input: &Input) -> bool {
-        self.checks.leaves_out(input)
+    /// The telemetry that the flight goes without, because fixes contradicted it.
+    pub fn left_out(&self) -> LeftOut {
+        self.checks.left_out()
     }
 
     /// The track at a time; see [`Tracker::point_at`].

@@ -14,7 +14,7 @@ use crate::{
     needed_pixels::NeededPixels,
     options::{Adapt, Options},
     outcome::Outcome,
-    paper::procedure::{self, NetworkImage},
+    paper::procedure::{self, NetworkImage, check_pack},
     pipeline::{
         queries::{extract_queries, query_maker, side_px},
         run::{self, Located},
@@ -74,8 +74,8 @@ impl LocalizerBuilder {
     /// Opens the pack at `path` and builds the localiser.
     ///
     /// # Errors
-    /// Returns an error if the pack cannot be opened or was built with another model, the model cannot run, or a setting is
-    /// invalid.
+    /// Returns an error if the pack cannot be opened, was built with another model or not in the mode that the settings want, the
+    /// model cannot run, or a setting is invalid.
     pub fn open(self, path: impl AsRef<Path>) -> Result<Localizer> {
         self.build(Pack::open(path)?)
     }
@@ -91,6 +91,9 @@ impl LocalizerBuilder {
             None => Model::bundled()?,
         };
         let model = model.with_precision_if_given(self.precision)?;
+        if self.options.mode == Mode::Paper {
+            check_pack(&pack)?;
+        }
         Ok(Localizer::new(model, pack)?.with_options(self.options))
     }
 }

@@ -60,6 +60,12 @@ impl FromStr for CornersChoice {
 }
 
 impl MapPlace {
+    /// Whether any of these options was given.
+    #[must_use]
+    pub fn is_given(&self) -> bool {
+        self.crs.is_some() || self.corners.is_some() || self.zoom.is_some()
+    }
+
     /// The options of the map reader.
     pub fn options(&self) -> MapOptions {
         MapOptions {

@@ -9,6 +9,8 @@ use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};
 
 /// Photos that a demo or a calibration may make for each scene: more fill a disk.
 const PHOTO_COUNT_RANGE: RangeInclusive<usize> = 1..=100_000;
+/// Procedural worlds that a calibration may draw: each is a map on the disk.
+const WORLD_COUNT_RANGE: RangeInclusive<usize> = 0..=1000;
 
 /// The options that are numbers: each name is a parser for `clap`.
 macro_rules! numbers {
@@ -118,12 +120,24 @@ pub fn socket_address(text: &str) -> Result<SocketAddr, String> {
 /// # Errors
 /// What was expected, if the text is no whole number or out of range.
 pub fn photo_count(text: &str) -> Result<usize, String> {
+    whole_number_within(text, &PHOTO_COUNT_RANGE)
+}
+
+/// A number of procedural worlds.
+///
+/// # Errors
+/// What was expected, if the text is no whole number or out of range.
+pub fn world_count(text: &str) -> Result<usize, String> {
+    whole_number_within(text, &WORLD_COUNT_RANGE)
+}
+
+fn whole_number_within(text: &str, range: &RangeInclusive<usize>) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
-        Ok(value) if PHOTO_COUNT_RANGE.contains(&value) => Ok(value),
+        Ok(value) if range.contains(&value) => Ok(value),
         _ => Err(format!(
             "expected a whole number from {} to {}",
-            PHOTO_COUNT_RANGE.start(),
-            PHOTO_COUNT_RANGE.end()
+            range.start(),
+            range.end()
         )),
     }
 }

@@ -93,9 +93,11 @@ impl Track {
         latest_first.find(|frame| frame.time_s == time_s).cloned()
     }
 
-    /// All frames that are kept.
+    /// All frames that are kept, in order of time: some come late.
     pub(crate) fn frames(&self) -> Vec<Arc<TrackFrame>> {
-        locked(&self.frames).iter().cloned().collect()
+        let mut frames: Vec<_> = locked(&self.frames).iter().cloned().collect();
+        frames.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
+        frames
     }
 
     /// Changes when a frame is added.

@@ -39,11 +39,11 @@ pub struct CalibrateArgs {
     overwrite: OverwriteChoice,
 
     /// Procedural worlds to fly over
-    #[arg(long, value_name = "N", default_value_t = 10)]
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = values::world_count)]
     worlds: usize,
 
     /// Photos of each world or folder
-    #[arg(long, value_name = "N", default_value_t = 24)]
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = values::photo_count)]
     photos: usize,
 
     /// Seed of the first world

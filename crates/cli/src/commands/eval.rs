@@ -89,6 +89,7 @@ impl Results {
 /// # Errors
 /// Unreadable map or truth, nothing to score, results that cannot be written.
 pub fn run(arguments: &EvalArgs) -> Result<Exit> {
+    check_options(arguments)?;
     // What cannot be written is refused at once, not after the work.
     let results = Results::open(arguments)?;
     if arguments.elsewhere.is_asked() {
@@ -130,6 +131,22 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         (&results.folder, &matches),
         about,
     )
+}
+
+/// Refuses options that would have no effect.
+fn check_options(arguments: &EvalArgs) -> Result<()> {
+    let is_elsewhere = arguments.elsewhere.is_asked();
+    if arguments.adapt == AdaptChoice::Flight && (is_elsewhere || arguments.track.is_asked()) {
+        bail!(
+            "--adapt flight takes its statistics from the photos of a data set: it cannot be used with --elsewhere or --track"
+        );
+    }
+    if is_elsewhere && (arguments.footprint_width.is_some() || arguments.truth_error.is_some()) {
+        bail!(
+            "--elsewhere draws the ground widths itself and has no true positions: leave out --footprint-width and --truth-error"
+        );
+    }
+    Ok(())
 }
 
 /// Runs the evaluation in each heading mode, writes the results and prints the figures.
@@ -329,9 +346,13 @@ fn localizer(
     };
     let options = Options {
         keep_matches: true,
-        ..options.options()
+        ..options.options()?
     };
-    Ok(Localizer::new(model.clone(), Pack::open(pack_path)?)?.with_options(options))
+    let pack = Pack::open(pack_path)?;
+    Ok(Localizer::builder()
+        .model(model.clone())
+        .options(options)
+        .build(pack)?)
 }
 
 /// The conditions of the measurement.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use grimnet_geo::{LonLat, distance_m};
 use grimnet_locate::{Localizer, Options};
@@ -93,6 +93,11 @@ const OUTPUT: &str = "Output";
 /// # Errors
 /// Unreadable pack, model or map; answers that cannot be written. A photo that cannot be read is answered in its own line.
 pub fn run(arguments: &LocateArgs) -> Result<Exit> {
+    if arguments.map.is_none() && arguments.place.is_given() {
+        bail!(
+            "--crs, --corners and --zoom say where the map of --map lies: a pack already knows it"
+        );
+    }
     let paths = photos::expand(&arguments.photos)?;
     let policy = policy(arguments, &paths);
     let out = TextTarget::of(arguments.out.as_deref());
@@ -163,9 +168,12 @@ fn drawings(
 fn localizer(arguments: &LocateArgs, pack: Pack, photos: &[PathBuf]) -> Result<Localizer> {
     let options = Options {
         keep_matches: arguments.draw.is_some(),
-        ..arguments.locate.options()
+        ..arguments.locate.options()?
     };
-    let localizer = Localizer::new(arguments.model.open()?, pack)?.with_options(options);
+    let localizer = Localizer::builder()
+        .model(arguments.model.open()?)
+        .options(options)
+        .build(pack)?;
     if arguments.locate.adapt == AdaptChoice::Flight {
         let limits = arguments.limits.photo();
         return adapt_to_flight(localizer, photos, &arguments.locate.prior(), &limits);

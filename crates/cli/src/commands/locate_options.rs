@@ -2,6 +2,7 @@
 
 use std::fmt;
 
+use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use grimnet_locate::{Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Near, Options, Prior};
 use grimnet_photo::ViewPrior;
@@ -138,12 +139,20 @@ impl LocateOptions {
     }
 
     /// How to localise.
-    pub fn options(&self) -> Options {
+    ///
+    /// # Errors
+    /// An option that the mode does not have.
+    pub fn options(&self) -> Result<Options> {
+        if self.mode == ModeChoice::Paper && self.min_confidence.is_some() {
+            bail!(
+                "--min-confidence has no meaning in paper mode, which always answers and states no confidence: leave one of them out"
+            );
+        }
         let named = match self.mode {
             ModeChoice::Default => Options::default(),
             ModeChoice::Paper => Options::paper(),
         };
-        Options {
+        Ok(Options {
             top_k: self.top_k.unwrap_or(named.top_k),
             budget_ms: self.budget_ms,
             map_error_m: self.map_error,
@@ -157,7 +166,7 @@ impl LocateOptions {
                 AdaptChoice::Flight => Adapt::Flight,
             },
             ..named
-        }
+        })
     }
 
     /// Nothing known but the photos themselves; for commands that give each photo its own prior.

@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
 use grimnet_geo::Raster;
 use grimnet_locate::Options;
@@ -99,9 +99,9 @@ pub struct BuildArgs {
     #[arg(long)]
     adapt: bool,
 
-    /// Side in pixels that a tile is resized to in paper mode
-    #[arg(long, value_name = "PX", default_value_t = 320)]
-    resolution: u32,
+    /// Side in pixels that a tile is resized to in paper mode [default: 320]
+    #[arg(long, value_name = "PX")]
+    resolution: Option<u32>,
 
     #[command(flatten)]
     limits: LimitsChoice,
@@ -124,14 +124,18 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     for working_file in WORKING_FILES {
         policy.check_not_input(beside(&place, working_file))?;
     }
+    let named = match arguments.mode {
+        ModeChoice::Default => BuildOptions::standard(),
+        ModeChoice::Paper => BuildOptions::paper(),
+    };
+    if arguments.mode == ModeChoice::Default && arguments.resolution.is_some() {
+        bail!("--resolution is of paper mode: give --mode paper as well, or leave it out");
+    }
     let options = BuildOptions {
         levels: levels(arguments)?,
         adapt: arguments.adapt,
-        resolution: arguments.resolution,
-        ..match arguments.mode {
-            ModeChoice::Default => BuildOptions::standard(),
-            ModeChoice::Paper => BuildOptions::paper(),
-        }
+        resolution: arguments.resolution.unwrap_or(named.resolution),
+        ..named
     };
     let model = arguments.model.open()?;
     let map = arguments.place.open(&arguments.map, &policy)?;

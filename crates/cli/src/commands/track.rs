@@ -248,7 +248,7 @@ impl Followed<'_> {
         for input in live.telemetry() {
             self.session.push(input)?;
         }
-        live.publish(self.session.flight().tracker());
+        live.publish(self.session.flight());
         if let (Some(nmea), Some(point)) = (nmea, &tracked.point) {
             check_time_of_day(epoch)?;
             nmea.write(point)?;

@@ -2,7 +2,7 @@
 
 use std::io::BufReader;
 use std::path::Path;
-use std::process::{Child, ChildStdout, Command, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result, bail};
@@ -19,7 +19,7 @@ const SQUARE_PIXELS: &str = "scale='iw*clip(sar,1,4)':'ih*clip(1/sar,1,4)',setsa
 /// See the module. Times count from the beginning of the video.
 pub struct FfmpegVideo {
     ffmpeg: Child,
-    frames: StreamedFrames<BufReader<ChildStdout>>,
+    frames: StreamedFrames,
     name: String,
     given: usize,
 }

@@ -88,9 +88,10 @@ impl Following {
     /// Looks for new complete files.
     fn look(&mut self, now: Instant) -> Result<()> {
         let mut complete = Vec::new();
+        let mut listed = HashSet::new();
         for entry in fs_err::read_dir(&self.folder)? {
             let path = entry?.path();
-            if self.seen.contains(&path) || !photos::has_photo_ending(&path) {
+            if self.seen.contains(&path) || !photos::has_photo_name(&path) {
                 continue;
             }
             // A file may be renamed between listing and looking.
@@ -100,6 +101,7 @@ impl Following {
             if !metadata.is_file() {
                 continue;
             }
+            listed.insert(path.clone());
             let look = (metadata.len(), metadata.modified().ok());
             match self.growing.get(&path) {
                 Some((before, since)) if *before == look => {
@@ -114,6 +116,8 @@ impl Following {
                 }
             }
         }
+        // A program that writes aside and renames leaves names behind.
+        self.growing.retain(|path, _| listed.contains(path));
         // Names are in order of time more often than the order of a folder is.
         complete.sort();
         for path in complete {
@@ -178,7 +182,8 @@ impl Frames for Following {
                 self.last_new = self.last_new.max(now);
                 return Ok(Some(frame));
             }
-            let waits = !self.growing.is_empty();
+            // An empty file may stay so: a full disk, a camera without power.
+            let waits = self.growing.values().any(|((bytes, _), _)| *bytes > 0);
             if !waits && self.idle.is_some_and(|idle| now - self.last_new >= idle) {
                 return Ok(None);
             }
@@ -243,6 +248,20 @@ mod tests {
         assert_eq!(following.next_ready(at(400)).unwrap().time_s, 1.5);
         following.look(at(800)).unwrap();
         assert!(following.next_ready(at(800)).is_none());
+    }
+
+    #[test]
+    fn names_that_are_gone_and_empty_files_are_not_waited_for() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::from_secs(9));
+        fs_err::write(folder.path().join("empty.jpg"), "").unwrap();
+        let aside = folder.path().join("part.jpg");
+        fs_err::write(&aside, "a").unwrap();
+        following.look(Instant::now()).unwrap();
+        fs_err::rename(&aside, folder.path().join("frame_1.5.jpg")).unwrap();
+        let stop = AtomicBool::new(false);
+        assert_eq!(following.next(&stop).unwrap().unwrap().time_s, 1.5);
+        assert!(following.next(&stop).unwrap().is_none());
     }
 
     #[test]

@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
 use grimnet_answer::printable_text;
+use grimnet_flight::{Flight, LeftOut};
 use grimnet_link::{Address, Link, LinkClock, LinkEvent, LinkOptions, NmeaOutput, PointAt};
 use grimnet_track::{Input, Tracker};
 
@@ -40,6 +41,8 @@ impl LiveOptions {
 struct Published {
     /// The filter of the last frame, with the telemetry that came since. `None` while there is no position.
     tracker: Option<Tracker>,
+    /// The telemetry that the flight goes without.
+    left_out: LeftOut,
     /// The frames' clock, which is the filter's, is so far ahead of the links', seconds.
     ahead_s: f64,
 }
@@ -193,11 +196,16 @@ impl Live {
             .map_or(Vec::new(), |running| running.telemetry.try_iter().collect())
     }
 
-    /// Makes `tracker` the one that the links ask, if the clocks agree.
-    pub fn publish(&self, tracker: &Tracker) {
+    /// Makes the track of `flight` the one that the links ask, if the clocks agree.
+    pub fn publish(&self, flight: &Flight) {
+        self.publish_track(flight.tracker(), flight.left_out());
+    }
+
+    fn publish_track(&self, tracker: &Tracker, left_out: LeftOut) {
         if self.running.is_some() && self.frame_clock.agrees() {
             let mut published = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
             published.tracker = Some(tracker.clone());
+            published.left_out = left_out;
         }
     }
 }
@@ -228,6 +236,18 @@ pub fn check_time_of_day(epoch: Epoch) -> Result<()> {
     Ok(())
 }
 
+/// Takes in telemetry that came between two frames, at the time of the frames' clock, unless the flight goes without it. Gives what
+/// the flight takes in with the next frame.
+fn take(published: &mut Published, input: Input) -> Input {
+    let input = input.moved_in_time(published.ahead_s);
+    let is_left_out = published.left_out.contains(&input);
+    if let Some(tracker) = published.tracker.as_mut().filter(|_| !is_left_out) {
+        // What the filter refuses is reported by the session, which gets the same.
+        let _ = tracker.push(input);
+    }
+    input
+}
+
 /// Takes telemetry and events from the links.
 fn turn(
     mavlink: Option<&Link>,
@@ -237,12 +257,10 @@ fn turn(
 ) {
     if let Some(link) = mavlink {
         for input in link.inputs() {
-            let mut published = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            let input = input.moved_in_time(published.ahead_s);
-            if let Some(tracker) = published.tracker.as_mut() {
-                // What the filter refuses is reported by the session, which gets the same.
-                let _ = tracker.push(input);
-            }
+            let input = take(
+                &mut shared.lock().unwrap_or_else(PoisonError::into_inner),
+                input,
+            );
             // Nobody listens at the end of the flight.
             let _ = sender.send(input);
         }
@@ -264,7 +282,7 @@ fn tell(event: &LinkEvent) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grimnet_track::TrackOptions;
+    use grimnet_track::{TrackOptions, Velocity};
 
     fn sentences(is_live: bool) -> Live {
         let options = LiveOptions {
@@ -288,9 +306,33 @@ mod tests {
         for (ahead_s, expected) in [(-0.2, true), (-0.2, true), (5.0, false)] {
             let frame_s = LinkClock::unix().now_s() + ahead_s;
             live.frame(frame_s, Epoch::Unix, None, false).unwrap();
-            live.publish(&tracker());
+            live.publish_track(&tracker(), LeftOut::default());
             assert_eq!(has_tracker(&live), expected, "{ahead_s}");
         }
+    }
+
+    /// What the fixes contradict does not move the positions between two frames either.
+    #[test]
+    fn telemetry_that_the_flight_goes_without_is_not_in_the_published_track() {
+        let velocity = Input::Velocity(Velocity {
+            time_s: 1.0,
+            east_m_s: 12.0,
+            north_m_s: 0.0,
+            sigma_m_s: 0.5,
+        });
+        let mut published = Published {
+            tracker: Some(tracker()),
+            ahead_s: 2.0,
+            ..Published::default()
+        };
+        let before = published.tracker.clone();
+        published.left_out.velocity = true;
+        assert_eq!(take(&mut published, velocity).time_s(), 3.0);
+        let of = |tracker: &Option<Tracker>| format!("{tracker:?}");
+        assert_eq!(of(&published.tracker), of(&before));
+        published.left_out = LeftOut::default();
+        take(&mut published, velocity);
+        assert_ne!(of(&published.tracker), of(&before));
     }
 
     #[test]

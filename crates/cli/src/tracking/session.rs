@@ -102,7 +102,8 @@ impl Session {
     /// All inputs so far, if they are kept, without what the fixes contradict.
     pub fn inputs(&self) -> Vec<Input> {
         let kept = self.inputs.iter().flatten();
-        kept.filter(|input| !self.flight.leaves_out(input))
+        let left_out = self.flight.left_out();
+        kept.filter(move |input| !left_out.contains(input))
             .copied()
             .collect()
     }

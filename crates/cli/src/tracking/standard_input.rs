@@ -1,8 +1,11 @@
 //! Frames on standard input: JPEG pictures one after the other, or lines with the names of photo files.
 
-use std::io::{BufRead, Read as _};
-use std::path::Path;
+use std::io::{self, BufRead, Read as _};
+use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::Duration;
 
 use anyhow::{Context as _, Result};
 use grimnet_output::OutputPolicy;
@@ -18,9 +21,15 @@ use grimnet_answer::printable;
 /// The first byte of a JPEG picture; no name begins with it in UTF-8.
 const JPEG_BEGIN: u8 = 0xff;
 
+/// How often a wait for the next frame looks whether it should stop.
+const PATIENCE: Duration = Duration::from_millis(100);
+/// A line longer than this is no name, bytes.
+const MOST_NAME_BYTES: u64 = 64 << 10;
+
 /// See the module. The first byte says which of the two it is.
-pub struct StreamedFrames<R> {
-    input: Input<R>,
+pub struct StreamedFrames {
+    /// From a thread that reads: a camera may be silent for long.
+    input: Receiver<io::Result<Streamed>>,
     options: FrameOptions,
     /// Gets every file that is named as an input.
     policy: OutputPolicy,
@@ -30,25 +39,43 @@ pub struct StreamedFrames<R> {
     without_time: usize,
 }
 
-enum Input<R> {
-    Pictures(JpegStream<R>),
-    Names(R),
+/// What a stream holds.
+enum Streamed {
+    Picture(Vec<u8>),
+    Name(PathBuf),
 }
 
-impl<R: BufRead> StreamedFrames<R> {
+impl StreamedFrames {
     /// Waits for the first byte.
     ///
     /// # Errors
-    /// Nothing can be read.
-    pub fn new(mut input: R, options: FrameOptions, policy: OutputPolicy) -> Result<Self> {
-        let first = input.fill_buf().context("cannot read standard input")?;
-        let input = if first.first() == Some(&JPEG_BEGIN) {
-            Input::Pictures(JpegStream::new(input))
-        } else {
-            Input::Names(input)
+    /// Nothing can be read, or no thread can be started.
+    pub fn new(
+        mut input: impl BufRead + Send + 'static,
+        options: FrameOptions,
+        policy: OutputPolicy,
+    ) -> Result<Self> {
+        let first = input.fill_buf().context(CANNOT_READ)?;
+        let holds_pictures = first.first() == Some(&JPEG_BEGIN);
+        // One picture is read while another is searched; what comes then waits in the pipe.
+        let (sender, receiver) = sync_channel(0);
+        let read = move || {
+            if holds_pictures {
+                let mut stream = JpegStream::new(input);
+                send_all(
+                    || Ok(stream.next_picture()?.map(Streamed::Picture)),
+                    &sender,
+                );
+            } else {
+                send_all(|| Ok(next_name(&mut input)?.map(Streamed::Name)), &sender);
+            }
         };
+        thread::Builder::new()
+            .name("frames".to_owned())
+            .spawn(read)
+            .context("cannot start a thread")?;
         Ok(Self {
-            input,
+            input: receiver,
             options,
             policy,
             epoch: None,
@@ -58,50 +85,66 @@ impl<R: BufRead> StreamedFrames<R> {
         })
     }
 
-    /// The next frame, with the metadata that may tell its time. `None` at the end.
-    fn read(&mut self) -> Result<Option<(Frame, Metadata)>> {
+    /// The next frame, with the metadata that may tell its time. `None` at the end, and at once after `stop`.
+    fn read(&mut self, stop: &AtomicBool) -> Result<Option<(Frame, Metadata)>> {
+        let next = loop {
+            match self.input.recv_timeout(PATIENCE) {
+                Ok(next) => break next.context(CANNOT_READ)?,
+                Err(RecvTimeoutError::Timeout) if !stop.load(Ordering::Relaxed) => {}
+                Err(_) => return Ok(None),
+            }
+        };
         let options = &self.options;
-        match &mut self.input {
-            Input::Pictures(stream) => {
-                let picture = stream
-                    .next_picture()
-                    .context("cannot read standard input")?;
-                Ok(picture.map(|bytes| {
-                    let name = format!("frame_{:06}.jpg", self.number);
-                    let metadata = Metadata::from_bytes(&bytes);
-                    (frame_from_bytes(name, 0.0, &bytes, options), metadata)
-                }))
+        Ok(Some(match next {
+            Streamed::Picture(bytes) => {
+                let name = format!("frame_{:06}.jpg", self.number);
+                let metadata = Metadata::from_bytes(&bytes);
+                (frame_from_bytes(name, 0.0, &bytes, options), metadata)
             }
-            Input::Names(input) => {
-                let mut line = String::new();
-                loop {
-                    line.clear();
-                    // A line that does not end is no name.
-                    let count = input
-                        .by_ref()
-                        .take(64 << 10)
-                        .read_line(&mut line)
-                        .context("cannot read names of photos from standard input")?;
-                    if count == 0 {
-                        return Ok(None);
-                    }
-                    let name = line.trim();
-                    if !name.is_empty() {
-                        let path = Path::new(name);
-                        self.policy.add_inputs([path]);
-                        let frame = frame_from_file(path, 0.0, options);
-                        return Ok(Some((frame, options.metadata_of(path))));
-                    }
-                }
+            Streamed::Name(path) => {
+                self.policy.add_inputs([&path]);
+                let frame = frame_from_file(&path, 0.0, options);
+                (frame, options.metadata_of(&path))
             }
+        }))
+    }
+}
+
+const CANNOT_READ: &str = "cannot read standard input";
+
+/// Sends what `next` gives until its end, an error, or nobody listens.
+fn send_all<T>(
+    mut next: impl FnMut() -> io::Result<Option<T>>,
+    sender: &SyncSender<io::Result<T>>,
+) {
+    while let Some(sent) = next().transpose() {
+        let is_last = sent.is_err();
+        if sender.send(sent).is_err() || is_last {
+            return;
         }
     }
 }
 
-impl<R: BufRead> Frames for StreamedFrames<R> {
+/// The name in the next line that is not empty; `None` at the end. One that is not UTF-8 is the name of no photo.
+fn next_name(input: &mut impl BufRead) -> io::Result<Option<PathBuf>> {
+    loop {
+        let mut line = Vec::new();
+        let mut limited = input.by_ref().take(MOST_NAME_BYTES);
+        if limited.read_until(b'\n', &mut line)? == 0 {
+            return Ok(None);
+        }
+        let line = String::from_utf8_lossy(&line);
+        let name = line.trim();
+        if !name.is_empty() {
+            return Ok(Some(PathBuf::from(name)));
+        }
+    }
+}
+
+impl Frames for StreamedFrames {
     fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
         while !stop.load(Ordering::Relaxed) {
-            let Some((mut frame, metadata)) = self.read()? else {
+            let Some((mut frame, metadata)) = self.read(stop)? else {
                 break;
             };
             let time = self.options.time_of(self.number, &frame.name, &metadata);
@@ -162,5 +205,36 @@ mod tests {
         assert_eq!(next().unwrap().time_s, 2.0);
         assert!(next().is_none());
         assert_eq!(frames.without_time(), 1);
+    }
+
+    /// A camera that gave one byte, and then nothing for ever.
+    struct Silent;
+
+    impl io::Read for Silent {
+        fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
+            loop {
+                thread::park();
+            }
+        }
+    }
+
+    #[test]
+    fn a_silent_camera_does_not_keep_it_from_stopping() {
+        let options = FrameOptions {
+            source: TimeSource::Auto,
+            frames_per_s: None,
+            clock_offset_s: 0.0,
+            limits: PhotoLimits::DEFAULT,
+            needed: None,
+        };
+        let input = io::BufReader::new((&b"n"[..]).chain(Silent));
+        let mut frames = StreamedFrames::new(input, options, OutputPolicy::new()).unwrap();
+        let stop = std::sync::Arc::new(AtomicBool::new(false));
+        let later = stop.clone();
+        thread::spawn(move || {
+            thread::sleep(2 * PATIENCE);
+            later.store(true, Ordering::Relaxed);
+        });
+        assert!(frames.next(&stop).unwrap().is_none());
     }
 }

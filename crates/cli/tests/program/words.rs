@@ -142,6 +142,14 @@ fn numbers_out_of_range_are_refused_with_their_option() {
         (&["demo", "--photos", "0"], "--photos"),
         (&["demo", "--photos", "1000000000"], "from 1 to 100000"),
         (
+            &["calibrate", "-o", "o", "--photos", "0"],
+            "from 1 to 100000",
+        ),
+        (
+            &["calibrate", "-o", "o", "--worlds", "1001"],
+            "from 0 to 1000",
+        ),
+        (
             &["locate", "-p", "p", "a", "--height-agl", "1"],
             "from 2 to 20000",
         ),
@@ -169,6 +177,76 @@ fn numbers_out_of_range_are_refused_with_their_option() {
             .assert()
             .code(2)
             .stderr(contains(*option));
+    }
+}
+
+#[test]
+fn options_without_effect_are_refused_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let cases: &[(&[&str], &str)] = &[
+        (
+            &["eval", "f", "--out", "OUT", "--adapt", "flight", "--track"],
+            "--adapt flight",
+        ),
+        (
+            &[
+                "eval",
+                "f",
+                "--out",
+                "OUT",
+                "--elsewhere",
+                "g",
+                "--footprint-width",
+                "100",
+            ],
+            "--footprint-width",
+        ),
+        (
+            &["map", "build", "MAP", "-o", "OUT", "--resolution", "640"],
+            "--mode paper",
+        ),
+        (
+            &[
+                "locate", "-p", "PACK", "PHOTO", "--out", "OUT", "--zoom", "7",
+            ],
+            "--map",
+        ),
+        (
+            &[
+                "locate", "-p", "PACK", "PHOTO", "--out", "OUT", "--mode", "paper",
+            ],
+            "was built in default mode",
+        ),
+        (
+            &[
+                "locate",
+                "-p",
+                "PACK",
+                "PHOTO",
+                "--out",
+                "OUT",
+                "--mode",
+                "paper",
+                "--min-confidence",
+                "0.9",
+            ],
+            "--min-confidence",
+        ),
+    ];
+    let out = folder.path().join("out");
+    for (arguments, said) in cases {
+        let mut command = grim();
+        for argument in *arguments {
+            match *argument {
+                "OUT" => command.arg(&out),
+                "MAP" => command.arg(demo().join("map.tif")),
+                "PACK" => command.arg(pack()),
+                "PHOTO" => command.arg(photo(1)),
+                other => command.arg(other),
+            };
+        }
+        command.assert().code(2).stderr(contains(*said));
+        assert!(!out.exists(), "{arguments:?}");
     }
 }
 

@@ -225,11 +225,14 @@ impl DataSet {
             tracing::warn!("{line}");
         }
         let map_options = request.map_options.clone();
+        // The scene's table tells where its own map lies, and nothing of another.
+        let is_own = request.map.is_none_or(|map| is_same_file(map, &scene.map));
+        let own_corners = is_own.then_some(scene.corners);
         Ok(Self {
             name: format!("UAV-VisLoc {}", file_name(request.folder)),
             map: request.map.map_or(scene.map, Path::to_owned),
             map_options: MapOptions {
-                corners: map_options.corners.or(Some(scene.corners)),
+                corners: map_options.corners.or(own_corners),
                 ..map_options
             },
             frames: scorable(scene.frames, &scene.photos)?,
@@ -388,4 +391,54 @@ fn scorable(
         return Err(DataSetError::NoTruth(photos.to_owned()));
     }
     Ok(usable)
+}
+
+/// Whether two paths lead to one file.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    let target = |path: &Path| fs_err::canonicalize(path).ok();
+    a == b || target(a).is_some_and(|of_a| target(b) == Some(of_a))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The corners in a scene's table are those of its own map.
+    #[test]
+    fn another_map_keeps_its_own_place() {
+        let root = tempfile::tempdir().unwrap();
+        let scene = root.path().join("03");
+        fs_err::create_dir_all(scene.join("drone")).unwrap();
+        for (path, text) in [
+            ("03/satellite03.tif", ""),
+            ("03/drone/03_0001.JPG", ""),
+            ("other.tif", ""),
+            (
+                "03/03.csv",
+                "num,filename,date,lat,lon,height,Omega,Kappa,Phi1,Phi2\n\
+                 1,03_0001.JPG,2018-10-21,32.30,119.90,466.3,0.1,0.2,-170.5,9.5\n",
+            ),
+            (
+                "satellite_ coordinates_range.csv",
+                "mapname,LT_lat_map,LT_lon_map,RB_lat_map,RB_lon_map,region\n\
+                 satellite03.tif,32.355,119.805,32.251,119.955,Taizhou\n",
+            ),
+        ] {
+            fs_err::write(root.path().join(path), text).unwrap();
+        }
+        let corners_with = |map: Option<&Path>| {
+            let request = DataSetRequest {
+                folder: &scene,
+                map,
+                map_options: MapOptions::default(),
+                photos_out: root.path(),
+                photo_limits: PhotoLimits::DEFAULT,
+            };
+            DataSet::find(&request).unwrap().map_options.corners
+        };
+        let own = scene.join("drone/../satellite03.tif");
+        assert!(corners_with(None).is_some());
+        assert!(corners_with(Some(&own)).is_some());
+        assert!(corners_with(Some(&root.path().join("other.tif"))).is_none());
+    }
 }

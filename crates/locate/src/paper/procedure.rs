@@ -7,7 +7,7 @@ use std::time::Instant;
 use grimnet_geo::{LevelPx, LonLat};
 use grimnet_net::Purpose;
 use grimnet_pack::resize_for_network;
-use grimnet_pack::{Level, Mode};
+use grimnet_pack::{Level, Mode, Pack};
 use grimnet_photo::{Evidence, Photo, QueryOptions, View};
 use image::imageops::{FilterType, resize};
 use image::{GrayImage, RgbImage};
@@ -47,7 +47,7 @@ pub(crate) fn locate(
     view: &View,
     prior: &Prior,
 ) -> Result<Located> {
-    check_pack(context)?;
+    check_pack(context.pack)?;
     let level_index = LEVEL;
     let level = context.level(level_index);
     let (query, mut time_ms) = extract_query(context, photo, view, level)?;
@@ -97,19 +97,23 @@ pub(crate) fn retrieve(
     view: &View,
     prior: &Prior,
 ) -> Result<Vec<usize>> {
-    check_pack(context)?;
+    check_pack(context.pack)?;
     let level = context.level(LEVEL);
     let (query, _) = extract_query(context, photo, view, level)?;
     let found = by_descriptor(level, &[query], prior.near.as_ref(), context.options)?;
     Ok(distinct_tiles(&found))
 }
 
-fn check_pack(context: Context<'_>) -> Result<()> {
-    if context.pack.mode() == Mode::Paper {
+/// Checks that paper mode can use the pack.
+///
+/// # Errors
+/// [`LocateError::NotAPaperPack`] if it was not built in paper mode.
+pub(crate) fn check_pack(pack: &Pack) -> Result<()> {
+    if pack.mode() == Mode::Paper {
         return Ok(());
     }
     Err(LocateError::NotAPaperPack {
-        path: context.pack.path().to_path_buf(),
+        path: pack.path().to_path_buf(),
     })
 }
 

@@ -41,7 +41,7 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
     }
     let options = glob::MatchOptions {
         require_literal_leading_dot: true,
-        ..glob::MatchOptions::default()
+        ..glob::MatchOptions::new()
     };
     let matches =
         glob::glob_with(&text, options).with_context(|| format!("{text}: not a valid pattern"))?;

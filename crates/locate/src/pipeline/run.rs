@@ -132,7 +132,14 @@ fn search(
                 !has_begun || budget.is_spent() || match_best(context, &mut open, most, budget)?;
         }
     }
-    Ok(open.into_iter().map(OpenRound::finish).collect())
+    let mut results: Vec<RoundResult> = open.into_iter().map(OpenRound::finish).collect();
+    let hypotheses = || results.iter().flat_map(|result| &result.hypotheses);
+    if hypotheses().any(|hypothesis| hypothesis.is_width_searched) {
+        // An answer under the stated width is then the best of all widths, too.
+        let all = results.iter_mut().flat_map(|result| &mut result.hypotheses);
+        all.for_each(|hypothesis| hypothesis.is_width_searched = true);
+    }
+    Ok(results)
 }
 
 /// Lets the [`Options::joint_candidates`](crate::Options) with the best scores of all rounds enter, each in its round, and the best of

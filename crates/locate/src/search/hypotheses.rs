@@ -19,7 +19,7 @@ pub(crate) struct Hypothesis {
     pub heading_reach_deg: f64,
     /// The ground width that prior or metadata state, if they do; `width_m` may be another.
     pub stated: Option<Footprint>,
-    /// Whether the width is one of several that are tried because none is stated, or an uncertain one.
+    /// Whether the width is one of several that are tried because none is stated, or an uncertain one gave no clear answer.
     pub is_width_searched: bool,
 }
 

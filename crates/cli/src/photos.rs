@@ -5,9 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-
-/// File endings that are taken from a folder, lower case.
-const PHOTO_ENDINGS: &[&str] = &["jpg", "jpeg", "png", "tif", "tiff", "webp"];
+use grimnet_eval::pictures::{EXTENSIONS, picture_files};
 
 /// Expands arguments to photos: a file to itself, a folder to the pictures directly in it (sorted), a
 /// pattern with `*`, `?` or `[` to the files that it matches (sorted).
@@ -22,7 +20,7 @@ pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
             bail!(
                 "{}: no photos found (looked for {})",
                 argument.display(),
-                PHOTO_ENDINGS.join(", ")
+                EXTENSIONS.join(", ")
             );
         }
         photos.extend(found);
@@ -32,7 +30,7 @@ pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
 
 fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
     if argument.is_dir() {
-        return Ok(in_folder(argument)?);
+        return Ok(picture_files(argument)?);
     }
     let text = argument.to_string_lossy();
     if argument.exists() || !text.contains(['*', '?', '[']) {
@@ -49,22 +47,6 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         .filter_map(Result::ok)
         .filter(|p| p.is_file())
         .collect())
-}
-
-/// The pictures directly in a folder, sorted.
-///
-/// # Errors
-/// The folder cannot be read.
-pub fn in_folder(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut photos = Vec::new();
-    for entry in fs_err::read_dir(folder)? {
-        let path = entry?.path();
-        if path.is_file() && has_photo_name(&path) {
-            photos.push(path);
-        }
-    }
-    photos.sort();
-    Ok(photos)
 }
 
 /// A different name for the drawing of each photo, without ending: the photo's name; if several photos share it, with the name
@@ -91,16 +73,6 @@ pub fn picture_names(photos: &[PathBuf]) -> Vec<String> {
             .unwrap_or(name)
     };
     photos.iter().zip(&stems).map(name_of).collect()
-}
-
-/// Whether a file is a picture by its name: by its ending, unless it is hidden. macOS writes a hidden `._a.jpg` beside each `a.jpg` on
-/// the memory cards of drones.
-pub fn has_photo_name(path: &Path) -> bool {
-    let is_hidden = path
-        .file_name()
-        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-    let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase());
-    !is_hidden && ending.is_some_and(|ending| PHOTO_ENDINGS.contains(&ending.as_str()))
 }
 
 #[cfg(test)]

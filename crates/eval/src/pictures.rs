@@ -35,8 +35,10 @@ pub fn picture_files_below(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     Ok(found)
 }
 
-/// Whether a file is a picture by its name: by its extension, unless it is hidden, as the `._a.jpg` that macOS writes beside each `a.jpg`.
-fn is_picture(path: &Path) -> bool {
+/// Whether a file is a picture by its name: by its extension, unless it is hidden. macOS writes a hidden `._a.jpg` beside each `a.jpg`
+/// on the memory cards of drones.
+#[must_use]
+pub fn is_picture(path: &Path) -> bool {
     let is_hidden = path
         .file_name()
         .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));

@@ -5,13 +5,11 @@ use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_geo::Raster;
 use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_output::OutputFolder;
-use grimnet_photo::PhotoLimits;
 
 use super::track_report::{Scored, figures_text, page};
 use crate::procedural_flight::make_crossing;
 use crate::progress;
 use crate::tracking::formats::TrackFormat;
-use crate::tracking::frame_time::TimeSource;
 use crate::tracking::frames::{FrameOptions, Frames as _};
 use crate::tracking::photo_list::PhotoList;
 use crate::tracking::session::Session;
@@ -30,11 +28,8 @@ pub fn follow_crossing(
     let shares = make_crossing(folder, seed)?;
     let photos = crate::photos::expand(&[folder.path().join("flight")])?;
     let options = FrameOptions {
-        source: TimeSource::Auto,
-        frames_per_s: None,
-        clock_offset_s: 0.0,
-        limits: PhotoLimits::DEFAULT,
         needed: Some(localizer.needed_pixels(&Prior::none())),
+        ..FrameOptions::default()
     };
     let mut frames = PhotoList::new(photos, &options)?;
     let truth = Truth::read(&folder.path().join("flight_truth.csv"))?;

@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 
+use grimnet_eval::pictures::picture_files;
 use grimnet_locate::NeededPixels;
 use grimnet_output::OutputPolicy;
 
@@ -70,7 +71,7 @@ impl Source {
         match self {
             Self::Photos(paths) => paths.clone(),
             // Whether it can be read is said when it is opened.
-            Self::Folder(folder) => photos::in_folder(folder).unwrap_or_default(),
+            Self::Folder(folder) => picture_files(folder).unwrap_or_default(),
             Self::Video(path) => vec![path.clone()],
             Self::StandardInput => Vec::new(),
         }

@@ -9,7 +9,7 @@ use anyhow::{Context as _, Result, bail};
 use grimnet_output::OutputPolicy;
 use grimnet_photo::PhotoLimits;
 
-use super::frame_time::{Epoch, TimeSource};
+use super::frame_time::Epoch;
 use super::frames::{Frame, FrameOptions, Frames};
 use super::standard_input::StreamedFrames;
 
@@ -52,11 +52,9 @@ impl FfmpegVideo {
             bail!("{name}: ffmpeg has no output");
         };
         let options = FrameOptions {
-            source: TimeSource::Auto,
             frames_per_s: Some(frames_per_s),
-            clock_offset_s: 0.0,
             limits,
-            needed: None,
+            ..FrameOptions::default()
         };
         Ok(Self {
             ffmpeg,

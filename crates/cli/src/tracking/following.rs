@@ -6,11 +6,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Result, bail};
+use grimnet_eval::pictures::is_picture;
 use grimnet_output::OutputPolicy;
 
 use super::frame_time::Epoch;
 use super::frames::{Frame, FrameOptions, Frames, frame_from_file};
-use crate::photos;
 use grimnet_answer::printable;
 
 /// How often the folder is looked at.
@@ -91,7 +91,7 @@ impl Following {
         let mut listed = HashSet::new();
         for entry in fs_err::read_dir(&self.folder)? {
             let path = entry?.path();
-            if self.seen.contains(&path) || !photos::has_photo_name(&path) {
+            if self.seen.contains(&path) || !is_picture(&path) {
                 continue;
             }
             // A file may be renamed between listing and looking.
@@ -215,18 +215,10 @@ impl Frames for Following {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame_time::TimeSource;
     use super::*;
-    use grimnet_photo::PhotoLimits;
 
     fn following(folder: &Path, most_wait: Duration) -> Following {
-        let options = FrameOptions {
-            source: TimeSource::Auto,
-            frames_per_s: None,
-            clock_offset_s: 0.0,
-            limits: PhotoLimits::DEFAULT,
-            needed: None,
-        };
+        let options = FrameOptions::default();
         let (idle, policy) = (Some(Duration::from_millis(1)), OutputPolicy::new());
         Following::new(folder, options, idle, most_wait, policy).unwrap()
     }

@@ -66,7 +66,7 @@ pub trait Frames {
 }
 
 /// How frames are read and get their times.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct FrameOptions {
     /// From what the photo tells.
     pub source: TimeSource,
@@ -179,10 +179,8 @@ mod tests {
     fn the_offset_is_added_to_the_times_that_photos_tell() {
         let options = FrameOptions {
             source: TimeSource::Name,
-            frames_per_s: None,
             clock_offset_s: -2.5,
-            limits: PhotoLimits::DEFAULT,
-            needed: None,
+            ..FrameOptions::default()
         };
         let of = |options: &FrameOptions| {
             let time = options.time_of(0, "20260621_100000.jpg", &Metadata::default());

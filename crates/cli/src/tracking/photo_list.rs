@@ -134,7 +134,6 @@ impl Frames for PhotoList {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame_time::TimeSource;
     use super::*;
 
     fn names(list: &PhotoList) -> Vec<String> {
@@ -144,11 +143,8 @@ mod tests {
 
     fn options(frames_per_s: Option<f64>) -> FrameOptions {
         FrameOptions {
-            source: TimeSource::Auto,
             frames_per_s,
-            clock_offset_s: 0.0,
-            limits: grimnet_photo::PhotoLimits::DEFAULT,
-            needed: None,
+            ..FrameOptions::default()
         }
     }
 

@@ -23,6 +23,7 @@ const JPEG_BEGIN: u8 = 0xff;
 
 /// How often a wait for the next frame looks whether it should stop.
 const PATIENCE: Duration = Duration::from_millis(100);
+const CANNOT_READ: &str = "cannot read standard input";
 /// A line longer than this is no name, bytes.
 const MOST_NAME_BYTES: u64 = 64 << 10;
 
@@ -110,8 +111,6 @@ impl StreamedFrames {
     }
 }
 
-const CANNOT_READ: &str = "cannot read standard input";
-
 /// Sends what `next` gives until its end, an error, or nobody listens.
 fn send_all<T>(
     mut next: impl FnMut() -> io::Result<Option<T>>,
@@ -181,19 +180,11 @@ impl Frames for StreamedFrames {
 
 #[cfg(test)]
 mod tests {
-    use super::super::frame_time::TimeSource;
     use super::*;
-    use grimnet_photo::PhotoLimits;
 
     #[test]
     fn names_are_read_line_by_line() {
-        let options = FrameOptions {
-            source: TimeSource::Auto,
-            frames_per_s: None,
-            clock_offset_s: 0.0,
-            limits: PhotoLimits::DEFAULT,
-            needed: None,
-        };
+        let options = FrameOptions::default();
         let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
         let policy = OutputPolicy::new();
         let mut frames = StreamedFrames::new(text.as_bytes(), options, policy).unwrap();
@@ -220,13 +211,7 @@ mod tests {
 
     #[test]
     fn a_silent_camera_does_not_keep_it_from_stopping() {
-        let options = FrameOptions {
-            source: TimeSource::Auto,
-            frames_per_s: None,
-            clock_offset_s: 0.0,
-            limits: PhotoLimits::DEFAULT,
-            needed: None,
-        };
+        let options = FrameOptions::default();
         let input = io::BufReader::new((&b"n"[..]).chain(Silent));
         let mut frames = StreamedFrames::new(input, options, OutputPolicy::new()).unwrap();
         let stop = std::sync::Arc::new(AtomicBool::new(false));

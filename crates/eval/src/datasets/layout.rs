@@ -395,8 +395,7 @@ fn scorable(
 
 /// Whether two paths lead to one file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
-    let target = |path: &Path| fs_err::canonicalize(path).ok();
-    a == b || target(a).is_some_and(|of_a| target(b) == Some(of_a))
+    matches!((fs_err::canonicalize(a), fs_err::canonicalize(b)), (Ok(a), Ok(b)) if a == b)
 }
 
 #[cfg(test)]

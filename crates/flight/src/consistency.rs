@@ -4,6 +4,7 @@ pub(crate) mod delay;
 mod displacement;
 pub(crate) mod height;
 mod median;
+mod reported_path;
 pub(crate) mod tilt;
 pub(crate) mod velocity;
 #[cfg(test)]

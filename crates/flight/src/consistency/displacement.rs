@@ -5,28 +5,36 @@
 //! telemetry says. Fixes that move away from the reported velocities, evenly and for some time, contradict them.
 
 use std::collections::VecDeque;
+use std::ops::RangeInclusive;
 
 use grimnet_geo::{LonLat, offset_en_m};
 
 /// So many fixes must agree on one path, the latest among them.
 const NEEDED: usize = 4;
+/// One of them at least must be in this part of the time between the first and the last, as a share: fixes that jump to another place
+/// lie at its ends only.
+const MIDDLE: RangeInclusive<f64> = 0.25..=0.75;
 /// So many of the fixes between the first and the last that agree, as a share.
 const SHARE: f64 = 0.75;
 /// They must be of so long a time at least, seconds: a gust tilts the camera and moves the image centre for a moment.
 const LEAST_TIME_S: f64 = 2.5;
 /// Fixes are kept for so long, seconds.
-const LONGEST_S: f64 = 10.0;
+const LONGEST_S: f64 = 20.0;
 /// Fixes are on the path up to this distance, metres: their own error, and a camera that moves by one or two degrees.
 const ON_PATH_M: f64 = 4.0;
 /// So far they must move away from what was reported, and from the track, metres. Fixes that move less stand still.
 const LEAST_MOVED_M: f64 = 12.0;
 /// So far away from what was reported where the attitude is unknown, metres: the tilt of a turn moves the image centre.
 const LEAST_MOVED_OF_CENTRE_M: f64 = 40.0;
+/// So far away from what was reported where no track can be used, metres: it may hold several places, and so explains no fix,
+const LEAST_MOVED_WITHOUT_TRACK_M: f64 = 60.0;
+/// over so long a time, seconds.
+const LEAST_TIME_WITHOUT_TRACK_S: f64 = 4.0;
 /// No small drone is faster, metres per second: of two fixes further apart one is of another place.
 pub(super) const MOST_SPEED_M_S: f64 = 60.0;
 /// The reported velocity must be off by more than so many of its standard deviations.
 const SIGMAS: f64 = 3.0;
-/// A track that accepts the fixes knows of a small error of the velocities, and one that cannot be used says nothing. They are then
+/// A track that accepts the fixes knows of a small error of the velocities. They are then
 /// inconsistent only if they are off by more than so many standard deviations,
 const SIGMAS_WHILE_ACCEPTED: f64 = 5.0;
 /// and this far besides, metres: in a banked turn a fix and the attitude place the aircraft to about ten metres,
@@ -169,8 +177,12 @@ impl DisplacementTest {
             } else {
                 LEAST_MOVED_OF_CENTRE_M
             };
-            let is_off = length(drift) > (SIGMAS * sigma_m).max(least_moved_m)
-                && from_track_m.is_some_and(|moved_m| moved_m > LEAST_MOVED_M)
+            let is_off = length(drift) > (SIGMAS * sigma_m).hypot(least_moved_m)
+                && from_track_m.map_or(
+                    interval_s >= LEAST_TIME_WITHOUT_TRACK_S
+                        && length(drift) > LEAST_MOVED_WITHOUT_TRACK_M,
+                    |moved_m| moved_m > LEAST_MOVED_M,
+                )
                 && !between().any(|(compared, _)| compared.is_accepted);
             let is_far_off = interval_s >= LEAST_TIME_WHILE_ACCEPTED_S
                 && length(drift) > SIGMAS_WHILE_ACCEPTED * sigma_m + LEAST_MOVED_WHILE_ACCEPTED_M
@@ -179,19 +191,24 @@ impl DisplacementTest {
             if !(is_possible && (is_off || is_far_off)) {
                 return None;
             }
+            let share_of =
+                |compared: &Compared| (compared.fix.time_s - from.fix.time_s) / interval_s;
             let on_path = between().filter(|(compared, en_m)| {
-                let share = (compared.fix.time_s - from.fix.time_s) / interval_s;
+                let share = share_of(compared);
                 let drifted = difference(
                     difference(**en_m, *from_en_m),
                     difference(compared.reported_en_m, from.reported_en_m),
                 );
                 length(difference(drifted, drift.map(|whole| share * whole))) <= ON_PATH_M
             });
-            let count = on_path.count();
-            (count >= NEEDED && count as f64 >= SHARE * between().count() as f64).then_some(Moved {
-                reported_en_m: reported,
-                measured_en_m: Some(measured).filter(|_| !stands_still),
-            })
+            let on_path: Vec<f64> = on_path.map(|(compared, _)| share_of(compared)).collect();
+            let count = on_path.len();
+            let is_even = on_path.iter().any(|share| MIDDLE.contains(share));
+            (is_even && count >= NEEDED && count as f64 >= SHARE * between().count() as f64)
+                .then_some(Moved {
+                    reported_en_m: reported,
+                    measured_en_m: Some(measured).filter(|_| !stands_still),
+                })
         };
         (0..self.fixes.len()).find_map(path)
     }

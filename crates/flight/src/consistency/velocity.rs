@@ -10,13 +10,12 @@ use grimnet_geo::{LonLat, offset_en_m};
 use grimnet_track::{RelativeMotion, Velocity};
 
 use super::displacement::{DisplacementTest, MOST_SPEED_M_S, Moved, PlacedFix, difference};
+use super::reported_path::{Reported, ReportedPath};
 
 /// Fixes closer to each other than this say little, metres: tilt alone moves the image centre by tens of metres.
 const LEAST_DISTANCE_M: f64 = 40.0;
 /// Fixes further apart in time than this are not compared, seconds.
 const LONGEST_S: f64 = 20.0;
-/// Velocities further apart than this are not added up, seconds.
-const LONGEST_GAP_S: f64 = 1.5;
 /// So many of the latest comparisons are kept.
 const COMPARISONS: usize = 12;
 /// So many of them must agree on a factor: fixes of wrong places agree on none.
@@ -75,12 +74,9 @@ struct Earlier {
 pub(crate) struct VelocityCheck {
     /// The fix that distances are taken from. `None` if there was a gap since.
     from: Option<Earlier>,
-    /// The latest velocity.
-    latest: Option<Velocity>,
+    path: ReportedPath,
     /// Reported over measured displacements, and the measured speed, metres per second.
     ratios: VecDeque<(Ratio, f64)>,
-    /// What all velocities so far add up to, metres east and north.
-    path_en_m: [f64; 2],
     displacement: DisplacementTest,
     warning: Option<VelocityWarning>,
 }
@@ -88,41 +84,19 @@ pub(crate) struct VelocityCheck {
 impl VelocityCheck {
     /// Takes in a velocity. One that is not newer than the last changes nothing.
     pub fn velocity(&mut self, reported: &Velocity) {
-        let Some(before) = self.latest else {
-            self.latest = Some(*reported);
-            return;
-        };
-        let interval_s = reported.time_s - before.time_s;
-        if interval_s <= 0.0 {
-            return;
-        }
-        if interval_s > LONGEST_GAP_S {
+        if self.path.add(reported) {
             self.from = None;
             self.displacement.clear();
         }
-        let step_en_m = [
-            0.5 * (before.east_m_s + reported.east_m_s) * interval_s,
-            0.5 * (before.north_m_s + reported.north_m_s) * interval_s,
-        ];
-        let [east_m, north_m] = self.path_en_m;
-        self.path_en_m = [east_m + step_en_m[0], north_m + step_en_m[1]];
-        self.latest = Some(*reported);
     }
 
-    /// Takes in a fix. Velocities that are reported after it count for the next one. A fix whose heading is not the expected one is of
-    /// another place.
+    /// Takes in a fix, which may have arrived late. One whose heading is not the expected one is of another place.
     pub fn fix(&mut self, fix: PlacedFix, has_expected_heading: bool) {
         let time_s = fix.time_s;
-        let recent = |latest: &Velocity| (latest.time_s - time_s).abs() <= LONGEST_GAP_S;
-        let reported = self.latest.filter(recent);
-        match reported {
+        let reported = self.path.at(time_s);
+        match &reported {
             Some(reported) if has_expected_heading => {
-                let since_s = time_s - reported.time_s;
-                let reported_en_m = [
-                    self.path_en_m[0] + reported.east_m_s * since_s,
-                    self.path_en_m[1] + reported.north_m_s * since_s,
-                ];
-                self.displacement.add(fix, reported_en_m);
+                self.displacement.add(fix, reported.path_en_m)
             }
             Some(_) => {}
             None => self.displacement.clear(),
@@ -156,23 +130,24 @@ impl VelocityCheck {
     /// Forgets the times of all that was taken in: the clock was set.
     pub fn restart_clock(&mut self) {
         self.from = None;
-        self.latest = None;
+        self.path = ReportedPath::default();
         self.displacement = DisplacementTest::default();
     }
 
     /// Compares the distance from an earlier fix with what was reported.
-    fn compare(&mut self, time_s: f64, place: LonLat, reported: Option<Velocity>) {
+    fn compare(&mut self, time_s: f64, place: LonLat, reported: Option<Reported>) {
         if let Some(from) = self.from {
             let (east_m, north_m) = offset_en_m(from.place, place);
             let (apart_m, apart_s) = (east_m.hypot(north_m), time_s - from.time_s);
-            let reported = reported.filter(|_| (0.0..=LONGEST_S).contains(&apart_s));
-            if reported.is_some() && apart_m < LEAST_DISTANCE_M {
+            let is_late = apart_s <= 0.0;
+            let reported = reported.filter(|_| apart_s <= LONGEST_S);
+            if is_late || reported.is_some() && apart_m < LEAST_DISTANCE_M {
                 return;
             }
             if let Some(reported) = reported
                 && apart_m < MOST_SPEED_M_S * apart_s
             {
-                let reported_en_m = difference(self.path_en_m, from.path_en_m);
+                let reported_en_m = difference(reported.path_en_m, from.path_en_m);
                 let off_m = (reported_en_m[0] - east_m).hypot(reported_en_m[1] - north_m);
                 let is_as_stated = off_m <= SIGMAS * reported.sigma_m_s * apart_s;
                 let ratio = if is_as_stated {
@@ -186,10 +161,10 @@ impl VelocityCheck {
                 }
             }
         }
-        self.from = reported.map(|_| Earlier {
+        self.from = reported.map(|reported| Earlier {
             time_s,
             place,
-            path_en_m: self.path_en_m,
+            path_en_m: reported.path_en_m,
         });
     }
 
@@ -198,7 +173,7 @@ impl VelocityCheck {
         self.warning
     }
 
-    fn warning_of_displacement(&self, reported: Velocity) -> Option<VelocityWarning> {
+    fn warning_of_displacement(&self, reported: Reported) -> Option<VelocityWarning> {
         let Moved {
             reported_en_m,
             measured_en_m,

@@ -39,11 +39,12 @@ fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
     })
     .unwrap();
     let mut check = VelocityCheck::default();
-    let (mut attitude, mut gsd_m) = (None, None);
+    let mut attitudes: Vec<Attitude> = Vec::new();
+    let mut gsd_m = None;
     for Delivered { input, .. } in &flight.deliveries {
         let mut input = *input;
         match &mut input {
-            Input::Attitude(latest) => attitude = Some(*latest),
+            Input::Attitude(attitude) => attitudes.push(*attitude),
             Input::Velocity(velocity) => {
                 if velocity.time_s >= SPOOFED_FROM_S {
                     velocity.north_m_s += spoofed_m_s;
@@ -57,6 +58,8 @@ fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
             }
             Input::Fix(fix) => {
                 gsd_m = Some(fix.gsd_m);
+                let before = attitudes.partition_point(|attitude| attitude.time_s <= fix.time_s);
+                let attitude = before.checked_sub(1).map(|last| attitudes[last]);
                 check.fix(placed(fix, attitude, &tracker), true);
                 if check.warning().is_some() {
                     return Some(fix.time_s);
@@ -164,6 +167,33 @@ fn velocities_that_are_off_by_five_metres_a_second_are_noticed_within_seconds() 
                 after_s.is_some_and(|after_s| after_s < 30.0),
                 "{kind}, seed {seed}: {after_s:?}"
             );
+        }
+    }
+}
+
+#[test]
+fn without_attitude_and_at_one_photo_in_seconds_they_are_noticed_as_well() {
+    for (attitude, frame_rate_hz, most_s) in [
+        (true, 0.25, 60.0),
+        (false, 0.25, 120.0),
+        (false, 0.5, 120.0),
+        (false, 2.0, 120.0),
+    ] {
+        for base in usual() {
+            for seed in 1..=4 {
+                let options = FlightOptions {
+                    seed,
+                    attitude,
+                    frame_rate_hz,
+                    ..base.clone()
+                };
+                let after_s =
+                    inconsistent_s(options.clone(), 11.0).map(|at_s| at_s - SPOOFED_FROM_S);
+                assert!(
+                    after_s.is_some_and(|after_s| (0.0..most_s).contains(&after_s)),
+                    "{options:?}: {after_s:?}"
+                );
+            }
         }
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use crate::elsewhere::{ElsewhereTrial, Scale};
-use crate::metrics::reliability::wilson_interval;
+use crate::metrics::statistics::wilson_interval;
 
 /// Limits between small, medium and large footprints, as shares of the map's width.
 const BANDS: [f64; 2] = [1.0 / 3.0, 1.0];
@@ -68,12 +68,13 @@ impl Group {
         let (count, fixes) = trials.fold((0, 0), |(count, fixes), trial| {
             (count + 1, fixes + usize::from(trial.fixed))
         });
+        let share = fixes as f64 / count.max(1) as f64;
         Self {
             name: name.to_owned(),
             trials: count,
             fixes,
-            share: fixes as f64 / count.max(1) as f64,
-            share_interval: wilson_interval(fixes, count),
+            share,
+            share_interval: wilson_interval(share, count),
         }
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod footprint;
 mod frame;
+mod places;
 pub mod rank_distance;
 pub mod recall;
 pub mod reliability;

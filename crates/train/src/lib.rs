@@ -24,7 +24,7 @@ pub use config::{DescriptorLoss, ExportOptions, GlobalLoss, Stage, TrainConfig, 
 pub use error::TrainError;
 pub use measure::export::{Exported, export};
 pub use measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
-pub use measure::statistics::with_recomputed_statistics;
+pub use measure::statistics::with_export_statistics;
 pub use measure::validation::{
     MatchingFigures, PairOutputs, Validation, Validations, pairs_of, validation_options,
 };

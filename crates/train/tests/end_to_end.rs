@@ -12,8 +12,7 @@ use grimnet_train::data::{
     Folder, Layout, Pair, PairOptions, Serves, Source, Sources, WeightedSource,
 };
 use grimnet_train::{
-    Data, GlobalLoss, Losses, TeacherOptions, TrainConfig, Trainer, Weights,
-    with_recomputed_statistics,
+    Data, GlobalLoss, Losses, TeacherOptions, TrainConfig, Trainer, Weights, with_export_statistics,
 };
 use image::{Rgb, RgbImage, imageops};
 use rand::{Rng, SeedableRng};
@@ -169,8 +168,7 @@ fn a_trained_model_localises() {
     let sources = Data::open(&config).unwrap().training;
     let (trainer, ..) = train(&config, sources.clone(), 12);
     let average = &trainer.state().average;
-    let parameters =
-        with_recomputed_statistics(average, &sources, &config, &Device::flex()).unwrap();
+    let parameters = with_export_statistics(average, &sources, &config, &Device::flex()).unwrap();
     let model = parameters.to_model(Card::default()).unwrap();
     let path = folder.path().join("model.safetensors");
     model.save(&path).unwrap();

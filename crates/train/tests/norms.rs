@@ -1,4 +1,4 @@
-//! Normalisation by domain, and the one normalisation that it is compared with.
+//! Normalisation by domain, the one normalisation that it is compared with, and the statistics that are exported.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
@@ -6,19 +6,20 @@ use std::path::Path;
 
 use grimnet_train::data::{PairOptions, WorldOptions};
 use grimnet_train::{
-    Data, Device, Norms, Parameters, TrainConfig, Trainer, with_recomputed_statistics,
+    Data, Device, ExportOptions, Exported, Norms, Parameters, TrainConfig, Trainer, export,
+    with_export_statistics,
 };
+use rstest::rstest;
 
-/// Trains a few steps on procedural worlds, and recomputes the statistics.
-fn trained(folder: &Path, norms: Norms) -> Parameters {
-    let config = TrainConfig {
-        out: folder.join(format!("{norms:?}")),
+/// Few steps on procedural worlds.
+fn short(folder: &Path) -> TrainConfig {
+    TrainConfig {
+        out: folder.join("run"),
         world_share: 1.0,
         world: WorldOptions {
             worlds: 1,
             places: 4,
         },
-        norms,
         steps: Some(2),
         pairs_per_step: 2,
         global_from: 0.0,
@@ -29,13 +30,34 @@ fn trained(folder: &Path, norms: Norms) -> Parameters {
             points: 12,
             ..PairOptions::default()
         },
+        export: ExportOptions {
+            whitening_pairs: 0,
+            validation_pairs: 1,
+            distractors: 2,
+            ..ExportOptions::default()
+        },
         ..TrainConfig::default()
-    };
-    let data = Data::open(&config).unwrap();
-    let device = Device::flex();
-    let mut trainer = Trainer::new(config.clone(), data.training.clone(), &device, false).unwrap();
+    }
+}
+
+fn run(config: &TrainConfig) -> (Data, Trainer) {
+    let data = Data::open(config).unwrap();
+    let sources = data.training.clone();
+    let mut trainer = Trainer::new(config.clone(), sources, &Device::flex(), false).unwrap();
     trainer.run(&mut |_, _| true).unwrap();
-    with_recomputed_statistics(&trainer.state().average, &data.training, &config, &device).unwrap()
+    (data, trainer)
+}
+
+/// Parameters as they are exported after a short training.
+fn trained(norms: Norms) -> Parameters {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        norms,
+        ..short(folder.path())
+    };
+    let (data, trainer) = run(&config);
+    let average = &trainer.state().average;
+    with_export_statistics(average, &data.training, &config, &Device::flex()).unwrap()
 }
 
 fn values(parameters: &Parameters, name: &str) -> Vec<f32> {
@@ -49,9 +71,8 @@ fn values(parameters: &Parameters, name: &str) -> Vec<f32> {
 
 #[test]
 fn joint_normalisation_leaves_photos_the_maps_and_domains_have_their_own() {
-    let folder = tempfile::tempdir().unwrap();
-    let joint = trained(folder.path(), Norms::Joint);
-    let apart = trained(folder.path(), Norms::ByDomain);
+    let joint = trained(Norms::Joint);
+    let apart = trained(Norms::ByDomain);
     let layers: Vec<String> = joint
         .names()
         .into_iter()
@@ -62,5 +83,28 @@ fn joint_normalisation_leaves_photos_the_maps_and_domains_have_their_own() {
         let photo = map.replace(".norm.sat.", ".norm.uav.");
         assert_eq!(values(&joint, &map), values(&joint, &photo), "{map}");
         assert_ne!(values(&apart, &map), values(&apart, &photo), "{map}");
+    }
+}
+
+#[rstest]
+#[case::averaged(0.998, false)]
+#[case::not_averaged(0.0, true)]
+fn statistics_are_those_of_training_where_nothing_is_averaged(
+    #[case] average_decay: f32,
+    #[case] are_kept: bool,
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        average_decay,
+        ..short(folder.path())
+    };
+    let (data, trainer) = run(&config);
+    let state = trainer.state();
+    let Exported { model, .. } =
+        export(state, &config, &data, &Device::flex(), &mut |_| ()).unwrap();
+    let exported = Parameters::of_model(&model, &Device::flex());
+    for name in ["encoder.0.0.norm.sat.mean", "encoder.4.1.norm.uav.var"] {
+        let running = values(&state.average, name);
+        assert_eq!(values(&exported, name) == running, are_kept, "{name}");
     }
 }

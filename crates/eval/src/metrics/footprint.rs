@@ -3,12 +3,11 @@
 //! A fix is right within [`RIGHT_SHARE`] of the photo's ground width. It is wrong beyond that plus [`TRUTH_SIGMAS`] times the
 //! error of the truth; a fix in between is neither, since the truth does not tell.
 
-use std::collections::BTreeMap;
-
 use serde::Serialize;
 
 use super::frame::Frame;
-use super::statistics::{grouped_bootstrap_interval, mean, percentile};
+use super::places::places;
+use super::statistics::{grouped_share_interval, percentile};
 
 /// Largest error of a right fix, as a share of the ground width of the photo.
 pub const RIGHT_SHARE: f64 = 0.05;
@@ -56,9 +55,10 @@ pub struct FootprintSummary {
     pub right: usize,
     /// `right` as a share of `answerable`.
     pub right_share: f64,
-    /// 95 % bootstrap interval of `right_share`; whole places are resampled.
+    /// 95 % interval of `right_share`: whole places are resampled (bootstrap), or, if all places agree, Wilson's on their number.
     pub right_share_interval: [f64; 2],
-    /// Places; a photo without a place counts as one of its own.
+    /// Places: by name, or photos without one by the ground that they show. A photo belongs to the first place whose first photo
+    /// is nearer than the narrower of their two ground widths.
     pub places: usize,
     /// Photos with a wrong fix, answerable or not.
     pub wrong: usize,
@@ -91,7 +91,15 @@ impl FootprintSummary {
             of.iter().filter(|frame| wanted(frame)).count()
         };
         let right = count(&answerable, is_right);
-        let groups = by_place(&answerable, |frame| f64::from(u8::from(is_right(frame))));
+        let right_by_place: Vec<Vec<f64>> = places(&answerable)
+            .iter()
+            .map(|place| {
+                place
+                    .iter()
+                    .map(|f| f64::from(u8::from(is_right(f))))
+                    .collect()
+            })
+            .collect();
         let shares: Vec<f64> = answerable
             .iter()
             .map(|frame| frame.footprint_share().unwrap_or(f64::INFINITY))
@@ -103,10 +111,8 @@ impl FootprintSummary {
             answerable_fixes: count(&answerable, |frame| frame.fixed),
             right,
             right_share: right as f64 / answerable.len().max(1) as f64,
-            right_share_interval: grouped_bootstrap_interval(&groups, |sample| {
-                mean(sample).unwrap_or(0.0)
-            }),
-            places: groups.len(),
+            right_share_interval: grouped_share_interval(&right_by_place),
+            places: right_by_place.len(),
             wrong: count(&known, is_wrong),
             undecided: count(&known, |f| f.fixed && !is_right(f) && !is_wrong(f)),
             median_share: percentile(&shares, 0.5),
@@ -115,22 +121,11 @@ impl FootprintSummary {
     }
 }
 
-/// A value of each photo, grouped by place in the order of their names; a photo without a place is a group of its own.
-fn by_place(frames: &[&Frame], value: impl Fn(&Frame) -> f64) -> Vec<Vec<f64>> {
-    let mut places: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-    let mut alone = Vec::new();
-    for frame in frames {
-        match &frame.place {
-            Some(place) => places.entry(place).or_default().push(value(frame)),
-            None => alone.push(vec![value(frame)]),
-        }
-    }
-    places.into_values().chain(alone).collect()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::statistics::wilson_interval;
     use super::*;
+    use grimnet_geo::{LonLat, destination_en_m};
 
     fn frame(place: &str, error_m: Option<f64>, answerable: bool) -> Frame {
         Frame {
@@ -167,6 +162,26 @@ mod tests {
         let [low, high] = summary.right_share_interval;
         assert_eq!((low, high), (0.0, 0.5), "either place may be drawn twice");
         assert_eq!(FootprintSummary::of(&[Frame::default()]), None);
+    }
+
+    #[test]
+    fn photos_of_one_flight_are_as_few_places_as_their_ground_and_no_certainty() {
+        // Thirty photos 21 m apart, 200 m wide: every tenth is a new place.
+        let flight: Vec<Frame> = (0..30)
+            .map(|i| Frame {
+                place: None,
+                truth: Some(destination_en_m(
+                    LonLat::new(120.7, 24.2),
+                    21.0 * f64::from(i),
+                    0.0,
+                )),
+                ..frame("", Some(1.0), true)
+            })
+            .collect();
+        let summary = FootprintSummary::of(&flight).unwrap();
+        assert_eq!((summary.right, summary.places), (30, 3));
+        assert_eq!(summary.right_share_interval, wilson_interval(1.0, 3));
+        assert!(summary.right_share_interval[0] < 0.5, "{summary:?}");
     }
 
     #[test]

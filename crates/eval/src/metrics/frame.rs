@@ -15,6 +15,9 @@ pub struct Frame {
     pub photo: String,
     /// Whether a fix was given.
     pub fixed: bool,
+    /// The true position of the image centre, if it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub truth: Option<LonLat>,
     /// Distance from the true position in metres; `None` without a fix.
     pub error_m: Option<f64>,
     /// Error east of the truth in metres.

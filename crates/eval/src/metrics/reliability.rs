@@ -4,12 +4,10 @@ use serde::Serialize;
 
 use super::footprint::is_right;
 use super::frame::Frame;
+use super::statistics::wilson_interval;
 
 /// Limits of the bins of confidence: fine near one, where fixes are given.
 const LIMITS: [f64; 12] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 1.0];
-
-/// Quantile of the normal distribution for a two-sided 95 % interval.
-const Z_95: f64 = 1.959_964;
 
 /// The fixes with a confidence in one range.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -90,29 +88,17 @@ impl Bin {
             .collect();
         let right = inside.iter().filter(|(_, right)| *right).count();
         let count = inside.len();
+        let right_share = right as f64 / count.max(1) as f64;
         (count > 0).then(|| Self {
             from,
             to,
             fixes: count,
             right,
             mean_confidence: inside.iter().map(|(c, _)| c).sum::<f64>() / count as f64,
-            right_share: right as f64 / count as f64,
-            right_share_interval: wilson_interval(right, count),
+            right_share,
+            right_share_interval: wilson_interval(right_share, count),
         })
     }
-}
-
-/// 95 % score interval of a share (Wilson 1927); the whole range for an empty sample.
-#[must_use]
-pub fn wilson_interval(part: usize, whole: usize) -> [f64; 2] {
-    if whole == 0 {
-        return [0.0, 1.0];
-    }
-    let (n, z2) = (whole as f64, Z_95 * Z_95);
-    let share = part as f64 / n;
-    let centre = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
-    let reach = Z_95 / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
-    [(centre - reach).max(0.0), (centre + reach).min(1.0)]
 }
 
 #[cfg(test)]
@@ -155,15 +141,5 @@ mod tests {
         let brier = (0.45f64.powi(2) + 0.57f64.powi(2) + 0.05f64.powi(2)) / 4.0;
         assert_relative_eq!(found.brier, brier, epsilon = 1e-12);
         assert_eq!(Reliability::of(&[Frame::missed("a", "nothing")]), None);
-    }
-
-    #[test]
-    fn intervals_are_wilsons() {
-        // statsmodels.stats.proportion.proportion_confint(7, 10, method="wilson")
-        let [low, high] = wilson_interval(7, 10);
-        assert_relative_eq!(low, 0.396_778_15, epsilon = 1e-6);
-        assert_relative_eq!(high, 0.892_208_73, epsilon = 1e-6);
-        assert_eq!(wilson_interval(0, 0), [0.0, 1.0]);
-        assert_relative_eq!(wilson_interval(0, 1000)[1], 0.003_826_8, epsilon = 1e-5);
     }
 }

@@ -1,6 +1,9 @@
-//! Statistics of a sample: percentiles and bootstrap intervals.
+//! Statistics of a sample: percentiles, bootstrap intervals and the interval of a share.
 
 use rand::{Rng, SeedableRng};
+
+/// Quantile of the normal distribution for a two-sided 95 % interval.
+const Z_95: f64 = 1.959_964;
 
 /// Share of values at most `limit`; 0 for an empty sample.
 #[must_use]
@@ -81,9 +84,34 @@ pub fn grouped_bootstrap_interval<T: Copy>(
     [0.025, 0.975].map(|q| percentile(&figures, q).unwrap_or(f64::INFINITY))
 }
 
+/// 95 % score interval of a share of `count` values (Wilson 1927); the whole range for an empty sample.
+#[must_use]
+pub fn wilson_interval(share: f64, count: usize) -> [f64; 2] {
+    if count == 0 {
+        return [0.0, 1.0];
+    }
+    let (n, z2) = (count as f64, Z_95 * Z_95);
+    let centre = (share + z2 / (2.0 * n)) / (1.0 + z2 / n);
+    let reach = Z_95 / (1.0 + z2 / n) * (share * (1.0 - share) / n + z2 / (4.0 * n * n)).sqrt();
+    [(centre - reach).max(0.0), (centre + reach).min(1.0)]
+}
+
+/// 95 % interval of the mean of values in groups: that of [`grouped_bootstrap_interval`], or [`wilson_interval`] on the number of
+/// groups if every group has the same mean, for then all resamples are alike and the bootstrap has no width.
+#[must_use]
+pub fn grouped_share_interval(groups: &[Vec<f64>]) -> [f64; 2] {
+    let mut means = groups.iter().map(|group| mean(group).unwrap_or(0.0));
+    let first = means.next().unwrap_or(0.0);
+    if means.all(|other| (other - first).abs() < f64::EPSILON) {
+        return wilson_interval(first, groups.len());
+    }
+    grouped_bootstrap_interval(groups, |sample| mean(sample).unwrap_or(0.0))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use approx::assert_relative_eq;
 
     #[test]
     fn an_interval_by_group_is_wider_where_a_group_agrees_with_itself() {
@@ -101,5 +129,27 @@ mod tests {
         );
         assert!(by_place[0] < 0.7 && 0.7 < by_place[1]);
         assert_eq!(grouped_bootstrap_interval::<f64>(&[], share), [0.0, 0.0]);
+    }
+
+    #[test]
+    fn intervals_are_wilsons() {
+        // statsmodels.stats.proportion.proportion_confint(7, 10, method="wilson")
+        let [low, high] = wilson_interval(0.7, 10);
+        assert_relative_eq!(low, 0.396_778_15, epsilon = 1e-6);
+        assert_relative_eq!(high, 0.892_208_73, epsilon = 1e-6);
+        assert_eq!(wilson_interval(0.0, 0), [0.0, 1.0]);
+        assert_relative_eq!(wilson_interval(0.0, 1000)[1], 0.003_826_8, epsilon = 1e-5);
+    }
+
+    #[test]
+    fn groups_that_agree_have_an_interval_as_wide_as_their_number_gives() {
+        let all_right = vec![vec![1.0; 10], vec![1.0; 3], vec![1.0]];
+        assert_eq!(grouped_share_interval(&all_right), wilson_interval(1.0, 3));
+        let one_place = [vec![1.0, 0.0]];
+        assert_eq!(grouped_share_interval(&one_place), wilson_interval(0.5, 1));
+        assert_eq!(grouped_share_interval(&[]), [0.0, 1.0]);
+        let one_miss = vec![vec![1.0; 10], vec![1.0; 3], vec![0.0]];
+        let by_draws = grouped_bootstrap_interval(&one_miss, |s| mean(s).unwrap_or(0.0));
+        assert_eq!(grouped_share_interval(&one_miss), by_draws);
     }
 }

@@ -99,7 +99,8 @@ pub struct TrainConfig {
     pub global_temperature: f32,
     /// Number of past batches whose map views are additional negatives of the contrastive global loss.
     pub memory_batches: usize,
-    /// Decay of the exponential moving average of the parameters, per step; 0 exports the parameters themselves.
+    /// Decay of the exponential moving average of the parameters, per step; 0 exports the parameters themselves, with
+    /// the running statistics of their normalisations. Those of averaged parameters are recomputed from training pairs.
     pub average_decay: f32,
     /// Minutes between checkpoints.
     pub checkpoint_minutes: f64,

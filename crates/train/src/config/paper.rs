@@ -13,8 +13,8 @@ const SIDE_PX: u32 = 320;
 /// estimate has 400 corresponding pairs among 160,000, a share of 1/400. Read literally the equation has a share of 1/102,400;
 /// SuperPoint, whose loss the paper says it uses, has one of 1/6.4 by its weight of 250.
 const HINGE_POSITIONS: usize = 400;
-/// Range of rotations either way, degrees. The paper says "the same strategy as SuperPoint", which gives no number; this is
-/// the range of the common reimplementation of SuperPoint.
+/// Range of rotations either way, degrees. The paper says that "the strategy is the same as that of SuperPoint", which gives no
+/// number; this is the range of the common reimplementation of SuperPoint.
 const ROTATION_DEG: f64 = 90.0;
 /// Random homographies of the homographic adaptation (DeTone et al. 2018, section 5.2).
 const ADAPTATION_VIEWS: usize = 100;
@@ -88,6 +88,7 @@ impl TrainConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::measure::validation::validation_options;
     use grimnet_net::{Decoder, KeypointHead, VladInput};
 
     /// The values that the paper gives, copied from its text.
@@ -138,8 +139,9 @@ mod tests {
         assert_eq!(network.descriptor_dim, 256);
         assert_eq!(network.vlad.input, VladInput::DeepestUnscaled);
         assert_eq!((network.vlad.clusters, network.global_dim), (64, 512));
-        // Equation 8: a PCA whitening matrix, whatever it measures.
+        // Equation 8: a PCA whitening matrix, whatever it measures, fitted to descriptors of the resolution of section 4.3.
         assert_eq!(recipe.export.whitening, WhiteningChoice::Pca);
+        assert_eq!(validation_options(&recipe.pairs).side_px, 320);
     }
 
     #[test]

@@ -213,13 +213,24 @@ fn files_under(folder: &Path, out: &mut Vec<PathBuf>) -> Result<(), TrainError> 
     for path in entries {
         if path.is_dir() {
             files_under(&path, out)?;
-        } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| {
-            ["jpg", "jpeg", "png", "tif", "tiff", "webp"].contains(&e.to_ascii_lowercase().as_str())
-        }) {
+        } else if is_picture(&path) {
             out.push(path);
         }
     }
     Ok(())
+}
+
+/// Whether a file is a picture by its extension, and not hidden: macOS writes a hidden `._a.jpg`, which is no picture, beside `a.jpg`
+/// on other file systems.
+fn is_picture(path: &Path) -> bool {
+    let is_hidden = path
+        .file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
+    let extension = path.extension().and_then(|e| e.to_str());
+    !is_hidden
+        && extension.is_some_and(|e| {
+            ["jpg", "jpeg", "png", "tif", "tiff", "webp"].contains(&e.to_ascii_lowercase().as_str())
+        })
 }
 
 #[cfg(test)]
@@ -270,6 +281,18 @@ mod tests {
         assert_eq!(found[3].1, Some(Fold::Validation));
         let error = names(&root.path().join("Train"), Layout::Vtrn).unwrap_err();
         assert!(error.to_string().contains("Train/query_images"), "{error}");
+    }
+
+    #[test]
+    fn hidden_files_and_other_files_are_left_out() {
+        let root = tempfile::tempdir().unwrap();
+        make(
+            root.path(),
+            &["b/2.JPG", "b/._2.JPG", "._1.png", "1.png", ".jpg", "1.pgw"],
+        );
+        let found = names(root.path(), Layout::Pictures).unwrap();
+        let found: Vec<&str> = found.iter().map(|(name, _)| name.as_str()).collect();
+        assert_eq!(found, ["1.png", "b/2.JPG"]);
     }
 
     #[test]

@@ -1,11 +1,11 @@
-//! From a checkpoint to a model file: normalisation statistics are recomputed, whitening is fitted, and figures on held-out pairs
-//! decide which whitening is kept.
+//! From a checkpoint to a model file: normalisation statistics are those of the parameters, whitening is fitted, and figures on
+//! held-out pairs decide which whitening is kept.
 
 use crate::config::{ExportOptions, TrainConfig, WhiteningChoice};
 use crate::data::{Pair, PairOptions, Task, batch_of};
 use crate::error::TrainError;
 use crate::measure::card::{card_of, notes};
-use crate::measure::statistics::with_recomputed_statistics;
+use crate::measure::statistics::with_export_statistics;
 use crate::measure::validation::{
     PairOutputs, Validation, Validations, extractors_of, features_of, pairs_of, validation_options,
 };
@@ -97,8 +97,7 @@ pub fn export(
     on_progress: &mut dyn FnMut(f64),
 ) -> Result<Exported, TrainError> {
     let options = &config.export;
-    let parameters =
-        with_recomputed_statistics(&checkpoint.average, &data.training, config, device)?;
+    let parameters = with_export_statistics(&checkpoint.average, &data.training, config, device)?;
     let card = card_of(checkpoint, config);
     let plain = parameters.to_model(card.clone())?;
     let views = validation_options(&config.pairs);

@@ -1,4 +1,4 @@
-//! Recomputing the batch-normalisation statistics of averaged parameters.
+//! The batch-normalisation statistics of exported parameters.
 
 use crate::config::TrainConfig;
 use crate::data::{Sources, batch_of, usable};
@@ -13,11 +13,12 @@ use grimnet_net::Domain;
 /// Number of batches that the statistics are computed from.
 const STATISTICS_BATCHES: u64 = 24;
 
-/// The parameters with batch-normalisation statistics recomputed from training pairs; averaged parameters need their own.
+/// The averaged parameters with the batch-normalisation statistics that they are exported with: recomputed from training pairs,
+/// for averaged parameters need their own, or the running statistics of training if nothing was averaged (`average_decay` = 0).
 ///
 /// # Errors
 /// Returns an error if the sources give no pairs, or values cannot be read from the device.
-pub fn with_recomputed_statistics(
+pub fn with_export_statistics(
     average: &Parameters,
     sources: &Sources,
     config: &TrainConfig,
@@ -25,7 +26,12 @@ pub fn with_recomputed_statistics(
 ) -> Result<Parameters, TrainError> {
     let mut parameters = average.clone();
     let device = device.clone().without_autodiff();
-    for i in 0..STATISTICS_BATCHES {
+    let batches = if config.average_decay > 0.0 {
+        STATISTICS_BATCHES
+    } else {
+        0
+    };
+    for i in 0..batches {
         let batch = batch_of(
             sources,
             None,

@@ -38,11 +38,13 @@ pub struct MatchingFigures {
 /// Figures by the name of the held-out data.
 pub type Validations = Vec<(String, Validation)>;
 
-/// Options of the pairs for validation and for fitting the whitening: like those of training, with views of 256 x 256.
+/// Corresponding points that the views of a pair must have. The figures do not use them, so that few are enough.
+const POINTS: usize = 32;
+
+/// Options of the pairs for validation and for fitting the whitening: like those of training, with few points.
 pub fn validation_options(training: &PairOptions) -> PairOptions {
     PairOptions {
-        side_px: 256,
-        points: 32,
+        points: training.points.min(POINTS),
         ..training.clone()
     }
 }

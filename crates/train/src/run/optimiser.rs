@@ -14,7 +14,7 @@ pub struct AdamOptions {
     pub beta1: f32,
     /// Decay of the second moment, per update.
     pub beta2: f32,
-    /// Added to the root of the second moment.
+    /// Added to the root of the corrected second moment.
     pub epsilon: f32,
 }
 
@@ -136,9 +136,12 @@ impl Adam {
                 },
             };
             let exponent = i32::try_from(updates).unwrap_or(i32::MAX);
-            let correction = (1.0 - beta2.powi(exponent)).sqrt() / (1.0 - beta1.powi(exponent));
-            let direction = first.clone() / second.clone().sqrt().add_scalar(epsilon);
-            let value = parameters.flat(&name)? - direction.mul_scalar(rate_of(&name) * correction);
+            let [first_share, second_share] = [beta1, beta2].map(|beta| 1.0 - beta.powi(exponent));
+            // PyTorch's order: epsilon is added to the corrected root, so that it counts alike in every update.
+            let root = second.clone().sqrt().div_scalar(second_share.sqrt());
+            let direction = first.clone() / root.add_scalar(epsilon);
+            let value =
+                parameters.flat(&name)? - direction.mul_scalar(rate_of(&name) / first_share);
             parameters.set(&name, value)?;
             let kept = Moments {
                 updates,

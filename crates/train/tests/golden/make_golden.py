@@ -228,29 +228,32 @@ CASES["normalisation"]["old"] = [[old_mean[k].tolist(), old_var[k].tolist()] for
 CASES["normalisation"]["running"] = [[t.tolist() for t in running[k]] for k in (0, 1)]
 
 # One Adam step after another, two rates, clipped by the global norm.
-values = {"encoder.0.0.weight": torch.randn(6), "descriptor.bias": torch.randn(4)}
+ENCODER, DECODER = "encoder.0.0.weight", "descriptor.bias"
+
+
+def adam_case(name, values, pulls, clip, betas):
+    """Records the values after one step for each pull, which is the gradient, and the lengths of the gradients."""
+    moved = {key: v.clone().requires_grad_() for key, v in values.items()}
+    adam = torch.optim.Adam(
+        [{"params": [moved[ENCODER]], "lr": 1e-3}, {"params": [moved[DECODER]], "lr": 1e-2}], betas=betas, eps=1e-8
+    )
+    lengths = []
+    for pull in pulls:
+        for key, v in moved.items():
+            v.grad = pull[key].clone()
+        lengths.append(float(torch.nn.utils.clip_grad_norm_(list(moved.values()), clip)))
+        adam.step()
+    CASES[name] = {
+        "start": {key: v.tolist() for key, v in values.items()},
+        "pulls": [{key: v.tolist() for key, v in pull.items()} for pull in pulls],
+        "end": {key: v.detach().tolist() for key, v in moved.items()},
+        "lengths": lengths,
+    }
+
+
+values = {ENCODER: torch.randn(6), DECODER: torch.randn(4)}
 pulls = [{key: torch.randn_like(v) * s for key, v in values.items()} for s in (0.1, 3.0, 1.0)]
-moved = {key: v.clone().requires_grad_() for key, v in values.items()}
-adam = torch.optim.Adam(
-    [
-        {"params": [moved["encoder.0.0.weight"]], "lr": 1e-3},
-        {"params": [moved["descriptor.bias"]], "lr": 1e-2},
-    ],
-    betas=(0.9, 0.99),
-    eps=1e-8,
-)
-lengths = []
-for pull in pulls:
-    for key, v in moved.items():
-        v.grad = pull[key].clone()
-    lengths.append(float(torch.nn.utils.clip_grad_norm_(list(moved.values()), 2.0)))
-    adam.step()
-CASES["adam"] = {
-    "start": {key: v.tolist() for key, v in values.items()},
-    "pulls": [{key: v.tolist() for key, v in pull.items()} for pull in pulls],
-    "end": {key: v.detach().tolist() for key, v in moved.items()},
-    "lengths": lengths,
-}
+adam_case("adam", values, pulls, 2.0, (0.9, 0.99))
 
 # Cross-entropy over scene classes, each data set among its own. From its own random numbers, so that the cases before keep theirs.
 drawn = torch.Generator().manual_seed(21)
@@ -264,6 +267,13 @@ def scenes(logits):
 
 
 case("scenes", {"logits": 2 * torch.randn(5, 7, generator=drawn)}, scenes, scenes=classes)
+
+# Adam where gradients are hardly larger than its epsilon of 1e-8, which PyTorch adds after the correction of the second moment. From
+# its own random numbers, too; small values, so that the steps are not lost in rounding.
+drawn = torch.Generator().manual_seed(22)
+values = {ENCODER: 0.01 * torch.randn(6, generator=drawn), DECODER: 0.01 * torch.randn(4, generator=drawn)}
+pulls = [{key: 1e-7 * torch.randn(v.shape, generator=drawn) for key, v in values.items()} for _ in range(3)]
+adam_case("adam_small_gradients", values, pulls, float("inf"), (0.9, 0.999))
 
 path = Path(__file__).parent / "losses.json"
 path.write_text(json.dumps(CASES, indent=None, separators=(",", ":")) + "\n")

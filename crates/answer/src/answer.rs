@@ -6,6 +6,11 @@ use grimnet_locate::{EvidenceUsed, Outcome, Reason, TimeMs};
 use grimnet_photo::Evidence;
 use serde::{Deserialize, Serialize};
 
+use crate::antimeridian::beside;
+
+/// Fewest corners that enclose an area.
+const MIN_CORNERS: usize = 3;
+
 /// One answer; without a fix the numbers are `null`.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(feature = "schema", derive(utoipa::ToSchema))]
@@ -43,7 +48,7 @@ pub struct Answer {
     pub runner_up_inliers: Option<usize>,
     /// Distance in metres from the position in the photo's own metadata (`--check`).
     pub check_m: Option<f64>,
-    /// Corners of the photo on the ground, `[lon, lat]` in degrees, clockwise from the top left.
+    /// Corners of the photo on the ground, `[lon, lat]` in degrees, clockwise from the top left; `null` if fewer than three are known.
     pub outline_lon_lat_deg: Option<Vec<[f64; 2]>>,
     /// Metadata and options that were used.
     #[cfg_attr(feature = "schema", schema(value_type = Vec<EvidenceSchema>))]
@@ -108,12 +113,12 @@ impl Answer {
                 inliers: Some(fix.inliers),
                 matches: Some(fix.matches),
                 runner_up_inliers: fix.runner_up.map(|r| r.inliers),
-                outline_lon_lat_deg: Some(
-                    fix.outline_lonlat_deg
-                        .iter()
+                outline_lon_lat_deg: (fix.outline_lonlat_deg.len() >= MIN_CORNERS).then(|| {
+                    let corners = fix.outline_lonlat_deg.iter();
+                    corners
                         .map(|corner| corner.map(|v| rounded(v, 8)))
-                        .collect(),
-                ),
+                        .collect()
+                }),
                 ..Self::of_photo(photo, &fix.evidence, &fix.time_ms)
             },
             Outcome::NoFix(no_fix) => Self {
@@ -124,6 +129,16 @@ impl Answer {
                 ..Self::of_photo(photo, &no_fix.evidence, &no_fix.time_ms)
             },
         }
+    }
+
+    /// The outline as a ring that is not closed, counter-clockwise as RFC 7946 (3.1.6) has it, on the same side of the antimeridian as the
+    /// position: its longitudes may be beyond 180 or -180 degrees.
+    pub(crate) fn outline_ring(&self) -> Option<Vec<[f64; 2]>> {
+        let centre_lon_deg = self.lon_deg?;
+        let (first, rest) = self.outline_lon_lat_deg.as_ref()?.split_first()?;
+        let corners = std::iter::once(first).chain(rest.iter().rev());
+        let on_one_side = corners.map(|&[lon, lat]| [beside(lon, centre_lon_deg), lat]);
+        Some(on_one_side.collect())
     }
 
     /// What fixes and refusals have in common.
@@ -153,4 +168,68 @@ impl Answer {
 pub fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_locate::{Fix, Support, TileRef};
+
+    use super::*;
+
+    fn answer_with(outline_lonlat_deg: Vec<[f64; 2]>) -> Answer {
+        let fix = Fix {
+            lat_deg: 24.0,
+            lon_deg: 120.0,
+            heading_deg: None,
+            gsd_m: 0.1,
+            covariance_en_m2: [1.0, 0.0, 1.0],
+            radius95_m: 2.5,
+            confidence: None,
+            support: Support {
+                inliers: 60,
+                places: 40,
+                matches: 90,
+                runner_up_inliers: 5,
+                spread: 0.5,
+                expected_inliers: 0.5,
+                held_back_points: 200,
+                held_back_excess: 0.2,
+                on_map: 1.0,
+                inlier_covariance_en_m2: [1.0, 0.0, 1.0],
+            },
+            inliers: 60,
+            matches: 90,
+            tile: TileRef {
+                level: 0,
+                gsd_m: 0.3,
+                index: 0,
+                similarity: 0.5,
+                votes: 20,
+            },
+            runner_up: None,
+            outline_lonlat_deg,
+            evidence: EvidenceUsed::default(),
+            time_ms: TimeMs::default(),
+            drawn: None,
+        };
+        Answer::of("a.jpg", &Outcome::Fix(Box::new(fix)))
+    }
+
+    #[test]
+    fn an_outline_has_three_corners_at_least() {
+        let corners = vec![
+            [119.9, 24.1],
+            [120.1, 24.1],
+            [120.1, 23.9],
+            [119.900_000_000_1, 23.9],
+        ];
+        for count in 0..3 {
+            let answer = answer_with(corners[..count].to_vec());
+            assert_eq!(answer.outline_lon_lat_deg, None, "{count} corners");
+        }
+        let three = answer_with(corners[..3].to_vec());
+        assert_eq!(three.outline_lon_lat_deg.as_deref(), Some(&corners[..3]));
+        let whole = answer_with(corners).outline_lon_lat_deg.unwrap();
+        assert_eq!(whole[3], [119.9, 23.9], "rounded to 8 decimals");
+    }
 }

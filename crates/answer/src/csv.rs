@@ -21,6 +21,7 @@ const HEADER: &[&str] = &[
     "reason",
     "total_ms",
     "damaged",
+    "check_m",
 ];
 
 /// Writes [`Answer`]s as comma-separated values.
@@ -57,6 +58,7 @@ impl AnswerFormat for Csv {
             printable_text(answer.reason.as_deref().unwrap_or_default()).into_owned(),
             text(answer.time_ms.get("total").copied(), 2),
             answer.damaged.to_string(),
+            text(answer.check_m, 3),
         ])?;
         let record = writer
             .into_inner()

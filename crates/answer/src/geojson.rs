@@ -3,6 +3,7 @@
 use geojson::{Feature, Geometry, GeometryValue, JsonObject};
 
 use crate::answer::{Answer, State};
+use crate::antimeridian::cut_ring;
 use crate::error::Result;
 use crate::format::AnswerFormat;
 
@@ -17,6 +18,21 @@ fn feature(geometry: Option<GeometryValue>, properties: JsonObject) -> Feature {
         geometry: geometry.map(Geometry::new),
         properties: Some(properties),
         ..Feature::default()
+    }
+}
+
+/// The outline as a polygon, or as two if it crosses the antimeridian; `None` if there is no outline.
+fn outline(answer: &Answer) -> Option<GeometryValue> {
+    let mut rings = cut_ring(&answer.outline_ring()?);
+    for ring in &mut rings {
+        ring.extend(ring.first().copied());
+    }
+    match &rings[..] {
+        [] => None,
+        [whole] => Some(GeometryValue::new_polygon([whole.clone()])),
+        _ => Some(GeometryValue::new_multi_polygon(
+            rings.into_iter().map(|ring| [ring]),
+        )),
     }
 }
 
@@ -46,13 +62,11 @@ impl AnswerFormat for Geojson {
             .filter(|_| answer.state == State::Fix)
             .map(|(lon, lat)| GeometryValue::new_point([lon, lat]));
         let mut text = self.line(&feature(point, properties))?;
-        if let Some(outline) = &answer.outline_lon_lat_deg {
-            let ring = outline.iter().chain(outline.first()).copied();
+        if let Some(outline) = outline(answer) {
             let mut properties = JsonObject::new();
             properties.insert("photo".into(), answer.photo.clone().into());
             properties.insert("role".into(), "outline".into());
-            let polygon = GeometryValue::new_polygon([ring.collect::<Vec<_>>()]);
-            text += &self.line(&feature(Some(polygon), properties))?;
+            text += &self.line(&feature(Some(outline), properties))?;
         }
         Ok(text)
     }

@@ -26,6 +26,7 @@ static LAYERS: [Layer; 3] = [
             ("confidence", "DOUBLE"),
             ("inliers", "INTEGER"),
             ("reason", "TEXT"),
+            ("check_m", "DOUBLE"),
         ],
     },
     Layer {
@@ -81,10 +82,11 @@ fn add(file: &mut GeoPackage, answer: &Answer) -> Result<()> {
             &answer.confidence,
             &answer.inliers.map(|n| n as i64),
             &answer.reason,
+            &answer.check_m,
         ],
     )?;
-    if let Some(outline) = &answer.outline_lon_lat_deg {
-        let polygon = Geometry::Polygon(outline.clone());
+    if let Some(outline) = answer.outline_ring() {
+        let polygon = Geometry::Polygon(outline);
         file.add(OUTLINES, Some(&polygon), &[&answer.photo])?;
     }
     if let (Some(position), Some(covariance)) = (position, covariance) {
@@ -110,6 +112,7 @@ mod tests {
             radius95_m: Some(2.5),
             covariance_en_m2: Some([4.0, 1.2, 1.0]),
             inliers: Some(41),
+            check_m: Some(3.25),
             outline_lon_lat_deg: Some(vec![
                 [120.5, 24.5],
                 [121.0, 24.5],
@@ -154,6 +157,8 @@ mod tests {
             "POINT (120.75 24.25)",
             "photo (String) = flight/a & b.jpg",
             "reason (String) = too few matches",
+            "check_m (Real) = 3.25",
+            "check_m (Real) = (null)",
             "Extent: (120.500000, 24.000000) - (121.000000, 24.500000)",
         ] {
             assert!(text.contains(words), "{words} is not in\n{text}");
@@ -168,7 +173,7 @@ mod tests {
                 .collect()
         };
         let outline = [
-            120.5, 24.5, 121.0, 24.5, 121.0, 24.0, 120.5, 24.0, 120.5, 24.5,
+            120.5, 24.5, 120.5, 24.0, 121.0, 24.0, 121.0, 24.5, 120.5, 24.5,
         ];
         let is_outline = |found: &[f64]| {
             found.len() == outline.len()
@@ -178,6 +183,29 @@ mod tests {
             polygons.map(numbers).any(|found| is_outline(&found)),
             "{text}"
         );
+    }
+
+    #[test]
+    fn an_outline_stays_on_the_side_of_its_fix() {
+        let answer = Answer {
+            lon_deg: Some(179.9999),
+            outline_lon_lat_deg: Some(vec![
+                [179.9995, 24.5],
+                [-179.9995, 24.5],
+                [-179.9995, 24.0],
+                [179.9995, 24.0],
+            ]),
+            ..fix()
+        };
+        let bytes = geopackage_of(&[answer]).unwrap();
+        let mut base = rusqlite::Connection::open_in_memory().unwrap();
+        base.deserialize_read_exact("main", &bytes[..], bytes.len(), true)
+            .unwrap();
+        let [west, east] = ["min_x", "max_x"].map(|edge| -> f64 {
+            let sql = format!("SELECT {edge} FROM gpkg_contents WHERE table_name = 'outlines'");
+            base.query_row(&sql, [], |row| row.get(0)).unwrap()
+        });
+        assert!((west - 179.9995).abs() < 1e-9 && (east - 180.0005).abs() < 1e-9);
     }
 
     #[test]

@@ -2,6 +2,8 @@
 
 use grimnet_geo::{LonLat, destination};
 
+use crate::antimeridian::beside;
+
 /// EPSG:4326, of all layers.
 pub(crate) const SRS_ID: i32 = 4326;
 /// Points of an ellipse.
@@ -21,7 +23,7 @@ pub(crate) enum Geometry {
     Point([f64; 2]),
     /// A line of two points or more.
     Line(Vec<[f64; 2]>),
-    /// A polygon of one ring, which is not closed here.
+    /// A polygon of one ring, counter-clockwise, which is not closed here.
     Polygon(Vec<[f64; 2]>),
 }
 
@@ -64,7 +66,7 @@ impl Geometry {
     }
 
     /// The ellipse that holds 95 % of a normal distribution with this covariance (east-east, east-north, north-north, square
-    /// metres), anticlockwise.
+    /// metres), counter-clockwise, on the same side of the antimeridian as the centre.
     pub fn ellipse95([lon_deg, lat_deg]: [f64; 2], [east, both, north]: [f64; 3]) -> Self {
         let centre = LonLat::new(lon_deg, lat_deg);
         // The lower triangular root of the covariance turns a circle into the ellipse.
@@ -82,9 +84,7 @@ impl Geometry {
             let north_m = SIGMAS_95 * (shared * cos + rest * sin);
             let bearing_deg = east_m.atan2(north_m).to_degrees();
             let point = destination(centre, bearing_deg, east_m.hypot(north_m));
-            // On the same side of the antimeridian as the centre.
-            let turns = ((point.lon_deg - centre.lon_deg) / 360.0).round();
-            [point.lon_deg - 360.0 * turns, point.lat_deg]
+            [beside(point.lon_deg, centre.lon_deg), point.lat_deg]
         });
         Self::Polygon(points.collect())
     }

@@ -2,11 +2,12 @@
 //!
 //! An [`Answer`] is what a localiser found for one photo, with the field names that scripts rely on. An [`AnswerFormat`] writes
 //! answers one by one as text: [`Jsonl`], [`Geojson`], [`Kml`], [`Gpx`], [`Csv`]. [`text_of`] writes them all at once. With the feature
-//! `geopackage`, `geopackage_of` writes them as a GeoPackage. [`GpxTrack`]
-//! and [`KmlTrack`] write the positions of a flight, and with the same feature `track_geopackage_of`.
+//! `geopackage`, `geopackage_of` writes them as a GeoPackage. [`GpxTrack`] and [`KmlTrack`] write the positions of a flight, and with the
+//! same feature `track_geopackage_of`; [`track_lines`] are their lines for GeoJSON.
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod answer;
+mod antimeridian;
 mod csv;
 mod error;
 mod format;
@@ -39,7 +40,7 @@ pub use kml::Kml;
 pub use printable::{printable, printable_text};
 #[cfg(feature = "geopackage")]
 pub use track_geopackage::{TrackRecord, track_geopackage_of};
-pub use track_parts::{GpxTrack, KmlTrack, TrackPlace};
+pub use track_parts::{GpxTrack, KmlTrack, TrackPlace, track_lines};
 
 #[cfg(test)]
 mod tests {
@@ -59,6 +60,7 @@ mod tests {
             inliers: Some(41),
             time_ms: [("total".to_owned(), 37.0)].into(),
             matches: Some(96),
+            check_m: Some(3.4),
             outline_lon_lat_deg: Some(vec![
                 [120.0, 24.0],
                 [121.0, 24.0],
@@ -101,6 +103,45 @@ mod tests {
             "a point and an outline for the fix, a feature for the miss"
         );
         insta::assert_snapshot!(text);
+    }
+
+    #[test]
+    fn an_outline_across_the_antimeridian_is_two_polygons_of_geojson() {
+        let mut answer = answers()[0].clone();
+        answer.lon_deg = Some(-179.999_95);
+        answer.outline_lon_lat_deg = Some(vec![
+            [179.999, 24.001],
+            [-179.9991, 24.001],
+            [-179.9991, 24.0],
+            [179.9995, 24.0],
+        ]);
+        let text = text_of(&mut Geojson::default(), &[answer]).unwrap();
+        let collection: ::geojson::FeatureCollection = text.parse().unwrap();
+        let geometry = collection.features[1].geometry.as_ref().unwrap();
+        let ::geojson::GeometryValue::MultiPolygon { coordinates } = &geometry.value else {
+            panic!("{text}")
+        };
+        let mut sizes = Vec::new();
+        for polygon in coordinates {
+            let ring = &polygon[0];
+            assert_eq!(ring.first(), ring.last());
+            let lons: Vec<f64> = ring.iter().map(|at| at[0]).collect();
+            assert!(lons.iter().all(|lon| lon.signum() == lons[0].signum()));
+            assert!(lons.iter().all(|lon| (179.9..=180.0).contains(&lon.abs())));
+            // Twice the area by the shoelace formula; positive is counter-clockwise.
+            sizes.push(
+                ring.windows(2)
+                    .map(|p| p[0][0] * p[1][1] - p[1][0] * p[0][1])
+                    .sum::<f64>(),
+            );
+        }
+        // Together the trapezoid with sides of 0.0019 and 0.0014 degrees.
+        assert_eq!(sizes.len(), 2);
+        assert!(sizes.iter().all(|size| *size > 0.0), "{sizes:?}");
+        assert!(
+            (sizes.iter().sum::<f64>() - 3.3e-6).abs() < 1e-8,
+            "{sizes:?}"
+        );
     }
 
     #[test]

@@ -2,10 +2,11 @@
 
 use rusqlite::ToSql;
 
+use crate::antimeridian::beside;
 use crate::error::Result;
 use crate::geopackage_file::{GeoPackage, Layer};
 use crate::geopackage_geometry::Geometry;
-use crate::track_parts::TrackPlace;
+use crate::track_parts::{TrackPlace, lines};
 
 const POSITIONS: usize = 0;
 const WAY: usize = 1;
@@ -36,7 +37,7 @@ static LAYERS: [Layer; 3] = [
     Layer {
         name: "track",
         geometry: "LINESTRING",
-        description: "the way, a line for each part without interruption",
+        description: "the way, a line for each part of two points or more without interruption",
         columns: &[("first_time", "TEXT"), ("last_time", "TEXT")],
     },
     Layer {
@@ -87,15 +88,13 @@ pub fn track_geopackage_of<'a>(
     records: impl IntoIterator<Item = TrackRecord<'a>>,
 ) -> Result<Vec<u8>> {
     let mut file = GeoPackage::new(&LAYERS)?;
-    let mut part = Part::default();
-    for record in records {
-        add(&mut file, &record)?;
-        match record.place {
-            Some(place) => part.add(&record, place),
-            None => part.end(&mut file)?,
-        }
+    let records: Vec<TrackRecord<'a>> = records.into_iter().collect();
+    for record in &records {
+        add(&mut file, record)?;
     }
-    part.end(&mut file)?;
+    for part in lines(&records, |record| record.place.is_some()) {
+        add_way(&mut file, part)?;
+    }
     file.finish()
 }
 
@@ -136,33 +135,15 @@ fn add(file: &mut GeoPackage, record: &TrackRecord<'_>) -> Result<()> {
     Ok(())
 }
 
-/// A part of the way without interruption.
-#[derive(Default)]
-struct Part<'a> {
-    points: Vec<[f64; 2]>,
-    first_time: &'a str,
-    last_time: &'a str,
-}
-
-impl<'a> Part<'a> {
-    fn add(&mut self, record: &TrackRecord<'a>, place: TrackPlace<'a>) {
-        if self.points.is_empty() {
-            self.first_time = record.time;
-        }
-        self.last_time = record.time;
-        self.points.push([place.lon_deg, place.lat_deg]);
+/// Adds a part of the way without interruption.
+fn add_way(file: &mut GeoPackage, part: &[TrackRecord<'_>]) -> Result<()> {
+    let mut points: Vec<[f64; 2]> = Vec::with_capacity(part.len());
+    for place in part.iter().filter_map(|record| record.place) {
+        let before = points.last().map_or(place.lon_deg, |point| point[0]);
+        points.push([beside(place.lon_deg, before), place.lat_deg]);
     }
-
-    /// Writes the part, if it has the two points of a line, and begins another one.
-    fn end(&mut self, file: &mut GeoPackage) -> Result<()> {
-        let part = std::mem::take(self);
-        if part.points.len() < 2 {
-            return Ok(());
-        }
-        let line = Geometry::Line(part.points);
-        let values: [&dyn ToSql; 2] = [&part.first_time, &part.last_time];
-        file.add(WAY, Some(&line), &values)
-    }
+    let times = [part.first(), part.last()].map(|record| record.map(|record| record.time));
+    file.add(WAY, Some(&Geometry::Line(points)), &[&times[0], &times[1]])
 }
 
 #[cfg(test)]
@@ -225,6 +206,27 @@ mod tests {
             .unwrap();
         assert_eq!(times, ("10:05".to_owned(), "10:06".to_owned()));
         assert!(track_geopackage_of([]).is_ok());
+    }
+
+    #[test]
+    fn a_line_goes_on_beyond_the_antimeridian() {
+        let records = [
+            record("10:00", Some([-179.5, 24.0])),
+            record("10:01", Some([179.5, 24.0])),
+            record("10:02", Some([-179.75, 24.0])),
+        ];
+        let bytes = track_geopackage_of(records).unwrap();
+        let mut base = rusqlite::Connection::open_in_memory().unwrap();
+        base.deserialize_read_exact("main", &bytes[..], bytes.len(), true)
+            .unwrap();
+        let edges: (f64, f64) = base
+            .query_row(
+                "SELECT min_x, max_x FROM gpkg_contents WHERE table_name = 'track'",
+                [],
+                |row| Ok((row.get(0)?, row.get(1)?)),
+            )
+            .unwrap();
+        assert_eq!(edges, (-180.5, -179.5));
     }
 
     #[test]

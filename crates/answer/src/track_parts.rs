@@ -1,10 +1,11 @@
-//! Tracks as GPX 1.1 and as OGC KML 2.3, written point by point: where the position is not known, one part ends, and the next point
-//! begins another.
+//! The parts of a track: where the position is not known, one ends, and the next point begins another. With GPX 1.1 and OGC KML 2.3, which
+//! are written point by point.
 
 use std::fmt::Write as _;
 
 use quick_xml::escape::escape;
 
+use crate::antimeridian::cut_line;
 use crate::printable::printable_text;
 
 /// A point of a track whose position is known.
@@ -20,40 +21,32 @@ pub struct TrackPlace<'a> {
     pub time: Option<&'a str>,
 }
 
-/// Which part of a track is open.
-#[derive(Debug, Clone, Copy, Default)]
-struct Parts {
-    is_open: bool,
-    is_interrupted: bool,
+/// The parts of a track that have the two points of a line.
+pub(crate) fn lines<T>(track: &[T], has_place: impl Fn(&T) -> bool) -> impl Iterator<Item = &[T]> {
+    let parts = track.split(move |at| !has_place(at));
+    parts.filter(|part| part.len() > 1)
 }
 
-impl Parts {
-    /// What comes before the next point, if there is one: the end of the part before, and the beginning of another.
-    fn next(&mut self, has_place: bool, begin: &str, end: &str) -> String {
-        let mut text = String::new();
-        if !has_place {
-            self.is_interrupted = true;
-            return text;
-        }
-        if self.is_open && self.is_interrupted {
-            text += end;
-            self.is_open = false;
-        }
-        if !self.is_open {
-            text += begin;
-            self.is_open = true;
-        }
-        self.is_interrupted = false;
-        text
-    }
+/// The lines of a track as GeoJSON has them, for a `MultiLineString`: `[lon, lat]` in degrees from the positions of a flight, `None` where
+/// the position is not known. There is one for each part of two points or more, and a line that crosses the antimeridian is cut there
+/// (RFC 7946, 3.1.9).
+#[must_use]
+pub fn track_lines(positions: &[Option<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
+    let parts = lines(positions, Option::is_some);
+    parts
+        .flat_map(|part| cut_line(&part.iter().flatten().copied().collect::<Vec<_>>()))
+        .collect()
 }
+
+const GPX_SEGMENT_END: &str = "</trkseg>\n";
+const KML_LINE_END: &str = "</coordinates></LineString>\n";
 
 /// Writes a track as GPX: one track with a segment for each part.
 #[derive(Debug, Clone, Default)]
 pub struct GpxTrack {
     /// Name of the track, if it has one.
     pub name: Option<String>,
-    parts: Parts,
+    is_in_segment: bool,
 }
 
 impl GpxTrack {
@@ -82,10 +75,11 @@ impl GpxTrack {
     /// The next point; `None` where the position is not known.
     #[must_use]
     pub fn point(&mut self, place: Option<TrackPlace<'_>>) -> String {
-        let mut text = self
-            .parts
-            .next(place.is_some(), "<trkseg>\n", "</trkseg>\n");
-        let Some(place) = place else { return text };
+        let was_in_segment = std::mem::replace(&mut self.is_in_segment, place.is_some());
+        let Some(place) = place else {
+            return if was_in_segment { GPX_SEGMENT_END } else { "" }.to_owned();
+        };
+        let mut text = if was_in_segment { "" } else { "<trkseg>\n" }.to_owned();
         let TrackPlace {
             lat_deg, lon_deg, ..
         } = place;
@@ -103,7 +97,7 @@ impl GpxTrack {
     /// What comes after the last point.
     #[must_use]
     pub fn closing(&self) -> &'static str {
-        if self.parts.is_open {
+        if self.is_in_segment {
             "</trkseg>\n</trk>\n</gpx>\n"
         } else {
             "</trk>\n</gpx>\n"
@@ -111,10 +105,22 @@ impl GpxTrack {
     }
 }
 
-/// Writes a track as KML: one placemark with a line for each part.
+/// Writes a track as KML: one placemark with a line for each part. A part of a single point is left out: a line has two at least.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct KmlTrack {
-    parts: Parts,
+    part: KmlPart,
+}
+
+/// What there is of the part of the last point.
+#[derive(Debug, Clone, Copy, Default)]
+enum KmlPart {
+    /// The position is not known.
+    #[default]
+    None,
+    /// A first point, longitude and latitude in degrees, which waits for a second.
+    Point([f64; 2]),
+    /// A line, which is open.
+    Line,
 }
 
 impl KmlTrack {
@@ -130,30 +136,127 @@ impl KmlTrack {
          <MultiGeometry>\n"
     }
 
-    /// The next point; `None` where the position is not known.
+    /// What the next point adds; `None` where the position is not known.
     #[must_use]
     pub fn point(&mut self, place: Option<TrackPlace<'_>>) -> String {
-        let mut text = self.parts.next(
-            place.is_some(),
-            "<LineString><tessellate>1</tessellate><coordinates>\n",
-            "</coordinates></LineString>\n",
-        );
-        if let Some(TrackPlace {
-            lon_deg, lat_deg, ..
-        }) = place
-        {
-            let _ = writeln!(text, "{lon_deg:.8},{lat_deg:.8}");
-        }
+        let place = place.map(|place| [place.lon_deg, place.lat_deg]);
+        let coordinates = |[lon_deg, lat_deg]: [f64; 2]| format!("{lon_deg:.8},{lat_deg:.8}\n");
+        let (part, text) = match (self.part, place) {
+            (KmlPart::Line, None) => (KmlPart::None, KML_LINE_END.to_owned()),
+            (_, None) => (KmlPart::None, String::new()),
+            (KmlPart::None, Some(place)) => (KmlPart::Point(place), String::new()),
+            (KmlPart::Point(first), Some(place)) => {
+                let begin = "<LineString><tessellate>1</tessellate><coordinates>\n";
+                let text = begin.to_owned() + &coordinates(first) + &coordinates(place);
+                (KmlPart::Line, text)
+            }
+            (KmlPart::Line, Some(place)) => (KmlPart::Line, coordinates(place)),
+        };
+        self.part = part;
         text
     }
 
     /// What comes after the last point.
     #[must_use]
     pub fn closing(&self) -> &'static str {
-        if self.parts.is_open {
-            "</coordinates></LineString>\n</MultiGeometry>\n</Placemark>\n</Document>\n</kml>\n"
-        } else {
-            "</MultiGeometry>\n</Placemark>\n</Document>\n</kml>\n"
+        match self.part {
+            KmlPart::Line => {
+                "</coordinates></LineString>\n</MultiGeometry>\n</Placemark>\n</Document>\n</kml>\n"
+            }
+            KmlPart::None | KmlPart::Point(_) => {
+                "</MultiGeometry>\n</Placemark>\n</Document>\n</kml>\n"
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two parts with a line, and two of a single point, the last one at the end.
+    const POSITIONS: [Option<[f64; 2]>; 9] = [
+        Some([120.5, 24.5]),
+        Some([120.75, 24.5]),
+        None,
+        Some([121.0, 24.25]),
+        None,
+        Some([179.5, 24.0]),
+        Some([-179.5, 24.0]),
+        None,
+        Some([121.25, 24.0]),
+    ];
+
+    /// The track's text after each of its points, closed.
+    fn texts(
+        opening: &str,
+        mut point: impl FnMut(Option<TrackPlace<'_>>) -> (String, &'static str),
+    ) -> Vec<String> {
+        let mut text = opening.to_owned();
+        POSITIONS
+            .map(|position| {
+                let place = position.map(|[lon_deg, lat_deg]| TrackPlace {
+                    lon_deg,
+                    lat_deg,
+                    altitude_amsl_m: None,
+                    time: None,
+                });
+                let (more, closing) = point(place);
+                text += &more;
+                text.clone() + closing
+            })
+            .into()
+    }
+
+    /// A file is closed after every point, and the next one overwrites what closed it: a shorter text would leave some of that behind.
+    fn assert_none_is_shorter_than_the_one_before(texts: &[String]) {
+        for pair in texts.windows(2) {
+            assert!(pair[0].len() <= pair[1].len(), "{}\n{}", pair[0], pair[1]);
+        }
+    }
+
+    #[test]
+    fn lines_of_kml_have_two_points_at_least() {
+        let mut track = KmlTrack::default();
+        let texts = texts(track.opening(), |place| {
+            let text = track.point(place);
+            (text, track.closing())
+        });
+        for (text, lines) in texts.iter().zip([0, 1, 1, 1, 1, 1, 2, 2, 2]) {
+            for tag in ["LineString", "coordinates", "MultiGeometry", "kml"] {
+                let begun = text.matches(&format!("<{tag}")).count();
+                assert_eq!(begun, text.matches(&format!("</{tag}>")).count(), "{text}");
+            }
+            let written = text.split("<coordinates>\n").skip(1);
+            let points = written.map(|rest| rest.split("</").next().unwrap().lines().count());
+            assert_eq!(points.collect::<Vec<_>>(), vec![2; lines], "{text}");
+        }
+        assert_none_is_shorter_than_the_one_before(&texts);
+    }
+
+    #[test]
+    fn segments_of_gpx_have_every_point() {
+        let mut track = GpxTrack::default();
+        let texts = texts(&track.opening(), |place| {
+            let text = track.point(place);
+            (text, track.closing())
+        });
+        for (text, segments) in texts.iter().zip([1, 1, 1, 2, 2, 3, 3, 3, 4]) {
+            for tag in ["<trkseg>", "</trkseg>"] {
+                assert_eq!(text.matches(tag).count(), segments, "{text}");
+            }
+        }
+        assert_eq!(texts[8].matches("<trkpt ").count(), 6);
+        assert_none_is_shorter_than_the_one_before(&texts);
+    }
+
+    #[test]
+    fn lines_of_geojson_are_cut_at_the_antimeridian() {
+        let expected = [
+            [[120.5, 24.5], [120.75, 24.5]],
+            [[179.5, 24.0], [180.0, 24.0]],
+            [[-180.0, 24.0], [-179.5, 24.0]],
+        ];
+        assert_eq!(track_lines(&POSITIONS), expected);
     }
 }

@@ -27,12 +27,17 @@ pub(crate) fn written(write: impl FnOnce(Xml) -> std::io::Result<()>) -> std::io
 /// One answer in words.
 pub(crate) fn description(answer: &Answer) -> String {
     match (answer.lon_deg.zip(answer.lat_deg), &answer.reason) {
-        (Some(_), _) => format!(
-            "heading {} degrees, 95 % radius {} m, {} inliers",
-            or_dash(answer.heading_deg, 1),
-            or_dash(answer.radius95_m, 1),
-            answer.inliers.unwrap_or(0)
-        ),
+        (Some(_), _) => {
+            let check = answer.check_m.map_or_else(String::new, |check_m| {
+                format!(", {check_m:.1} m from the position in its metadata")
+            });
+            format!(
+                "heading {} degrees, 95 % radius {} m, {} inliers{check}",
+                or_dash(answer.heading_deg, 1),
+                or_dash(answer.radius95_m, 1),
+                answer.inliers.unwrap_or(0)
+            )
+        }
         (None, Some(reason)) => format!("no fix: {reason}"),
         (None, None) => "no fix".to_owned(),
     }

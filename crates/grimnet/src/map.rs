@@ -4,11 +4,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 pub use grimnet_geo::{GeoError, MapOptions};
+pub use grimnet_output::OutputError;
 pub use grimnet_pack::{BuildLimits, BuildOptions, BuildReport, Levels, Phase, Progress};
 
 use grimnet_geo::open_map;
 use grimnet_net::{Model, NetError};
-use grimnet_pack::PackError;
+use grimnet_output::OutputPolicy;
+use grimnet_pack::{PackError, format::MAGIC};
 
 /// Where the map is and how its pack is built.
 #[derive(Debug, Clone, Default)]
@@ -19,6 +21,8 @@ pub struct MapBuild {
     pub pack: BuildOptions,
     /// The network; `None` for the bundled model. Photos must be localised with the same model.
     pub model: Option<Model>,
+    /// Whether a file at the pack's path that is not a pack may be replaced. The map never is.
+    pub overwrite: bool,
 }
 
 /// Why a pack could not be built.
@@ -34,15 +38,20 @@ pub enum BuildError {
     /// The model cannot be used.
     #[error(transparent)]
     Model(#[from] NetError),
+    /// What is at the pack's path may not be replaced, or nothing can be written there.
+    #[error(transparent)]
+    Output(#[from] OutputError),
 }
 
 /// Builds the pack `pack` from the map `map`: a GeoTIFF or COG, a picture with a world file or with corners, or a CSV of pictures.
 ///
 /// `on_progress` is called after each piece of work. A build that was interrupted continues when it is called again with the same
-/// arguments; a complete pack of the same map, model and options is kept as it is.
+/// arguments; a complete pack of the same map, model and options is kept as it is. Another pack at that path is replaced, any other
+/// file only with [`MapBuild::overwrite`].
 ///
 /// # Errors
-/// Returns an error if the map cannot be read or has no usable georeference, an option is invalid, or the pack cannot be written.
+/// Returns an error if the map cannot be read or has no usable georeference, an option is invalid, or the pack cannot be written or would
+/// replace a file that is not a pack.
 ///
 /// # Example
 /// ```no_run
@@ -77,6 +86,10 @@ pub fn build_interruptible(
     options: &MapBuild,
     mut on_progress: impl FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<BuildReport, BuildError> {
+    OutputPolicy::new()
+        .overwrite(options.overwrite)
+        .protect(&map)
+        .check_file(&pack, &[&MAGIC])?;
     let raster = open_map(map.as_ref(), &options.map)?;
     let bundled;
     let model = match &options.model {

@@ -205,6 +205,34 @@ fn a_finished_pack_is_kept_and_a_builder_changes_settings() {
 }
 
 #[test]
+fn only_packs_are_replaced() {
+    let area = area();
+    let map = area.file("map.tif");
+    let notes = area.file("notes.txt");
+    std::fs::write(&notes, "mine").unwrap();
+    let mut build = small_pack();
+    let error = map::build(&map, &notes, &build, |_| ()).unwrap_err();
+    assert!(matches!(error, BuildError::Output(_)), "{error:?}");
+    assert!(error.to_string().contains("notes.txt"), "{error}");
+    assert_eq!(std::fs::read_to_string(&notes).unwrap(), "mine");
+
+    // A pack, though a damaged one.
+    let damaged = area.file("damaged.grim");
+    let pack = std::fs::read(area.file("area.grim")).unwrap();
+    std::fs::write(&damaged, &pack[..pack.len() / 2]).unwrap();
+    map::build(&map, &damaged, &build, |_| ()).unwrap();
+    assert_eq!(std::fs::read(&damaged).unwrap(), pack);
+
+    build.overwrite = true;
+    let size_bytes = std::fs::metadata(&map).unwrap().len();
+    let error = map::build(&map, &map, &build, |_| ()).unwrap_err();
+    assert!(matches!(error, BuildError::Output(_)), "{error:?}");
+    assert_eq!(std::fs::metadata(&map).unwrap().len(), size_bytes);
+    map::build(&map, &notes, &build, |_| ()).unwrap();
+    assert_eq!(std::fs::read(&notes).unwrap(), pack);
+}
+
+#[test]
 fn no_fix_has_a_reason() {
     let area = area();
     let localizer = Localizer::open(area.file("area.grim")).unwrap();

@@ -52,7 +52,7 @@ pub struct Fix {
     pub covariance_en_m2: [f64; 3],
     /// Radius of the circle that contains the true position with 95 % probability, metres.
     pub radius95_m: f64,
-    /// Probability that this is the right position and not another one; `None` if the model is not calibrated for it.
+    /// Probability that this is the right position and not another one; `None` in paper mode, or if the model is not calibrated.
     pub confidence: Option<f64>,
     /// The figures from which confidence and covariance are computed.
     pub support: Support,

@@ -20,12 +20,9 @@ impl FromStr for Near {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let numbers: Vec<f64> = text
-            .split(',')
-            .filter_map(|t| t.trim().parse().ok())
-            .collect();
-        match numbers[..] {
-            [lat_deg, lon_deg, radius_m]
+        let numbers: Result<Vec<f64>, _> = text.split(',').map(|t| t.trim().parse()).collect();
+        match numbers.as_deref() {
+            Ok(&[lat_deg, lon_deg, radius_m])
                 if lat_deg.abs() <= 90.0
                     && lon_deg.abs() <= 180.0
                     && radius_m > 0.0
@@ -117,6 +114,8 @@ mod tests {
         for bad in [
             "120.72,24.26,500",
             "24.26,120.72",
+            "24.26,oops,120.72,500",
+            "24.26,120.72,500,",
             "24.26,120.72,0",
             "24.26,120.72,inf",
             "",

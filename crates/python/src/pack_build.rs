@@ -131,6 +131,7 @@ pub fn build_pack(
                 ..BuildOptions::standard()
             },
             model: Some(open_model(model.as_ref(), precision)?),
+            overwrite,
         };
         Ok(build_interruptible(
             &map,

@@ -21,7 +21,7 @@ use crate::{
     outcome::{EvidenceUsed, Fix, Outcome, Reason, TimeMs, elapsed_ms},
     paper::equations::{MapCorners, TileIndex},
     pipeline::{
-        answer::{confidence, no_fix, support, tile_ref},
+        answer::{no_fix, support, tile_ref},
         ground_position::{en_m_from_level_px_jacobian, ground_position, matched_points},
         ranking::{best_candidate, runner_up_inliers},
         run::Located,
@@ -231,14 +231,13 @@ fn outcome(
     if let (Some(_), Some(rejection)) = (&options.gates, best.rejection) {
         return Ok(no_fix(Reason::Rejected(rejection), Some(best), evidence));
     }
-    let calibration = context.model.calibration();
     let candidate = best.candidate;
     let mapped = mapped_centre(context, level, query, best)?;
     let centre = match mapped {
         Some(centre) => centre,
         None => level.lonlat_from_level_px(level.tile(candidate.tile).centre_px)?,
     };
-    let error = &calibration.position;
+    let error = &context.model.calibration().position;
     let position = mapped.and_then(|_| {
         ground_position(best, level, query, photo, error, options)
             .ok()
@@ -267,7 +266,8 @@ fn outcome(
             .map_or(level.tile_m() / full_width_px, |position| position.gsd_m),
         covariance_en_m2,
         radius95_m,
-        confidence: confidence(&support, calibration),
+        // The calibration was fitted to answers of the default mode.
+        confidence: None,
         support,
         inliers: support.inliers,
         matches: support.matches,

@@ -179,7 +179,7 @@ impl AcceptedAnswer {
 }
 
 /// The probability that a fix with this support is right; `None` if the model is not calibrated.
-pub(crate) fn confidence(support: &Support, calibration: &Calibration) -> Option<f64> {
+fn confidence(support: &Support, calibration: &Calibration) -> Option<f64> {
     Some(support.confidence(calibration.confidence.as_ref()?))
 }
 

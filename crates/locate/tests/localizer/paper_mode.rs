@@ -102,6 +102,7 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
         .unwrap();
     let fix = wrong.fix().unwrap();
     assert!(fix.lat_deg.is_finite() && fix.lon_deg.is_finite() && fix.radius95_m.is_finite());
+    assert_eq!(fix.confidence, None);
 
     let refused =
         self::localizer(Options::paper()).locate(&photo(&town(2), place, 0.0), &Prior::none());

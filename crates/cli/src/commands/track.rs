@@ -15,7 +15,7 @@ use grimnet_track::{TrackOptions, TrackPoint};
 use indicatif::ProgressBar;
 
 pub use super::track_options::TrackArgs;
-use super::track_output::{check_outputs, open_nmea, open_output};
+use super::track_output::{check_outputs, open_nmea, open_output, stopped};
 use super::track_replay::replay;
 use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
@@ -55,8 +55,8 @@ const LONGEST_PAUSE_S: f64 = 1e9;
 /// # Errors
 /// Unreadable pack, model or source; a track that cannot be written. A frame that cannot be used gets a warning and stops nothing.
 pub fn run(arguments: &TrackArgs) -> Result<Exit> {
-    if let Some(folder) = &arguments.output.replay {
-        return replay(arguments, folder);
+    if let Some(recording) = &arguments.output.replay {
+        return replay(arguments, recording);
     }
     let Some(pack) = &arguments.pack else {
         bail!("expected a map pack, --pack AREA.grim");
@@ -171,17 +171,6 @@ fn report_folder(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<Option<
     let map = output.map.as_deref();
     let open = |folder| ReportFolder::open(folder, policy, map, &output.place);
     output.report.as_deref().map(open).transpose()
-}
-
-/// An error that ended the flight, with where the track so far is.
-fn stopped(error: anyhow::Error, partial: Option<PathBuf>) -> anyhow::Error {
-    match partial {
-        Some(path) => error.context(format!(
-            "stopped; the track so far is in {}",
-            path.display()
-        )),
-        None => error,
-    }
 }
 
 /// What may be replaced: nothing that this run reads, as far as it is known before anything is opened.

@@ -243,6 +243,9 @@ pub struct OutputArgs {
     pub record: Option<PathBuf>,
 
     /// Run a recorded flight again, without its photos, and say whether the track is the same
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["source", "pack"], help_heading = OUTPUT)]
+    ///
+    /// A folder of --record, whose newest recording is taken, finished (flight.jsonl) or interrupted (flight.jsonl.partial); or
+    /// the file of a recording.
+    #[arg(long, value_name = "DIR|FILE", conflicts_with_all = ["source", "pack"], help_heading = OUTPUT)]
     pub replay: Option<PathBuf>,
 }

@@ -1,5 +1,7 @@
 //! Where `grim track` writes to.
 
+use std::path::PathBuf;
+
 use anyhow::{Context as _, Result};
 use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_track::TrackPoint;
@@ -89,4 +91,15 @@ pub fn open_nmea(
     target
         .map(|target| TextStream::rows_to(Box::new(NmeaRows), target, policy))
         .transpose()
+}
+
+/// An error that ended the track, with where the track so far is: in the `partial` file, if that holds any of it.
+pub fn stopped(error: anyhow::Error, partial: Option<PathBuf>) -> anyhow::Error {
+    match partial.filter(|path| path.exists()) {
+        Some(path) => error.context(format!(
+            "stopped; the track so far is in {}",
+            path.display()
+        )),
+        None => error,
+    }
 }

@@ -4,7 +4,7 @@
 //! and hash, and the line of the track.
 
 use std::fs::File;
-use std::io::{BufReader, Write as _};
+use std::io::{BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context as _, Result, bail};
@@ -145,7 +145,8 @@ fn is_recordable(input: &Input) -> bool {
 /// Reads a recording and runs it through a filter again.
 pub struct Replay {
     path: PathBuf,
-    lines: std::io::Lines<BufReader<File>>,
+    others: Vec<PathBuf>,
+    text: BufReader<File>,
     number: usize,
     tracker: Option<Tracker>,
 }
@@ -159,25 +160,29 @@ pub struct Replayed {
 }
 
 impl Replay {
-    /// Opens the recording of a folder; one that was interrupted is taken as far as it goes.
+    /// Opens a recording: a file, or the newest one of a folder. One that was interrupted is taken as far as it goes.
     ///
     /// # Errors
-    /// There is none.
-    pub fn open(folder: &Path) -> Result<Self> {
-        let partial = folder.join(format!("{FLIGHT_FILE}.partial"));
-        let path = Some(folder.join(FLIGHT_FILE))
-            .filter(|path| path.is_file() || !partial.is_file())
-            .unwrap_or(partial);
+    /// There is none, or the folder cannot be read.
+    pub fn open(given: &Path) -> Result<Self> {
+        let found = if given.is_dir() {
+            newest_first(given)?
+        } else {
+            vec![given.to_owned()]
+        };
+        let mut found = found.into_iter();
+        let path = found.next().unwrap_or_else(|| given.join(FLIGHT_FILE));
         crate::inputs::check_regular(&path).with_context(|| {
             format!(
-                "{}: expected a folder that a flight was recorded into",
-                folder.display()
+                "{}: expected a folder that a flight was recorded into, or a recording in it",
+                given.display()
             )
         })?;
-        let file = File::open(&path)?;
+        let file = File::open(&path).with_context(|| format!("cannot read {}", path.display()))?;
         Ok(Self {
             path,
-            lines: std::io::BufRead::lines(BufReader::new(file)),
+            others: found.collect(),
+            text: BufReader::new(file),
             number: 0,
             tracker: None,
         })
@@ -186,6 +191,11 @@ impl Replay {
     /// The file that is read.
     pub fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// The other recordings of the folder, newest first.
+    pub fn others(&self) -> &[PathBuf] {
+        &self.others
     }
 
     /// The next frame; `None` at the end.
@@ -227,15 +237,25 @@ impl Replay {
     }
 
     fn next_entry(&mut self) -> Result<Option<Entry>> {
-        let Some(line) = self.lines.next() else {
-            return Ok(None);
-        };
         self.number += 1;
-        let place = || format!("{}, line {}", self.path.display(), self.number);
-        let line = line.with_context(place)?;
-        let entry = serde_json::from_str(&line)
-            .with_context(|| format!("{}: not a line of a recorded flight", place()))?;
-        Ok(Some(entry))
+        let place = format!("{}, line {}", self.path.display(), self.number);
+        let mut line = Vec::new();
+        let read = self.text.read_until(b'\n', &mut line);
+        read.with_context(|| place.clone())?;
+        if line.is_empty() {
+            return Ok(None);
+        }
+        match serde_json::from_slice(&line) {
+            Ok(entry) => Ok(Some(entry)),
+            // A power cut or a full disk ended it.
+            Err(_) if !line.ends_with(b"\n") => {
+                tracing::warn!("{place}: the last line is incomplete and left out");
+                Ok(None)
+            }
+            Err(error) => {
+                Err(error).with_context(|| format!("{place}: not a line of a recorded flight"))
+            }
+        }
     }
 
     fn set_options(&mut self, version: u32, options: TrackOptions) -> Result<()> {
@@ -266,8 +286,31 @@ impl Replay {
     }
 }
 
+/// The recordings of a folder, the one written last first: the finished one, and those that were interrupted.
+fn newest_first(folder: &Path) -> Result<Vec<PathBuf>> {
+    let partial = format!("{FLIGHT_FILE}.partial");
+    let mut found = Vec::new();
+    for entry in fs_err::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().and_then(|name| name.to_str());
+        if !name.is_some_and(|name| name == FLIGHT_FILE || name.starts_with(&partial)) {
+            continue;
+        }
+        // One that has just got its final name is no longer there.
+        if let Ok(metadata) = path.metadata()
+            && metadata.is_file()
+        {
+            found.push((metadata.modified()?, path));
+        }
+    }
+    found.sort();
+    Ok(found.into_iter().rev().map(|(_, path)| path).collect())
+}
+
 #[cfg(test)]
 mod tests {
+    use std::time::{Duration, SystemTime};
+
     use grimnet_geo::LonLat;
     use grimnet_track::{PositionFix, Velocity};
 
@@ -375,18 +418,90 @@ mod tests {
             assert!(format!("{error:#}").contains(expected), "{error:#}");
         }
         assert!(Replay::open(Path::new("/no/such")).is_err());
+        assert!(Replay::open(tempfile::tempdir().unwrap().path()).is_err());
+    }
+
+    #[test]
+    fn an_incomplete_last_line_is_the_end_and_another_one_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        recorded(folder.path());
+        let path = folder.path().join(FLIGHT_FILE);
+        let text = fs_err::read_to_string(&path).unwrap();
+        // Only the line's end is missing.
+        fs_err::write(&path, text.trim_end()).unwrap();
+        assert_eq!(replayed(folder.path()).len(), 12);
+        let torn = &text[..text.len() - 30];
+        fs_err::write(&path, torn).unwrap();
+        assert_eq!(replayed(folder.path()).len(), 11);
+        fs_err::write(&path, [torn.as_bytes(), b"\xff\0\0"].concat()).unwrap();
+        assert_eq!(replayed(folder.path()).len(), 11);
+        fs_err::write(&path, format!("{torn}\n")).unwrap();
+        let mut replay = Replay::open(folder.path()).unwrap();
+        let error = std::iter::from_fn(|| replay.next_frame().transpose())
+            .find_map(Result::err)
+            .unwrap();
+        assert!(format!("{error:#}").contains("not a line"), "{error:#}");
+    }
+
+    #[test]
+    fn the_recording_that_was_written_last_is_replayed_and_a_file_reaches_the_others() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        recorded(folder.path());
+        let whole = fs_err::read_to_string(path(FLIGHT_FILE)).unwrap();
+        let names = [
+            FLIGHT_FILE,
+            "flight.jsonl.partial",
+            "flight.jsonl.partial-2",
+        ];
+        let up_to_frame = |count: usize| {
+            let lines = whole.split_inclusive('\n');
+            let mut frames = 0;
+            let kept = lines.take_while(|line| {
+                frames += usize::from(line.contains("\"hash\""));
+                frames <= count
+            });
+            kept.collect::<String>()
+        };
+        fs_err::write(path(names[1]), up_to_frame(5)).unwrap();
+        fs_err::write(path(names[2]), up_to_frame(3)).unwrap();
+        fs_err::write(path("flight.csv"), "newer, and no recording").unwrap();
+        let counts = [12, 5, 3];
+        for newest in 0..3 {
+            for (number, name) in names.iter().enumerate() {
+                let is_newest = u64::from(number == newest);
+                let written = SystemTime::UNIX_EPOCH + Duration::from_secs(1000 + is_newest);
+                let file = File::options().write(true).open(path(name)).unwrap();
+                file.set_modified(written).unwrap();
+            }
+            assert_eq!(replayed(folder.path()).len(), counts[newest]);
+            let replay = Replay::open(folder.path()).unwrap();
+            assert_eq!(replay.path(), path(names[newest]));
+            assert_eq!(replay.others().len(), 2);
+        }
+        for (name, count) in names.iter().zip(counts) {
+            assert_eq!(replayed(&path(name)).len(), count);
+            assert!(Replay::open(&path(name)).unwrap().others().is_empty());
+        }
     }
 
     #[test]
     fn an_own_recording_is_replaced_and_that_of_others_is_not() {
         let folder = tempfile::tempdir().unwrap();
         recorded(folder.path());
-        // A second flight that is never finished loses nothing of the first one.
+        let path = folder.path().join(FLIGHT_FILE);
+        let first = fs_err::read_to_string(&path).unwrap();
+        // A second flight that is never finished loses nothing of the first one, and one of which nothing is known leaves nothing.
+        let mut second = Recorder::create(folder.path(), &OutputPolicy::new()).unwrap();
+        second.input(fix(0.0), &TrackOptions::default()).unwrap();
+        drop(second);
+        assert_eq!(fs_err::read_to_string(&path).unwrap(), first);
+        let partial = folder.path().join(format!("{FLIGHT_FILE}.partial"));
+        fs_err::remove_file(partial).unwrap();
         drop(Recorder::create(folder.path(), &OutputPolicy::new()).unwrap());
         assert_eq!(replayed(folder.path()).len(), 12);
         recorded(folder.path());
         assert_eq!(replayed(folder.path()).len(), 12);
-        let path = folder.path().join(FLIGHT_FILE);
         let mut text = fs_err::read_to_string(&path).unwrap();
         text.push_str("{}\n");
         fs_err::write(&path, &text).unwrap();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use predicates::prelude::*;
 use predicates::str::contains;
 use serde_json::Value;
 
@@ -105,9 +106,48 @@ fn a_flight_is_recorded_and_runs_again_bit_for_bit() {
         .success();
     let text = String::from_utf8(again.get_output().stdout.clone()).unwrap();
     assert_eq!(lines(&text), answers);
-    // One changed number is noticed.
     let path = recorded.join("flight.jsonl");
     let text = fs::read_to_string(&path).unwrap();
+    // A later one that was interrupted within a line is taken instead, and the other one by its name.
+    let interrupted = recorded.join("flight.jsonl.partial");
+    let torn: String = text.split_inclusive('\n').take(6).collect();
+    fs::write(&interrupted, &torn[..torn.len() - 9]).unwrap();
+    let replayed = |recording: &Path| {
+        let mut command = grim();
+        super::track::answers(command.args(["track", "--replay"]).arg(recording))
+    };
+    let (again, errors, status) = replayed(&recorded);
+    assert_eq!(status, 0, "{errors}");
+    assert!((1..6).contains(&again.len()), "{errors}");
+    assert_eq!(again, answers[..again.len()]);
+    let taken = format!("{} is replayed", interrupted.display());
+    assert!(errors.contains(&taken), "{errors}");
+    assert!(errors.contains(path.to_str().unwrap()), "{errors}");
+    assert!(errors.contains("incomplete"), "{errors}");
+    let (again, errors, status) = replayed(&path);
+    assert_eq!((&again, status), (&answers, 0), "{errors}");
+    assert_eq!(errors, "");
+    // None of them is replaced by the track.
+    for own in [&path, &interrupted] {
+        grim()
+            .args(["track", "--overwrite", "--replay", record, "-o"])
+            .arg(own)
+            .assert()
+            .code(2)
+            .stderr(contains("input"));
+    }
+    // Of one that is damaged the track so far is kept, and it is said where.
+    fs::write(&interrupted, torn + "{}\n").unwrap();
+    let csv = folder.path().join("again.csv");
+    grim()
+        .args(["track", "--replay", record, "-o"])
+        .arg(&csv)
+        .assert()
+        .code(2)
+        .stderr(contains("the track so far is in").and(contains("again.csv.partial")));
+    assert!(!csv.exists());
+    fs::remove_file(&interrupted).unwrap();
+    // One changed number is noticed.
     fs::write(
         &path,
         text.replacen("\"confidence\":0.9", "\"confidence\":0.1", 9),

@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use grimnet_eval::pictures::{EXTENSIONS, picture_files};
+use grimnet_eval::pictures::{EXTENSIONS, is_hidden, may_be_file, picture_files};
 
 /// Expands arguments to photos: a file to itself, a folder to the pictures directly in it (sorted), a
 /// pattern with `*`, `?` or `[` to the files that it matches (sorted).
@@ -37,15 +37,12 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         // A missing file is reported in its own answer, so that the other photos are located.
         return Ok(vec![argument.to_owned()]);
     }
-    let options = glob::MatchOptions {
-        require_literal_leading_dot: true,
-        ..glob::MatchOptions::new()
-    };
-    let matches =
-        glob::glob_with(&text, options).with_context(|| format!("{text}: not a valid pattern"))?;
+    let matches = glob::glob(&text).with_context(|| format!("{text}: not a valid pattern"))?;
+    // Not by the option of `glob`, which ends the program at a name that is not UTF-8.
+    let names_hidden = is_hidden(argument);
     Ok(matches
         .filter_map(Result::ok)
-        .filter(|p| p.is_file())
+        .filter(|path| may_be_file(path) && (names_hidden || !is_hidden(path)))
         .collect())
 }
 
@@ -103,5 +100,14 @@ mod tests {
         assert_eq!(names(&[dir.path().join("*.jpg")]), ["a.jpg"]);
         assert_eq!(names(&[dir.path().join("gone.jpg")]), ["gone.jpg"]);
         assert!(expand(&[dir.path().join("*.webp")]).is_err());
+        #[cfg(unix)]
+        {
+            use std::os::unix::ffi::OsStrExt;
+            for name in [&b"caf\xe9.txt"[..], b"caf\xe9.jpg", b"._a.jpg"] {
+                fs_err::write(dir.path().join(OsStr::from_bytes(name)), "x").unwrap();
+            }
+            let found = names(&[dir.path().join("*.jpg")]);
+            assert_eq!(found, ["a.jpg", "caf\u{fffd}.jpg"]);
+        }
     }
 }

@@ -13,9 +13,15 @@ pub fn picture_files(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut paths: Vec<PathBuf> = fs_err::read_dir(folder)?
         .map(|entry| Ok(entry?.path()))
         .collect::<std::io::Result<_>>()?;
-    paths.retain(|path| is_picture(path) && path.is_file());
+    paths.retain(|path| is_picture(path) && may_be_file(path));
     paths.sort();
     Ok(paths)
+}
+
+/// Whether a path is a file, or cannot be looked at, such as a link that leads nowhere: whoever opens it says so.
+#[must_use]
+pub fn may_be_file(path: &Path) -> bool {
+    std::fs::metadata(path).map_or(true, |metadata| metadata.is_file())
 }
 
 /// Returns the picture files in `folder` and in all folders below it, sorted by path.
@@ -39,14 +45,18 @@ pub fn picture_files_below(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 /// on the memory cards of drones.
 #[must_use]
 pub fn is_picture(path: &Path) -> bool {
-    let is_hidden = path
-        .file_name()
-        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
     let extension = path
         .extension()
         .map(|extension| extension.to_string_lossy().to_lowercase())
-        .filter(|_| !is_hidden);
+        .filter(|_| !is_hidden(path));
     extension.is_some_and(|extension| EXTENSIONS.contains(&extension.as_str()))
+}
+
+/// Whether a path's name begins with a dot.
+#[must_use]
+pub fn is_hidden(path: &Path) -> bool {
+    path.file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
 /// File name of a path as text; the whole path if it has none.
@@ -75,5 +85,11 @@ mod tests {
         let below = picture_files_below(folder.path()).unwrap();
         assert_eq!(names(below), ["a.png", "b.JPG", "c.tif"]);
         assert!(picture_files(&folder.path().join("gone")).is_err());
+        #[cfg(unix)]
+        {
+            std::os::unix::fs::symlink("nowhere", folder.path().join("c.jpg")).unwrap();
+            let direct = picture_files(folder.path()).unwrap();
+            assert_eq!(names(direct), ["a.png", "b.JPG", "c.jpg"], "to be reported");
+        }
     }
 }

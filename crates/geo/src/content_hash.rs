@@ -35,6 +35,12 @@ impl ContentHash {
         if let Some(hash) = self.hash.get() {
             return Ok(*hash);
         }
+        let hash = self.of_now()?;
+        Ok(*self.hash.get_or_init(|| hash))
+    }
+
+    /// The hash of what the files hold now.
+    pub fn of_now(&self) -> Result<[u8; 32], GeoError> {
         let mut hasher = blake3::Hasher::new();
         for (i, file) in self.files.iter().enumerate() {
             let length = hash_file(&mut hasher, file)?;
@@ -43,8 +49,7 @@ impl ContentHash {
                 hasher.update(&length.to_le_bytes());
             }
         }
-        let hash: [u8; 32] = hasher.finalize().into();
-        Ok(*self.hash.get_or_init(|| hash))
+        Ok(hasher.finalize().into())
     }
 }
 

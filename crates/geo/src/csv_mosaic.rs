@@ -113,6 +113,10 @@ impl Raster for Mosaic {
         self.hash.get()
     }
 
+    fn content_hash_now(&self) -> Result<[u8; 32], GeoError> {
+        self.hash.of_now()
+    }
+
     fn files(&self) -> Vec<PathBuf> {
         self.hash.files().to_vec()
     }

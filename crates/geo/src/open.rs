@@ -12,7 +12,8 @@ use crate::mosaic_map::{open_list, open_vrt};
 use crate::pam::read_pam;
 use crate::picture::Picture;
 use crate::placing::{
-    corners_georeference, no_georeference, pam_georeference, tiff_georeference, world_georeference,
+    corners_georeference, no_georeference, pam_georeference, stated_elsewhere, tiff_georeference,
+    world_georeference,
 };
 use crate::pmtiles::PmTiles;
 use crate::single_map::SingleMap;
@@ -73,17 +74,19 @@ fn open_form(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, GeoEr
                 map.set_nodata(read_pam(path)?.nodata);
             }
             let georeference = tiff_georeference(path, &map, crs, options)?;
+            let is_placed_by_options = options.crs.is_some() || options.corners.is_some();
+            let caveat = is_placed_by_options
+                .then(|| stated_elsewhere(path, &map, &georeference))
+                .flatten();
+            if let Some(caveat) = &caveat {
+                tracing::warn!(map = %path.display(), "{caveat}");
+            }
             let files = map.images().files.clone();
             let kind = map.kind();
             let source = Box::new(map);
-            Ok(Box::new(SingleMap::new(
-                path,
-                source,
-                kind,
-                georeference,
-                files,
-                cache,
-            )))
+            Ok(Box::new(
+                SingleMap::new(path, source, kind, georeference, files, cache).with_caveats(caveat),
+            ))
         }
         MapForm::Picture => open_picture(path, crs, options, cache),
     }

@@ -8,9 +8,12 @@ use crate::pam::read_pam;
 use crate::tiff::TiffMap;
 use crate::tiff_georeference::place_of;
 use crate::world_file::{find_world_file, read_world_file};
-use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat};
+use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, offset_en_m};
 
 const CORNERS_ORDER: &str = "the order is LL_LON,LL_LAT,UR_LON,UR_LAT";
+
+/// A coordinate system that moves the centre of a map by less than this is another name of the same one, metres.
+const SAME_PLACE_M: f64 = 5.0;
 
 /// An error about a picture that does not say where it lies.
 pub(crate) fn no_georeference(path: &Path, reason: &str) -> GeoError {
@@ -67,6 +70,24 @@ pub(crate) fn tiff_georeference(
         }
     };
     georeference(path, affine, crs, size_px)
+}
+
+/// What a GeoTIFF states of its place, in a sentence, if its options put it elsewhere.
+pub(crate) fn stated_elsewhere(path: &Path, map: &TiffMap, used: &Georeference) -> Option<String> {
+    let stated = tiff_georeference(path, map, None, &MapOptions::default()).ok()?;
+    let centre = |place: &Georeference| place.lonlat_from_map_px(place.centre_px()).ok();
+    let (of_file, of_options) = (centre(&stated)?, centre(used)?);
+    let (east_m, north_m) = offset_en_m(of_file, of_options);
+    let apart_m = east_m.hypot(north_m);
+    (apart_m > SAME_PLACE_M).then(|| {
+        format!(
+            "the file itself states {} and a centre at {:.6}, {:.6} (latitude, longitude); the coordinate system or corners that were given put \
+             it {apart_m:.0} m away and are used: leave them out unless the file is wrong",
+            stated.crs(),
+            of_file.lat_deg,
+            of_file.lon_deg
+        )
+    })
 }
 
 /// The georeference of the corners in the options, if there are any.

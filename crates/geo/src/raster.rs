@@ -29,6 +29,14 @@ pub trait Raster: Send + Sync {
     /// Returns an error if a file cannot be read.
     fn content_hash(&self) -> Result<[u8; 32], GeoError>;
 
+    /// As [`Raster::content_hash`], but all files are read again: it differs if one of them was changed since.
+    ///
+    /// # Errors
+    /// Returns an error if a file cannot be read.
+    fn content_hash_now(&self) -> Result<[u8; 32], GeoError> {
+        self.content_hash()
+    }
+
     /// Reads a window, resampled to `out_w` x `out_h` pixels.
     ///
     /// Output pixel `(i, j)` covers the map from `window.x + i * window.w / out_w` to

@@ -19,6 +19,7 @@ pub(crate) struct SingleMap {
     georeference: Georeference,
     hash: ContentHash,
     cache: Arc<BlockCache>,
+    caveats: Vec<String>,
 }
 
 impl SingleMap {
@@ -41,7 +42,14 @@ impl SingleMap {
             georeference,
             hash,
             cache,
+            caveats: Vec::new(),
         }
+    }
+
+    /// The map with what may be wrong with it, a sentence each.
+    pub fn with_caveats(mut self, caveats: impl IntoIterator<Item = String>) -> Self {
+        self.caveats.extend(caveats);
+        self
     }
 }
 
@@ -59,6 +67,10 @@ impl Raster for SingleMap {
         self.hash.get()
     }
 
+    fn content_hash_now(&self) -> Result<[u8; 32], GeoError> {
+        self.hash.of_now()
+    }
+
     fn files(&self) -> Vec<PathBuf> {
         with_descriptions(self.hash.files())
     }
@@ -69,6 +81,10 @@ impl Raster for SingleMap {
 
     fn describe(&self) -> String {
         describe(&self.path, self, &self.kind)
+    }
+
+    fn caveats(&self) -> Vec<String> {
+        self.caveats.clone()
     }
 }
 

@@ -55,6 +55,10 @@ impl Raster for TileRaster {
         Ok(*self.hash.get_or_init(|| hash))
     }
 
+    fn content_hash_now(&self) -> Result<[u8; 32], GeoError> {
+        self.map.hash()
+    }
+
     fn files(&self) -> Vec<PathBuf> {
         self.map.store().files()
     }

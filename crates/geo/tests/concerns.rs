@@ -76,8 +76,17 @@ fn swapped_axes() {
 fn degrees_taken_for_metres() {
     let (_dir, path) = map(degrees(8.5, 47.3, [5e-6, 5e-6]), colours);
     let (names, text) = found(&path, Some("EPSG:3857"));
-    assert_eq!(names, ["degrees_as_metres"], "{text}");
+    assert_eq!(names, ["degrees_as_metres", "source"], "{text}");
     assert!(text.contains("EPSG:4326"), "{text}");
+}
+
+#[test]
+fn a_coordinate_system_in_place_of_another_that_the_file_states() {
+    let (_dir, path) = map(geo_tags(32632), colours);
+    assert_eq!(found(&path, Some("EPSG:32632")).0, [""; 0], "the same");
+    let (names, text) = found(&path, Some("EPSG:32633"));
+    assert_eq!(names, ["source"], "{text}");
+    assert!(text.contains("EPSG:32632"), "{text}");
 }
 
 #[test]
@@ -133,6 +142,6 @@ fn what_the_crs_lacks() {
     let (_dir, path) = map(geo_tags(32632), colours);
     // Bessel's ellipsoid without a shift to WGS 84.
     let (names, text) = found(&path, Some("+proj=utm +zone=32 +ellps=bessel +units=m"));
-    assert_eq!(names, ["source"]);
+    assert_eq!(names, ["source", "source"], "{text}");
     assert!(text.contains("hundreds of metres"), "{text}");
 }

@@ -36,7 +36,7 @@ use grimnet_output::{OutputPolicy, linked_path, rename_into_place};
 
 use self::assemble::write_pack;
 use self::cells::Cells;
-use self::cost::{check_cost, check_scale};
+use self::cost::{check_cost, check_enlargement, check_scale};
 use self::journal::{Journal, remove_finished};
 use self::level_build::LevelBuild;
 use self::level_plan::LevelPlan;
@@ -44,7 +44,7 @@ use self::planning::plan_levels;
 use self::progress::{BuildReport, Meter, Phase, Progress};
 use self::recipe::Recipe;
 use self::resume::Resume;
-use self::summary::new_manifest;
+use self::summary::{hex, new_manifest};
 use crate::error::{PackError, Result};
 use crate::manifest::LevelManifest;
 use crate::mode::Mode;
@@ -135,6 +135,7 @@ pub fn build_interruptible(
         model.spec(),
     )?;
     check_cost(&plans, model.spec(), options, recipe, limits)?;
+    check_enlargement(&plans, raster)?;
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {
@@ -168,6 +169,13 @@ pub fn build_interruptible(
     if levels.iter().all(|level| level.tiles.is_empty()) {
         journal.remove()?;
         return Err(without_tiles(raster, &meter.progress));
+    }
+    if hex(raster.content_hash_now()?) != manifest.map.hash {
+        // Its tiles are of the map before, or of something in between.
+        journal.remove()?;
+        return Err(PackError::MapChanged {
+            map: raster.describe(),
+        });
     }
     meter.progress.phase = Phase::Writing;
     notify(&meter.progress)?;

@@ -110,6 +110,12 @@ pub enum PackError {
         /// The number that exceeds its limit.
         what: String,
     },
+    /// The map's files were changed while its pack was built.
+    #[error("the map was changed while the pack was built; build it again: {map}")]
+    MapChanged {
+        /// The map, as it describes itself.
+        map: String,
+    },
     /// The map's scale on the ground is implausible.
     #[error("the map cannot be used: {map}: {what}; check its coordinate system and scale")]
     Scale {

@@ -9,6 +9,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 use std::process::Command;
 
+use grimnet_geo::{GeoError, Georeference, Raster, RasterPatch, WindowPx};
 use grimnet_pack::{
     BuildLimits, BuildOptions, Levels, Pack, PackError, Phase, build, build_interruptible,
 };
@@ -47,6 +48,67 @@ fn names(folder: &Path) -> Vec<String> {
         .collect();
     names.sort();
     names
+}
+
+/// A map whose files are changed while it is read.
+struct Changed(TestMap);
+
+impl Raster for Changed {
+    fn size_px(&self) -> (u64, u64) {
+        self.0.size_px()
+    }
+
+    fn georeference(&self) -> &Georeference {
+        self.0.georeference()
+    }
+
+    fn content_hash(&self) -> Result<[u8; 32], GeoError> {
+        self.0.content_hash()
+    }
+
+    fn content_hash_now(&self) -> Result<[u8; 32], GeoError> {
+        Ok([7; 32])
+    }
+
+    fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {
+        self.0.read(window, out_w, out_h)
+    }
+
+    fn describe(&self) -> String {
+        "town.tif".to_owned()
+    }
+}
+
+#[test]
+fn a_map_that_changes_meanwhile_gives_no_pack_and_nothing_to_continue() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    let error = build(
+        &Changed(map()),
+        &tiny_model(1),
+        &options(),
+        &out,
+        &mut |_| (),
+    )
+    .unwrap_err();
+    assert!(
+        matches!(&error, PackError::MapChanged { .. }) && error.to_string().contains("town.tif"),
+        "{error}"
+    );
+    assert_eq!(names(folder.path()), [""; 0]);
+}
+
+#[test]
+fn a_resolution_far_finer_than_the_map_is_a_slip_of_units() {
+    let folder = tempfile::tempdir().unwrap();
+    let options = BuildOptions {
+        levels: Levels::Gsd(vec![0.001]),
+        ..options()
+    };
+    let out = folder.path().join("area.grim");
+    let error = build(&map(), &tiny_model(1), &options, &out, &mut |_| ()).unwrap_err();
+    assert!(error.to_string().contains("enlarged"), "{error}");
+    assert_eq!(names(folder.path()), [""; 0]);
 }
 
 #[test]

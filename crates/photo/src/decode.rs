@@ -195,7 +195,7 @@ fn from_image(path: &Path, error: image::ImageError) -> PhotoError {
     match error {
         image::ImageError::Unsupported(error) => PhotoError::Unsupported {
             path,
-            found: error.to_string(),
+            found: format!("its compression or colours are not read ({error})"),
         },
         image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
             PhotoError::Truncated {

@@ -29,7 +29,7 @@ pub enum PhotoError {
         path: PathBuf,
     },
     /// The format, or this variant of it, is not supported.
-    #[error("{path}: {found}; supported formats are JPEG, PNG, TIFF and WebP")]
+    #[error("{path}: {found}; save it as JPEG or PNG (WebP and common TIFF are read as well)")]
     Unsupported {
         /// The file.
         path: PathBuf,

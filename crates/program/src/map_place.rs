@@ -20,7 +20,7 @@ const TILES: &str = "Map of tiles";
 /// Where a map lies, if its file does not state it.
 #[derive(Debug, Clone, Default, Args)]
 pub struct MapPlace {
-    /// Coordinate system of a map that does not state it, such as EPSG:25833
+    /// Coordinate system of a map that does not state it, or states a wrong one, such as EPSG:25833
     #[arg(long, value_name = "CRS", help_heading = MAP)]
     pub crs: Option<String>,
 

@@ -48,6 +48,14 @@ impl RecordedTelemetry {
                 printable_text(problem)
             );
         }
+        if !telemetry.unread_columns.is_empty() {
+            tracing::warn!(
+                "{}: nothing is read from the columns {}: they have other names than the columns that are read, or lack those that belong to \
+                 them (docs/autopilot.md, \"Telemetry from files\")",
+                path.display(),
+                printable_text(&telemetry.unread_columns.join(", "))
+            );
+        }
         Ok(Self {
             path: path.to_owned(),
             clock: telemetry.clock,
@@ -173,9 +181,11 @@ impl RecordedTelemetry {
         if frame_s > last.time_s() {
             self.warned_of_gap = true;
             tracing::warn!(
-                "{path}: it ends at {:.1} s, before the first frame at {frame_s:.1} s; are both of the same flight?",
+                "{path}: it ends at {:.1} s, before the first frame at {frame_s:.1} s, and is not used; are both of the same flight?",
                 last.time_s()
             );
+            // They would only set the clock of the track.
+            self.inputs.clear();
         } else if frame_s + 3600.0 < first.time_s() {
             tracing::warn!(
                 "{path}: it begins at {:.1} s, more than an hour after the first frame at {frame_s:.1} s; are both of the \

@@ -368,10 +368,15 @@ fn scorable(
     photos: &Path,
 ) -> Result<Vec<(TruthFrame, PathBuf)>, DataSetError> {
     let listed: HashSet<String> = truth.iter().map(|frame| frame.photo.clone()).collect();
-    let mut usable = Vec::new();
+    let (mut usable, mut seen) = (Vec::new(), HashSet::new());
     for frame in truth {
         let path = photos.join(&frame.photo);
-        if !path.is_file() {
+        if !seen.insert(frame.photo.clone()) {
+            tracing::warn!(
+                "{}: listed more than once in the truth file; the first row counts",
+                frame.photo
+            );
+        } else if !path.is_file() {
             tracing::warn!(
                 "{}: listed in the truth file but missing; skipped",
                 path.display()

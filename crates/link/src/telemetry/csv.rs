@@ -9,6 +9,10 @@ use crate::time_text::unix_s_from_rfc3339;
 /// Error of a velocity that states none, metres per second.
 const VELOCITY_SIGMA_M_S: f64 = 0.5;
 
+/// The columns that are read; see [`Columns`].
+pub(super) const COLUMNS: &str = "time; yaw_deg, pitch_deg, roll_deg; gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg; height_agl_m, \
+     altitude_amsl_m; velocity_east_m_s, velocity_north_m_s, velocity_sigma_m_s";
+
 /// Reads the content of a file.
 ///
 /// # Errors
@@ -24,6 +28,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     }
     let columns = Columns::of(&header)?;
     let mut telemetry = Telemetry::new(TelemetryClock::Own);
+    telemetry.unread_columns = columns.unread(&header);
     // That of the first row that can be read: times of two clocks cannot be put in order.
     let mut clock = None;
     let mut record = StringRecord::new();
@@ -70,7 +75,8 @@ impl Columns {
                 .position(|column| column.trim_start_matches('\u{feff}') == name)
         };
         Ok(Self {
-            time: at("time").ok_or("no column `time`")?,
+            time: at("time")
+                .ok_or_else(|| format!("no column `time`; columns that are read: {COLUMNS}"))?,
             attitude: ["yaw_deg", "pitch_deg", "roll_deg"].map(at),
             gimbal: ["gimbal_yaw_deg", "gimbal_pitch_deg", "gimbal_roll_deg"].map(at),
             height: ["height_agl_m", "altitude_amsl_m"].map(at),
@@ -81,6 +87,28 @@ impl Columns {
             ]
             .map(at),
         })
+    }
+
+    /// The names of the columns that nothing is read from.
+    fn unread(&self, header: &StringRecord) -> Vec<String> {
+        // Those of a group that are needed, and all of it.
+        let groups = [
+            (&self.attitude[..], &self.attitude[..]),
+            (&self.gimbal[..2], &self.gimbal[..]),
+            (&self.height[..1], &self.height[..]),
+            (&self.velocity[..2], &self.velocity[..]),
+        ];
+        let is_read = |column: usize| {
+            let is_in_whole_group = groups.iter().any(|(needed, all)| {
+                needed.iter().all(Option::is_some) && all.contains(&Some(column))
+            });
+            column == self.time || is_in_whole_group
+        };
+        let names = header.iter().enumerate();
+        names
+            .filter(|(column, name)| !name.is_empty() && !is_read(*column))
+            .map(|(_, name)| name.to_owned())
+            .collect()
     }
 
     fn inputs(&self, record: &StringRecord) -> Result<(TelemetryClock, Vec<Input>), String> {
@@ -165,6 +193,7 @@ mod tests {
         let telemetry = parse(text.as_bytes()).unwrap();
         assert_eq!(telemetry.clock, TelemetryClock::Own);
         assert_eq!(telemetry.left_out, 2);
+        assert_eq!(telemetry.unread_columns, ["note"]);
         assert_eq!(
             telemetry.first_problem.unwrap(),
             "line 4: \"bad\" is no time in seconds or RFC 3339"
@@ -186,6 +215,31 @@ mod tests {
         assert!((attitude.pitch_deg - 10.0).abs() < 1e-9);
         assert_eq!(second.amsl_m, Some(130.0));
         assert_eq!((velocity.east_m_s, velocity.north_m_s), (1.0, 2.0));
+    }
+
+    #[test]
+    fn columns_of_other_names_and_parts_of_groups_are_told() {
+        let unread = |header: &str| parse(header.as_bytes()).unwrap().unread_columns;
+        assert_eq!(
+            unread("time,height_agl_m,yaw,pitch,roll\n"),
+            ["yaw", "pitch", "roll"]
+        );
+        assert_eq!(
+            unread(
+                "altitude_amsl_m,time,yaw_deg,roll_deg,gimbal_yaw_deg,gimbal_pitch_deg,velocity_east_m_s\n"
+            ),
+            [
+                "altitude_amsl_m",
+                "yaw_deg",
+                "roll_deg",
+                "velocity_east_m_s"
+            ]
+        );
+        assert!(
+            parse(b"Time,height_agl_m\n")
+                .unwrap_err()
+                .contains("height_agl_m")
+        );
     }
 
     #[test]

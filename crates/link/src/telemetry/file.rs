@@ -70,8 +70,13 @@ pub fn read_telemetry(path: &Path) -> Result<Telemetry, LinkError> {
             .first_problem
             .map(|problem| format!(": {problem}"));
         return Err(wrong(format!(
-            "no attitude, height or velocity in it{}",
-            problem.unwrap_or_default()
+            "no attitude, height or velocity in it{}{}",
+            problem.unwrap_or_default(),
+            if telemetry.unread_columns.is_empty() {
+                String::new()
+            } else {
+                format!("; columns that are read: {}", csv::COLUMNS)
+            }
         )));
     }
     Ok(telemetry)

@@ -25,6 +25,8 @@ pub struct Telemetry {
     pub left_out: usize,
     /// What was wrong with the first of them.
     pub first_problem: Option<String>,
+    /// Columns of a table that are not read: of another name, or without those that belong to them.
+    pub unread_columns: Vec<String>,
 }
 
 impl Telemetry {
@@ -34,6 +36,7 @@ impl Telemetry {
             clock,
             left_out: 0,
             first_problem: None,
+            unread_columns: Vec::new(),
         }
     }
 

@@ -29,6 +29,30 @@ pub fn check_scale(raster: &dyn Raster, limits: &BuildLimits) -> Result<()> {
     })
 }
 
+/// A map enlarged by more than this has nothing more to show: the ground resolution is a slip of units.
+const MOST_ENLARGED: f64 = 16.0;
+
+/// Checks that no level is far finer than the map.
+///
+/// # Errors
+/// Returns [`PackError::Options`] if one is, [`PackError::Map`] if the map has no position on Earth.
+pub fn check_enlargement(plans: &[LevelPlan], raster: &dyn Raster) -> Result<()> {
+    let georeference = raster.georeference();
+    let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
+    let map_gsd_m = x_m.min(y_m);
+    for plan in plans {
+        let times = map_gsd_m / plan.frame.gsd_m;
+        if times > MOST_ENLARGED {
+            return Err(PackError::Options(format!(
+                "at {} m per pixel the map would be enlarged {times:.0} times: its own pixels measure {map_gsd_m:.3} m; choose a ground \
+                 resolution in metres that is not far below that",
+                plan.frame.gsd_m
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// Compares tiles, size and resampling work of a plan with the limits.
 ///
 /// # Errors

@@ -8,6 +8,11 @@ use crate::format::FORMAT_VERSION;
 use crate::manifest::{Manifest, MapSummary, ModelSummary};
 use crate::options::BuildOptions;
 
+/// A hash as the manifest writes it.
+pub fn hex(hash: [u8; 32]) -> String {
+    blake3::Hash::from_bytes(hash).to_hex().to_string()
+}
+
 /// The manifest without levels and sections. Its fingerprint covers everything that determines the bytes of the pack.
 ///
 /// # Errors
@@ -18,7 +23,6 @@ pub fn new_manifest(
     options: &BuildOptions,
 ) -> Result<Manifest> {
     let spec = model.spec();
-    let hex = |bytes: [u8; 32]| blake3::Hash::from_bytes(bytes).to_hex().to_string();
     let (width, height) = raster.size_px();
     let georeference = raster.georeference().clone();
     let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;

@@ -1,10 +1,11 @@
 //! How many requests of one kind of work run and wait at the same time.
 
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
 
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
+use tokio::time::timeout;
 
 use crate::limits::Limits;
 use crate::problem::{Problem, ProblemKind};
@@ -49,20 +50,38 @@ pub(crate) struct Admission {
     workers: Arc<Semaphore>,
     all_places: usize,
     all_workers: usize,
+    /// Requests whose body arrives, and those that have a place.
+    requests: AtomicUsize,
+    /// Bytes of their bodies so far.
+    body_bytes: AtomicUsize,
+    max_body_bytes: usize,
     /// Mean duration of the work, microseconds.
     mean_us: AtomicU64,
+}
+
+/// A request whose body arrives. It has no place yet: a client that sends slowly keeps nobody out.
+#[derive(Debug)]
+pub(crate) struct Arrival {
+    admission: Arc<Admission>,
+    /// Bytes of the body so far.
+    bytes: usize,
 }
 
 /// The right to do the work once, now or when a worker is free. Given back when dropped.
 #[derive(Debug)]
 pub(crate) struct Place {
-    admission: Arc<Admission>,
+    arrival: Arrival,
     permit: OwnedSemaphorePermit,
+    /// When it was taken.
+    since: Instant,
+    /// Time for the work from then on.
+    limit: Duration,
 }
 
 impl Admission {
-    /// Admits `limits.at_once` that run and `limits.queue` that wait.
-    pub(crate) fn new(work: Work, limits: &Limits) -> Arc<Self> {
+    /// Admits `limits.at_once` that run and `limits.queue` that wait. Their bodies and those that arrive take as much memory as a body
+    /// of `largest_body_bytes` for each of these.
+    pub(crate) fn new(work: Work, limits: &Limits, largest_body_bytes: usize) -> Arc<Self> {
         let workers = limits.at_once.max(1);
         let places = workers + limits.queue;
         Arc::new(Self {
@@ -71,31 +90,39 @@ impl Admission {
             workers: Arc::new(Semaphore::new(workers)),
             all_places: places,
             all_workers: workers,
+            requests: AtomicUsize::new(0),
+            body_bytes: AtomicUsize::new(0),
+            max_body_bytes: largest_body_bytes.saturating_mul(places),
             mean_us: AtomicU64::new(0),
         })
     }
 
-    /// A place, before the body of the request is read: so all bodies together take bounded memory.
+    /// A request, before its body is read.
     ///
     /// # Errors
-    /// Status 503 with `Retry-After` if all places are taken.
-    pub(crate) fn enter(self: &Arc<Self>) -> Result<Place, Problem> {
-        match self.places.clone().try_acquire_owned() {
-            Ok(permit) => Ok(Place {
-                admission: self.clone(),
-                permit,
-            }),
-            Err(_) => Err(Problem::unavailable(
-                ProblemKind::Busy,
-                format!(
-                    "{} {} run and {} wait; send the request again later",
-                    self.all_workers,
-                    self.work.plural(),
-                    self.all_places - self.all_workers
-                ),
-                self.retry_after_s(),
-            )),
+    /// Status 503 with `Retry-After` if all places are taken now: the body need not be sent in vain.
+    pub(crate) fn arrive(self: &Arc<Self>) -> Result<Arrival, Problem> {
+        if self.places.available_permits() == 0 {
+            return Err(self.full());
         }
+        self.requests.fetch_add(1, Ordering::Relaxed);
+        Ok(Arrival {
+            admission: self.clone(),
+            bytes: 0,
+        })
+    }
+
+    fn full(&self) -> Problem {
+        self.busy(format!(
+            "{} {} run and {} wait; send the request again later",
+            self.all_workers,
+            self.work.plural(),
+            self.all_places - self.all_workers
+        ))
+    }
+
+    fn busy(&self, detail: impl std::fmt::Display) -> Problem {
+        Problem::unavailable(ProblemKind::Busy, detail, self.retry_after_s())
     }
 
     /// Requests whose work runs now.
@@ -103,10 +130,15 @@ impl Admission {
         self.all_workers - self.workers.available_permits()
     }
 
-    /// Requests that hold a place and do not run: their body arrives, or they wait.
+    /// Requests that do not run: their body arrives, or they wait.
     pub(crate) fn waiting(&self) -> usize {
-        let inside = self.all_places - self.places.available_permits();
-        inside.saturating_sub(self.running())
+        let requests = self.requests.load(Ordering::Relaxed);
+        requests.saturating_sub(self.running())
+    }
+
+    /// Bytes of the bodies that arrive, wait or are worked on.
+    pub(crate) fn body_bytes(&self) -> usize {
+        self.body_bytes.load(Ordering::Relaxed)
     }
 
     /// Seconds until a place is probably free: the time that the waiting ones take.
@@ -125,28 +157,91 @@ impl Admission {
     }
 }
 
+impl Arrival {
+    /// Counts bytes of the body that came.
+    ///
+    /// # Errors
+    /// Status 503 with `Retry-After` if the bodies of all requests together take too much memory then.
+    pub(crate) fn take(&mut self, bytes: usize) -> Result<(), Problem> {
+        let before = self
+            .admission
+            .body_bytes
+            .fetch_add(bytes, Ordering::Relaxed);
+        self.bytes += bytes;
+        if before + bytes > self.admission.max_body_bytes {
+            return Err(self.admission.busy(
+                "other requests take all memory for the bodies of requests; send the request again later",
+            ));
+        }
+        Ok(())
+    }
+
+    /// A place, when the body is there. The time limit of the work begins.
+    ///
+    /// # Errors
+    /// Status 503 with `Retry-After` if all places are taken.
+    pub(crate) fn enter(self, limits: &Limits) -> Result<Place, Problem> {
+        let Ok(permit) = self.admission.places.clone().try_acquire_owned() else {
+            return Err(self.admission.full());
+        };
+        Ok(Place {
+            arrival: self,
+            permit,
+            since: Instant::now(),
+            limit: limits.locate_time,
+        })
+    }
+}
+
+impl Drop for Arrival {
+    fn drop(&mut self) {
+        let Admission {
+            requests,
+            body_bytes,
+            ..
+        } = &*self.admission;
+        requests.fetch_sub(1, Ordering::Relaxed);
+        body_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
+    }
+}
+
 impl Place {
+    /// What `waiting` gives, if it comes before the time limit of the work.
+    pub(crate) async fn wait<T>(&self, waiting: impl Future<Output = T>) -> Option<T> {
+        timeout(self.time_left(), waiting).await.ok()
+    }
+
+    fn time_left(&self) -> Duration {
+        self.limit.saturating_sub(self.since.elapsed())
+    }
+
     /// Runs `work` on a thread of its own as soon as a worker is free. The worker and the place are given back when the work
     /// ends, also if nobody waits for it any more.
     ///
     /// # Errors
-    /// Status 503 if it does not end within `limits.locate_time`, 500 if it panics.
+    /// Status 503 if it does not end within [`Limits::locate_time`] from when the place was taken, 500 if it panics.
     pub(crate) async fn run<T: Send + 'static>(
         self,
-        limits: &Limits,
         work: impl FnOnce() -> T + Send + 'static,
     ) -> Result<T, Problem> {
-        let kind = self.admission.work;
+        let time_left = self.time_left();
+        let Self {
+            arrival,
+            permit,
+            limit,
+            ..
+        } = self;
+        let kind = arrival.admission.work;
         let running = async {
-            let Self { admission, permit } = self;
-            let Ok(worker) = admission.workers.clone().acquire_owned().await else {
+            let workers = arrival.admission.workers.clone();
+            let Ok(worker) = workers.acquire_owned().await else {
                 return Err(Problem::internal());
             };
             let work = move || {
                 let start = Instant::now();
                 let result = work();
-                admission.took(start);
-                drop((worker, permit));
+                arrival.admission.took(start);
+                drop((worker, permit, arrival));
                 result
             };
             tokio::task::spawn_blocking(work).await.map_err(|error| {
@@ -154,33 +249,28 @@ impl Place {
                 Problem::internal()
             })
         };
-        match tokio::time::timeout(limits.locate_time, running).await {
+        match timeout(time_left, running).await {
             Ok(result) => result,
             Err(_) => Err(Problem::unavailable(
                 ProblemKind::TimeLimit,
                 format!(
                     "no answer after {} s; {}",
-                    limits.locate_time.as_secs_f64(),
+                    limit.as_secs_f64(),
                     kind.advice()
                 ),
-                retry_after_time_limit_s(limits),
+                retry_after_time_limit_s(limit),
             )),
         }
     }
 }
 
 /// What took too long is worth another try when the service is less busy.
-fn retry_after_time_limit_s(limits: &Limits) -> u64 {
-    limits
-        .locate_time
-        .as_secs()
-        .clamp(1, MAX_RETRY_AFTER_S as u64)
+fn retry_after_time_limit_s(limit: Duration) -> u64 {
+    limit.as_secs().clamp(1, MAX_RETRY_AFTER_S as u64)
 }
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use super::*;
 
     fn limits(at_once: usize, queue: usize) -> Limits {
@@ -191,17 +281,60 @@ mod tests {
         }
     }
 
+    fn admission(limits: &Limits) -> Arc<Admission> {
+        Admission::new(Work::Localisation, limits, 1000)
+    }
+
+    fn place(admission: &Arc<Admission>, limits: &Limits) -> Result<Place, Problem> {
+        admission.arrive()?.enter(limits)
+    }
+
     #[tokio::test]
     async fn places_are_counted_and_given_back() {
         let limits = limits(1, 2);
-        let admission = Admission::new(Work::Localisation, &limits);
-        let first = admission.enter().unwrap();
-        let _others = [admission.enter().unwrap(), admission.enter().unwrap()];
-        assert!(admission.enter().is_err());
+        let admission = admission(&limits);
+        let late = admission.arrive().unwrap();
+        let mut places: Vec<_> = (0..3)
+            .map(|_| place(&admission, &limits).unwrap())
+            .collect();
+        assert!(admission.arrive().is_err(), "its body is not read");
+        assert!(late.enter(&limits).is_err());
         assert_eq!((admission.running(), admission.waiting()), (0, 3));
-        assert_eq!(first.run(&limits, || 7).await, Ok(7));
+        assert_eq!(places.remove(0).run(|| 7).await, Ok(7));
         assert_eq!(admission.waiting(), 2);
-        assert!(admission.enter().is_ok());
+        assert!(place(&admission, &limits).is_ok());
+    }
+
+    #[test]
+    fn bodies_take_bounded_memory_and_no_place_before_they_are_there() {
+        let limits = limits(1, 1);
+        let admission = admission(&limits);
+        let mut arriving: Vec<_> = (0..100).map(|_| admission.arrive().unwrap()).collect();
+        for arrival in &mut arriving[..4] {
+            arrival.take(400).unwrap();
+        }
+        assert!(arriving[4].take(401).is_err());
+        arriving.remove(4);
+        arriving[4].take(400).unwrap();
+        assert_eq!((admission.body_bytes(), admission.waiting()), (2000, 99));
+        // They count as long as the place is held.
+        let place = arriving.remove(0).enter(&limits).unwrap();
+        drop(arriving);
+        assert_eq!((admission.body_bytes(), admission.waiting()), (400, 1));
+        drop(place);
+        assert_eq!((admission.body_bytes(), admission.waiting()), (0, 0));
+    }
+
+    #[tokio::test]
+    async fn what_is_waited_for_before_the_work_counts_too() {
+        let limits = Limits {
+            locate_time: Duration::from_millis(500),
+            ..limits(1, 0)
+        };
+        let place = place(&admission(&limits), &limits).unwrap();
+        assert_eq!(place.wait(std::future::pending::<()>()).await, None);
+        let work = || std::thread::sleep(Duration::from_millis(250));
+        assert!(place.run(work).await.is_err(), "no time is left");
     }
 
     #[tokio::test]
@@ -210,33 +343,32 @@ mod tests {
             locate_time: Duration::from_millis(200),
             ..limits(1, 1)
         };
-        let admission = Admission::new(Work::Localisation, &limits);
+        let admission = admission(&limits);
         let (end, ended) = std::sync::mpsc::channel::<()>();
-        let late = admission
-            .enter()
+        let late = place(&admission, &limits)
             .unwrap()
-            .run(&limits, move || ended.recv())
+            .run(move || ended.recv())
             .await;
         assert!(late.is_err());
         assert_eq!(admission.running(), 1);
         // The next one waits in vain for the worker, and gives its place back.
-        let waits = admission.enter().unwrap().run(&limits, || ()).await;
+        let waits = place(&admission, &limits).unwrap().run(|| ()).await;
         assert!(waits.is_err());
         end.send(()).unwrap();
         let next = Limits {
             locate_time: Duration::from_secs(30),
             ..limits
         };
-        assert_eq!(admission.enter().unwrap().run(&next, || 3).await, Ok(3));
+        assert_eq!(place(&admission, &next).unwrap().run(|| 3).await, Ok(3));
     }
 
     #[tokio::test]
     async fn a_panic_is_an_answer_and_frees_the_worker() {
         let limits = limits(1, 0);
-        let admission = Admission::new(Work::Localisation, &limits);
+        let admission = admission(&limits);
         for _ in 0..3 {
-            let place = admission.enter().unwrap();
-            let result: Result<(), _> = place.run(&limits, || panic!("in a test")).await;
+            let place = place(&admission, &limits).unwrap();
+            let result: Result<(), _> = place.run(|| panic!("in a test")).await;
             assert!(result.is_err());
         }
     }

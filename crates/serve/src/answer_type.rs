@@ -1,9 +1,10 @@
 //! Which format an answer has: content negotiation (RFC 9110, 12.5.1).
 
-use axum::http::{HeaderMap, HeaderValue, header};
+use axum::http::{HeaderMap, header};
 use grimnet_answer::{AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
 
 use crate::problem::{Problem, ProblemKind};
+use crate::weighted_list::weighted_list;
 
 /// A format of answers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,69 +41,60 @@ impl AnswerType {
         }
     }
 
-    /// The type of those in `offered` that the client prefers; the first one if it says nothing.
+    /// The type of those in `offered` that the client prefers; the first one if it says nothing. Of types with the same weight it is
+    /// the one that the client names first.
     ///
     /// # Errors
     /// Status 406 if none is accepted.
     pub(crate) fn accepted(headers: &HeaderMap, offered: &[Self]) -> Result<Self, Problem> {
-        let ranges: Vec<&str> = headers
-            .get_all(header::ACCEPT)
-            .iter()
-            .filter_map(|value: &HeaderValue| value.to_str().ok())
-            .flat_map(|value| value.split(','))
-            .filter(|range| !range.trim().is_empty())
-            .collect();
+        let ranges = weighted_list(headers, header::ACCEPT);
         if ranges.is_empty() {
             return offered.first().copied().ok_or_else(Problem::internal);
         }
-        let mut best: Option<(f32, Self)> = None;
-        for range in &ranges {
-            let Some((kind, quality)) = accepted_range(range, offered) else {
+        let mut best: Option<(f32, usize, Self)> = None;
+        for &kind in offered {
+            // What the most specific range says of it.
+            let named = ranges.iter().enumerate().rev();
+            let named = named
+                .filter_map(|(at, (range, weight))| Some((kind.specificity(range)?, at, *weight)));
+            let Some((_, at, weight)) = named.max_by_key(|(specificity, ..)| *specificity) else {
                 continue;
             };
-            if best.is_none_or(|(so_far, _)| quality > so_far) {
-                best = Some((quality, kind));
+            let is_better = best.is_none_or(|(so_far, first, _)| {
+                weight > so_far || (weight == so_far && at < first)
+            });
+            if weight > 0.0 && is_better {
+                best = Some((weight, at, kind));
             }
         }
-        best.map(|(_, kind)| kind).ok_or_else(|| {
+        best.map(|(.., kind)| kind).ok_or_else(|| {
+            let ranges: Vec<_> = ranges.into_iter().map(|(range, _)| range).collect();
+            let types: Vec<_> = offered.iter().map(|kind| kind.media_type()).collect();
             Problem::new(
                 ProblemKind::NotAcceptable,
                 format!(
                     "the Accept header is {:?}; expected one of {}",
-                    ranges.join(","),
-                    offered
-                        .iter()
-                        .map(|kind| kind.media_type())
-                        .collect::<Vec<_>>()
-                        .join(", ")
+                    ranges.join(", "),
+                    types.join(", ")
                 ),
             )
         })
     }
-}
 
-/// The first type in `offered` that a media range such as `application/geo+json;q=0.5` asks for, and its weight; `None` if it is
-/// another one or the weight is 0.
-fn accepted_range(range: &str, offered: &[AnswerType]) -> Option<(AnswerType, f32)> {
-    let mut parts = range.split(';').map(str::trim);
-    let name = parts.next()?.to_ascii_lowercase();
-    let quality = parts
-        .find_map(|part| part.strip_prefix("q="))
-        .map_or(1.0, |q| q.parse::<f32>().unwrap_or(0.0));
-    let asked_for = |kind: &AnswerType| match name.as_str() {
-        "*/*" => true,
-        "application/jsonl" => *kind == AnswerType::JsonLines,
-        exact_or_any => {
-            let any_of = exact_or_any
-                .strip_suffix('*')
-                .filter(|any| any.ends_with('/'));
-            any_of.map_or(kind.media_type() == exact_or_any, |any| {
-                kind.media_type().starts_with(any)
-            })
+    /// How exactly a media range such as `application/*` names the type; `None` if it is another one's.
+    fn specificity(self, range: &str) -> Option<u8> {
+        let is_any_of = |kind: &str| {
+            let of_type = kind.strip_suffix('*').filter(|any| any.ends_with('/'));
+            of_type.is_some_and(|of_type| self.media_type().starts_with(of_type))
+        };
+        match range {
+            "*/*" => Some(0),
+            "application/jsonl" if self == Self::JsonLines => Some(2),
+            exact if exact == self.media_type() => Some(2),
+            any if is_any_of(any) => Some(1),
+            _ => None,
         }
-    };
-    let kind = offered.iter().copied().find(asked_for)?;
-    (quality > 0.0).then_some((kind, quality))
+    }
 }
 
 #[cfg(test)]
@@ -148,6 +140,17 @@ mod tests {
                 "application/geo+json;q=0, */*;q=0.5",
                 Some(AnswerType::Json),
             ),
+            ("application/json;q=0, */*", Some(AnswerType::JsonLines)),
+            (
+                "*/*;q=0.5, application/json;q=0.1, application/gpx+xml;Q=0.2",
+                Some(AnswerType::JsonLines),
+            ),
+            ("*/*, application/geo+json;q=0.9", Some(AnswerType::Json)),
+            (
+                "application/geo+json, application/json",
+                Some(AnswerType::Geojson),
+            ),
+            ("application/*;q=0, */*", None),
             ("application/x-ndjson", Some(AnswerType::JsonLines)),
             ("application/jsonl", Some(AnswerType::JsonLines)),
             ("application/*", Some(AnswerType::Json)),

@@ -12,7 +12,7 @@ use crate::request_body::read_body;
 use crate::state::Shared;
 
 /// Largest list of answers, bytes: thousands of them.
-const MAX_ANSWERS_BYTES: usize = 8 << 20;
+pub(crate) const MAX_ANSWERS_BYTES: usize = 8 << 20;
 
 /// Most answers in a list. Each may be a few bytes of the body, and takes hundreds in memory.
 const MAX_ANSWERS: usize = 20_000;
@@ -49,11 +49,11 @@ pub(crate) async fn answers(
     request: Request,
 ) -> Result<Response, Problem> {
     let kind = AnswerType::accepted(&headers, &OFFERED)?;
-    let place = state.conversions.enter()?;
-    let body = read_body(request.into_body(), MAX_ANSWERS_BYTES, &state.limits).await?;
-    let text = place
-        .run(&state.limits, move || converted(&body, kind))
-        .await??;
+    let mut arrival = state.conversions.arrive()?;
+    let body = request.into_body();
+    let body = read_body(body, MAX_ANSWERS_BYTES, &state.limits, Some(&mut arrival)).await?;
+    let place = arrival.enter(&state.limits)?;
+    let text = place.run(move || converted(&body, kind)).await??;
     let content_type = HeaderValue::from_static(kind.media_type());
     Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
 }

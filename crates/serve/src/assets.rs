@@ -10,6 +10,9 @@ use axum::response::{IntoResponse, Response};
 use axum::routing::get;
 use flate2::{Compression, write::GzEncoder};
 
+use crate::entity_tag::is_known;
+use crate::weighted_list::weighted_list;
+
 /// A file of a page.
 struct Asset {
     /// Where it is served.
@@ -37,17 +40,14 @@ impl Asset {
     }
 
     fn response(&self, headers: &HeaderMap) -> Response {
-        let takes_gzip = headers
-            .get(header::ACCEPT_ENCODING)
-            .and_then(|value| value.to_str().ok())
-            .is_some_and(|value| value.split(',').any(takes_gzip));
+        let takes_gzip = takes_gzip(headers);
         let ready = &*self.ready;
         let (tag, body) = if takes_gzip {
             (&ready.gzip_tag, ready.gzip.clone())
         } else {
             (&ready.tag, Bytes::from_static(self.content))
         };
-        let known = headers.get(header::IF_NONE_MATCH) == Some(tag);
+        let known = is_known(headers, tag);
         let mut response = if known {
             StatusCode::NOT_MODIFIED.into_response()
         } else {
@@ -85,13 +85,12 @@ impl Ready {
     }
 }
 
-/// Whether one element of `Accept-Encoding` takes gzip.
-fn takes_gzip(element: &str) -> bool {
-    let mut parts = element.split(';').map(str::trim);
-    let is_gzip = parts
-        .next()
-        .is_some_and(|name| name.eq_ignore_ascii_case("gzip") || name == "*");
-    is_gzip && !parts.any(|part| matches!(part, "q=0" | "q=0.0" | "q=0.00" | "q=0.000"))
+/// Whether `Accept-Encoding` takes gzip: `*` stands for what is not named.
+fn takes_gzip(headers: &HeaderMap) -> bool {
+    let encodings = weighted_list(headers, header::ACCEPT_ENCODING);
+    let weight_of = |name: &str| encodings.iter().find(|(each, _)| each == name);
+    let found = weight_of("gzip").or_else(|| weight_of("*"));
+    found.is_some_and(|(_, weight)| *weight > 0.0)
 }
 
 static ASSETS: LazyLock<Vec<Asset>> = LazyLock::new(|| {
@@ -160,11 +159,17 @@ mod tests {
 
     #[test]
     fn encodings_are_understood() {
-        for yes in ["gzip", " GZIP;q=0.5", "*"] {
-            assert!(takes_gzip(yes), "{yes}");
+        let takes = |text: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert(header::ACCEPT_ENCODING, HeaderValue::from_static(text));
+            takes_gzip(&headers)
+        };
+        for yes in ["gzip", " GZIP;q=0.5", "*", "br, *;q=0.1", "*;q=0, gzip"] {
+            assert!(takes(yes), "{yes}");
         }
-        for no in ["", "br", "gzip;q=0", "gzip; q=0.0", "xgzip"] {
-            assert!(!takes_gzip(no), "{no}");
+        for no in ["", "br", "gzip;q=0", "gzip; q=0.0", "xgzip", "gzip;q=0, *"] {
+            assert!(!takes(no), "{no}");
         }
+        assert!(!takes_gzip(&HeaderMap::new()));
     }
 }

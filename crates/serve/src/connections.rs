@@ -66,7 +66,7 @@ pub(crate) async fn accept(
         });
     }
     drop(listener);
-    let end_time = state.limits.end_time;
+    let end_time = state.limits.end_time();
     if tokio::time::timeout(end_time, graceful.shutdown())
         .await
         .is_err()

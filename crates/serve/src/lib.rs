@@ -27,6 +27,7 @@ mod answers_route;
 mod assets;
 mod background;
 mod connections;
+mod entity_tag;
 mod error;
 mod forwarded;
 mod health_routes;
@@ -65,6 +66,7 @@ mod track_routes;
 mod track_session_route;
 mod track_store;
 mod upload;
+mod weighted_list;
 
 pub use access::Access;
 pub use error::ServeError;

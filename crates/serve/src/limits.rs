@@ -13,9 +13,10 @@ pub struct Limits {
     pub photo: PhotoLimits,
     /// Localisations that run at the same time, and so many conversions of answers.
     pub at_once: usize,
-    /// Requests that may wait for a localisation, and for a conversion of answers; more are refused with status 503.
+    /// Requests that may wait for a localisation, and for a conversion of answers; more are refused with status 503. One whose body
+    /// arrives does not wait yet. All bodies together may have the size of the largest for each request that runs or may wait.
     pub queue: usize,
-    /// Longest time of one localisation or conversion, waiting included.
+    /// Longest time of one localisation or conversion from when its body is there, waiting included.
     pub locate_time: Duration,
     /// Longest time for a request body to arrive.
     pub body_time: Duration,
@@ -29,8 +30,14 @@ pub struct Limits {
     pub connections: usize,
     /// Clients that may follow tracks at the same time; each takes a connection.
     pub listeners: usize,
-    /// Time for open requests to end when the service is stopped.
-    pub end_time: Duration,
+}
+
+impl Limits {
+    /// Time for open requests to end when the service is stopped: as long as one that has just begun may take.
+    #[must_use]
+    pub fn end_time(&self) -> Duration {
+        self.body_time.saturating_add(self.locate_time)
+    }
 }
 
 impl Default for Limits {
@@ -49,7 +56,6 @@ impl Default for Limits {
             write_pause: Duration::from_secs(30),
             connections: 256,
             listeners: 64,
-            end_time: Duration::from_secs(20),
         }
     }
 }
@@ -84,6 +90,10 @@ mod tests {
                 ]
                 .map(seconds)
                 .join(", ")
+            ),
+            format!(
+                "| open requests when the service is stopped | {} |",
+                seconds(limits.end_time())
             ),
             format!(
                 "| clients that follow tracks, pause in which a client takes no byte of an answer | {}, {} |",

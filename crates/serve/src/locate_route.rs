@@ -77,8 +77,8 @@ pub(crate) async fn locate(
     state.maps.get_or_only(map.as_deref())?;
     let name = query.take("name");
     let detailed = query.take_bool("detail")?;
-    let place = state.localisations.enter()?;
-    let upload = Upload::read(request, &state.limits).await?;
+    let mut arrival = state.localisations.arrive()?;
+    let upload = Upload::read(request, &state.limits, &mut arrival).await?;
     let question = Question {
         prior: upload.prior(&query)?,
         name: upload
@@ -88,12 +88,13 @@ pub(crate) async fn locate(
         detailed,
         kind,
     };
+    let place = arrival.enter(&state.limits)?;
     let shared = state.clone();
     let work = move || {
         let map = shared.maps.get_or_only(map.as_deref())?;
         question.answer(&shared, map)
     };
-    let text = place.run(&state.limits, work).await??;
+    let text = place.run(work).await??;
     let content_type = HeaderValue::from_static(kind.media_type());
     Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
 }
@@ -145,7 +146,8 @@ impl Question {
     }
 }
 
-fn problem_of_locate(error: &LocateError) -> Problem {
+/// Why a photo cannot be localised, as clients see it.
+pub(crate) fn problem_of_locate(error: &LocateError) -> Problem {
     match error {
         LocateError::Photo(error) => problem_of_photo(error),
         LocateError::InvalidValue { .. } => Problem::bad_value(error),

@@ -24,7 +24,7 @@ pub struct ServedMap {
     pub(crate) id: String,
     pub(crate) localizer: Arc<Localizer>,
     pub(crate) raster: Option<Box<dyn Raster>>,
-    /// Outline of the map, closed; longitudes continue over the antimeridian.
+    /// Outline of the map, closed; longitudes continue over the antimeridian, and are then above 180 degrees.
     pub(crate) outline: Vec<LonLat>,
 }
 
@@ -251,7 +251,17 @@ fn outline(localizer: &Localizer) -> Result<Vec<LonLat>, ServeError> {
         }
     }
     add(0.0, 0.0)?;
+    begin_in_the_west(&mut points);
     Ok(points)
+}
+
+/// Turns an outline that reaches over -180 degrees by 360: then it is over 180 that its longitudes continue.
+fn begin_in_the_west(outline: &mut [LonLat]) {
+    if outline.iter().any(|point| point.lon_deg < -180.0) {
+        for point in outline {
+            point.lon_deg += 360.0;
+        }
+    }
 }
 
 /// Lower case letters, digits and single hyphens.
@@ -278,6 +288,19 @@ fn id_from(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn outlines_begin_in_the_west() {
+        let longitudes = |of: [f64; 3]| {
+            let mut outline = of.map(|lon_deg| LonLat::new(lon_deg, -17.0));
+            begin_in_the_west(&mut outline);
+            outline.map(|point| point.lon_deg)
+        };
+        assert_eq!(longitudes([-179.5, -180.5, -180.0]), [180.5, 179.5, 180.0]);
+        for kept in [[179.5, 180.5, 180.0], [-180.0, -179.5, -179.0]] {
+            assert_eq!(longitudes(kept), kept);
+        }
+    }
 
     #[test]
     fn ids_fit_into_addresses() {

@@ -18,6 +18,8 @@ const BUCKETS_S: [f64; 12] = [
 pub(crate) struct Metrics {
     counts: Mutex<Counts>,
     pub(crate) connections: AtomicU64,
+    /// Requests whose client left before the answer.
+    pub(crate) left: AtomicU64,
 }
 
 #[derive(Debug, Default)]
@@ -83,6 +85,10 @@ impl Metrics {
             let labels = format!("method=\"{method}\",route=\"{route}\",status=\"{status}\"");
             line(&mut out, "grimnet_requests_total", &labels, count);
         }
+        let name = "grimnet_requests_left_total";
+        let help = "Requests whose client left before the answer.";
+        family(&mut out, name, "counter", help);
+        line(&mut out, name, "", self.left.load(Ordering::Relaxed));
         family(
             &mut out,
             "grimnet_localisations_total",
@@ -129,6 +135,11 @@ impl Metrics {
                 localisations.waiting() as u64,
             ),
             (
+                "grimnet_localisations_body_bytes",
+                "Bytes of the bodies of these requests.",
+                localisations.body_bytes() as u64,
+            ),
+            (
                 "grimnet_conversions_running",
                 "Lists of answers that are written in another format now.",
                 conversions.running() as u64,
@@ -137,6 +148,11 @@ impl Metrics {
                 "grimnet_conversions_waiting",
                 "Requests whose answers arrive or wait to be written in another format.",
                 conversions.waiting() as u64,
+            ),
+            (
+                "grimnet_conversions_body_bytes",
+                "Bytes of the bodies of these requests.",
+                conversions.body_bytes() as u64,
             ),
             (
                 "grimnet_connections",
@@ -178,7 +194,7 @@ mod tests {
         }
         metrics.request("POST", "/v1/locate", 200);
         let [localisations, conversions] = [Work::Localisation, Work::Conversion]
-            .map(|work| Admission::new(work, &Limits::default()));
+            .map(|work| Admission::new(work, &Limits::default(), 1));
         let text = metrics.text(&localisations, &conversions);
         for expected in [
             "grimnet_localisation_seconds_bucket{le=\"0.01\"} 1\n",

@@ -96,32 +96,23 @@ impl PriorFields {
     /// # Errors
     /// Status 422 for values out of range and for those that contradict each other.
     pub(crate) fn prior(&self) -> Result<Prior, Problem> {
-        let above_zero = |name: &str, value: Option<f64>, unit: &str| match value {
-            Some(value) if !(value > 0.0 && value.is_finite()) => Err(Problem::bad_value(format!(
-                "{name} is {value}; expected a number of {unit}, above 0"
-            ))),
-            _ => Ok(value),
-        };
-        let hfov_deg = above_zero("hfov_deg", self.hfov_deg, "degrees")?;
-        if hfov_deg.is_some_and(|degrees| degrees >= 180.0) {
-            return Err(Problem::bad_value(
-                "hfov_deg: expected an angle above 0 and below 180 degrees",
-            ));
-        }
-        if self.gsd_m.is_some() && (self.height_agl_m.is_some() || hfov_deg.is_some()) {
+        if self.gsd_m.is_some() && (self.height_agl_m.is_some() || self.hfov_deg.is_some()) {
             return Err(Problem::bad_value(
                 "gsd_m is given together with height_agl_m or hfov_deg; expected either the ground resolution or what it follows from",
             ));
         }
-        Ok(Prior {
+        let prior = Prior {
             view: ViewPrior {
                 heading: self.heading()?,
-                height_agl_m: above_zero("height_agl_m", self.height_agl_m, "metres")?,
-                hfov_deg,
-                gsd_m: above_zero("gsd_m", self.gsd_m, "metres per pixel")?,
+                height_agl_m: self.height_agl_m,
+                hfov_deg: self.hfov_deg,
+                gsd_m: self.gsd_m,
             },
             near: self.near()?,
-        })
+        };
+        // Here, so that a frame with a wrong value never reaches its track.
+        prior.check().map_err(Problem::bad_value)?;
+        Ok(prior)
     }
 
     fn heading(&self) -> Result<HeadingPrior, Problem> {
@@ -227,7 +218,9 @@ mod tests {
             r#"{"heading": 3, "heading_sigma_deg": 0}"#,
             r#"{"hfov_deg": 180}"#,
             r#"{"hfov_deg": "wide"}"#,
+            r#"{"hfov_deg": 170}"#,
             r#"{"height_agl_m": -1}"#,
+            r#"{"height_agl_m": 30000}"#,
             r#"{"gsd_m": 0.1, "height_agl_m": 100}"#,
             r#"{"near": {"lat_deg": 120.72, "lon_deg": 24.26, "radius_m": 500}}"#,
             r#"{"near": {"lat_deg": 20, "lon_deg": 24}}"#,

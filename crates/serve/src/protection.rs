@@ -76,7 +76,8 @@ fn check(state: &Arc<State>, uri: &Uri, headers: &HeaderMap) -> Result<(), Probl
     }
 }
 
-fn host_of<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
+/// The host that a request names: that of an absolute address, else that of the header (RFC 9112, 3.2.2).
+pub(crate) fn host_of<'a>(uri: &'a Uri, headers: &'a HeaderMap) -> Option<&'a str> {
     uri.authority()
         .map(|authority| authority.as_str())
         .or_else(|| {

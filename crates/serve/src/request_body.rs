@@ -4,19 +4,21 @@ use axum::body::{Body, Bytes, HttpBody as _};
 use futures_util::StreamExt as _;
 use tokio::time::timeout;
 
+use crate::admission::Arrival;
 use crate::limits::Limits;
 use crate::problem::Problem;
 
-/// Reads a whole body of `max_bytes` at most.
+/// Reads a whole body of `max_bytes` at most, which counts for `arrival` if that is given.
 ///
 /// # Errors
-/// Status 408 if it arrives too slowly, 413 if it is too large, 400 if it breaks off.
+/// Status 408 if it arrives too slowly, 413 if it is too large, 400 if it breaks off, 503 if all bodies together are too large.
 pub(crate) async fn read_body(
     body: Body,
     max_bytes: usize,
     limits: &Limits,
+    arrival: Option<&mut Arrival>,
 ) -> Result<Vec<u8>, Problem> {
-    in_time(limits, read_chunks(body, max_bytes, limits)).await
+    in_time(limits, read_chunks(body, max_bytes, limits, arrival)).await
 }
 
 /// What `reading` gives, if the body arrives within `limits.body_time`.
@@ -38,6 +40,7 @@ pub(crate) async fn read_chunks(
     body: Body,
     max_bytes: usize,
     limits: &Limits,
+    mut arrival: Option<&mut Arrival>,
 ) -> Result<Vec<u8>, Problem> {
     if body.size_hint().lower() > max_bytes as u64 {
         return Err(longer_than(max_bytes));
@@ -47,7 +50,7 @@ pub(crate) async fn read_chunks(
     loop {
         let next = timeout(limits.body_pause, stream.next()).await;
         match next.map_err(|_| paused(limits))? {
-            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes)?,
+            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes, arrival.as_deref_mut())?,
             Some(Err(error)) => {
                 return Err(Problem::bad_request(format!(
                     "the body breaks off: {error}"
@@ -61,10 +64,18 @@ pub(crate) async fn read_chunks(
 /// Adds a chunk to what has arrived.
 ///
 /// # Errors
-/// Status 413 if it is more than `max_bytes` then.
-pub(crate) fn append(bytes: &mut Vec<u8>, chunk: &Bytes, max_bytes: usize) -> Result<(), Problem> {
+/// Status 413 if it is more than `max_bytes` then, 503 if all bodies together are too large.
+pub(crate) fn append(
+    bytes: &mut Vec<u8>,
+    chunk: &Bytes,
+    max_bytes: usize,
+    arrival: Option<&mut Arrival>,
+) -> Result<(), Problem> {
     if bytes.len() + chunk.len() > max_bytes {
         return Err(longer_than(max_bytes));
+    }
+    if let Some(arrival) = arrival {
+        arrival.take(chunk.len())?;
     }
     bytes.extend_from_slice(chunk);
     Ok(())

@@ -8,6 +8,7 @@ use tokio::sync::{Semaphore, watch};
 
 use crate::access::Access;
 use crate::admission::{Admission, Work};
+use crate::answers_route::MAX_ANSWERS_BYTES;
 use crate::connections;
 use crate::error::ServeError;
 use crate::limits::Limits;
@@ -66,8 +67,8 @@ impl Service {
             listeners: Arc::new(Semaphore::new(limits.listeners)),
             stopping: stop.subscribe(),
             tiles: TileCache::default(),
-            localisations: Admission::new(Work::Localisation, &limits),
-            conversions: Admission::new(Work::Conversion, &limits),
+            localisations: Admission::new(Work::Localisation, &limits, limits.max_body_bytes),
+            conversions: Admission::new(Work::Conversion, &limits, MAX_ANSWERS_BYTES),
             limits,
             metrics: Metrics::default(),
             access,

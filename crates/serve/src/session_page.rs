@@ -30,7 +30,7 @@ struct Session<'a> {
     frames: &'a [&'a TrackFrame],
 }
 
-/// A square picture in Web Mercator, the world from 0 to 1, y to the south.
+/// A square picture in Web Mercator, the world from 0 to 1, y to the south. East of the antimeridian x is above 1.
 #[derive(Serialize)]
 struct SessionTile {
     west: f64,
@@ -41,14 +41,19 @@ struct SessionTile {
 }
 
 impl SessionTile {
-    fn new(address: TileAddress, tile: &Tile) -> Self {
+    /// The picture of a tile of a map whose western edge is at `map_west_deg`.
+    fn new(address: TileAddress, tile: &Tile, map_west_deg: f64) -> Self {
         let [west, north] = address.world(0.0, 0.0);
         let [east, _] = address.world(1.0, 1.0);
+        let side = east - west;
+        // Tiles that end west of the map are those beyond the antimeridian.
+        let is_beyond = east * 360.0 - 180.0 <= map_west_deg;
+        let west = if is_beyond { west + 1.0 } else { west };
         let bytes = STANDARD.encode(&tile.bytes);
         Self {
             west,
             north,
-            side: east - west,
+            side,
             picture: format!("data:{};base64,{bytes}", tile.media_type),
         }
     }
@@ -94,6 +99,7 @@ pub(crate) fn page_of_tiles(
     frames: &[&TrackFrame],
 ) -> Result<String, ServeError> {
     let outline = map.outline.iter();
+    let [map_west_deg, ..] = map.bounds_deg();
     page(&Session {
         title,
         outline_lon_lat_deg: outline
@@ -101,24 +107,33 @@ pub(crate) fn page_of_tiles(
             .collect(),
         tiles: tiles
             .iter()
-            .map(|(address, tile)| SessionTile::new(*address, tile))
+            .map(|(address, tile)| SessionTile::new(*address, tile, map_west_deg))
             .collect(),
         frames,
     })
 }
 
-/// The tiles over west, south, east and north (degrees), at the finest zoom between two at which they are not too many.
+/// The tiles over west, south, east and north (degrees), at the finest zoom between two at which they are not too many. East is above
+/// 180 where the antimeridian is crossed.
 fn covering(
     [west, south, east, north]: [f64; 4],
     [coarsest, finest]: [u32; 2],
 ) -> Vec<TileAddress> {
+    let parts = if east > 180.0 {
+        vec![[west, 180.0], [-180.0, east - 360.0]]
+    } else {
+        vec![[west, east]]
+    };
     let mut covering = Vec::new();
     for zoom in coarsest..=finest {
-        let corners = [LonLat::new(west, north), LonLat::new(east, south)];
-        let [Some(from), Some(to)] = corners.map(|corner| TileAddress::at(zoom, corner)) else {
-            break;
-        };
-        let found = from.rectangle(to);
+        let mut found = Vec::new();
+        for [west, east] in &parts {
+            let corners = [LonLat::new(*west, north), LonLat::new(*east, south)];
+            let [Some(from), Some(to)] = corners.map(|corner| TileAddress::at(zoom, corner)) else {
+                return covering;
+            };
+            found.extend(from.rectangle(to));
+        }
         if !covering.is_empty() && found.len() > MAX_TILES as usize {
             break;
         }
@@ -162,6 +177,30 @@ mod tests {
         let middle = TileAddress::at(found[0].zoom(), LonLat::new(1.5055, 1.0055)).unwrap();
         assert!(found.contains(&middle));
         assert!(covering(bounds, [12, 12]).len() <= 4);
+    }
+
+    #[test]
+    fn a_map_over_the_antimeridian_is_covered_on_both_sides() {
+        let west = 179.9985;
+        let found = covering([west, -17.003, 180.0015, -17.0], [12, 18]);
+        let picture = Tile {
+            bytes: Vec::new().into(),
+            media_type: "image/png",
+            tag: axum::http::HeaderValue::from_static("\"\""),
+        };
+        let tiles = found
+            .iter()
+            .map(|address| SessionTile::new(*address, &picture, west));
+        // Side by side, from the west of the map to its east.
+        let mut columns: Vec<f64> = tiles.clone().map(|tile| tile.west).collect();
+        columns.sort_by(f64::total_cmp);
+        columns.dedup();
+        let side = tiles.clone().next().unwrap().side;
+        assert!(columns.windows(2).all(|pair| pair[1] - pair[0] == side));
+        let degrees = |world: f64| world * 360.0 - 180.0;
+        assert!(degrees(columns[0]) <= west, "{columns:?}");
+        let end = degrees(columns[columns.len() - 1] + side);
+        assert!((180.0015..180.01).contains(&end), "{columns:?}");
     }
 
     #[test]

@@ -37,14 +37,14 @@ impl TileAddress {
         self.z
     }
 
-    /// The tile of zoom `z` that holds a place; `None` where there is none.
+    /// The tile of zoom `z` that holds a place; `None` where there is none. The last tiles hold the edge of the world too.
     pub(crate) fn at(z: u32, place: LonLat) -> Option<Self> {
         let across = place.lon_deg / 360.0 + 0.5;
         let down = 0.5 - place.lat_deg.to_radians().tan().asinh() / (2.0 * PI);
         let tiles = f64::from(1_u32.checked_shl(z)?);
         let number = |share: f64| {
-            let number = (share * tiles).floor();
-            (number >= 0.0 && number < tiles).then_some(number as u32)
+            let number = (share * tiles).floor().min(tiles - 1.0);
+            (0.0..=1.0).contains(&share).then_some(number as u32)
         };
         Self::new(z, number(across)?, number(down)?)
     }
@@ -108,6 +108,8 @@ mod tests {
         let next = TileAddress::new(10, 512, 341).unwrap().lonlat(0.0, 0.0);
         assert_eq!(south_east, next);
         assert_eq!(TileAddress::at(10, tile.lonlat(9.0, 250.0)), Some(tile));
+        let last = TileAddress::at(10, LonLat::new(180.0, 0.0)).unwrap();
+        assert_eq!(last.world(1.0, 0.0), [1.0, 0.5]);
         assert_eq!(TileAddress::at(10, LonLat::new(181.0, 0.0)), None);
         assert_eq!(TileAddress::at(10, LonLat::new(0.0, 89.0)), None);
         let below = TileAddress::new(10, 512, 341).unwrap();

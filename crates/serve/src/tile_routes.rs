@@ -8,9 +8,11 @@ use axum::response::{IntoResponse, Response};
 use serde::Serialize;
 
 use crate::background::in_background;
+use crate::entity_tag::is_known;
 use crate::forwarded::scheme_of;
 use crate::path::Path;
 use crate::problem::Problem;
+use crate::protection::host_of;
 use crate::query::Query;
 use crate::state::{Shared, State};
 use crate::tile_address::{MAX_ZOOM, TileAddress};
@@ -35,7 +37,7 @@ pub(crate) struct TileJson {
     minzoom: u32,
     /// Finest zoom that shows more than the one before.
     maxzoom: u32,
-    /// West, south, east, north, degrees.
+    /// West, south, east, north, degrees; all longitudes for a map that crosses the antimeridian.
     bounds: [f64; 4],
 }
 
@@ -48,13 +50,11 @@ pub(crate) struct TileJson {
 pub(crate) async fn tilejson(
     axum::extract::State(state): Shared,
     Path(id): Path<String>,
+    uri: Uri,
     headers: HeaderMap,
 ) -> Result<Json<TileJson>, Problem> {
     let map = state.maps.get(&id)?;
-    let host = headers
-        .get(header::HOST)
-        .and_then(|value| value.to_str().ok())
-        .unwrap_or_default();
+    let host = host_of(&uri, &headers).unwrap_or_default();
     let [minzoom, maxzoom] = map.zooms();
     Ok(Json(TileJson {
         tilejson: "3.0.0",
@@ -67,8 +67,17 @@ pub(crate) async fn tilejson(
         scheme: "xyz",
         minzoom,
         maxzoom,
-        bounds: map.bounds_deg(),
+        bounds: bounds(map.bounds_deg()),
     }))
+}
+
+/// The bounds of a map as TileJSON (3.3) wants them: from -180 to 180 degrees, and not over the antimeridian.
+fn bounds([west, south, east, north]: [f64; 4]) -> [f64; 4] {
+    if east > 180.0 {
+        [-180.0, south, 180.0, north]
+    } else {
+        [west, south, east, north]
+    }
 }
 
 /// A tile of a map
@@ -112,7 +121,7 @@ pub(crate) async fn tile(
             ))
         })?;
     let tile = tile_of(&state, &id, layer, address).await?;
-    let mut response = if headers.get(header::IF_NONE_MATCH) == Some(&tile.tag) {
+    let mut response = if is_known(&headers, &tile.tag) {
         StatusCode::NOT_MODIFIED.into_response()
     } else {
         tile.bytes.into_response()
@@ -174,6 +183,14 @@ fn address(z: &str, x: &str, y: &str) -> Option<TileAddress> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn bounds_end_at_the_antimeridian() {
+        let inside = [178.0, -17.5, 180.0, -17.0];
+        assert_eq!(bounds(inside), inside);
+        let across = bounds([179.5, -17.5, 180.5, -17.0]);
+        assert_eq!(across, [-180.0, -17.5, 180.0, -17.0]);
+    }
 
     #[test]
     fn addresses_are_numbers() {

@@ -8,12 +8,13 @@ use axum::http::{HeaderMap, HeaderValue, StatusCode, Uri, header};
 use axum::response::{IntoResponse, Response};
 use grimnet_answer::Answer;
 use grimnet_flight::{Flight, FlightOptions, Known};
-use grimnet_locate::Prior;
+use grimnet_locate::{LocateError, Prior};
+use grimnet_photo::PhotoError;
 use serde::{Deserialize, Serialize};
-use tokio::time::timeout;
 
 use crate::answer_type::AnswerType;
 use crate::background::in_background;
+use crate::locate_route::problem_of_locate;
 use crate::path::Path;
 use crate::photo::decode;
 use crate::problem::{Problem, ProblemKind};
@@ -50,12 +51,18 @@ pub(crate) struct TrackList {
 }
 
 /// Begins a track
-#[utoipa::path(post, path = "/v1/tracks", tag = "tracks", request_body = NewTrack, responses((status = 201, description = "The track", body = TrackSummary)))]
+#[utoipa::path(post, path = "/v1/tracks", tag = "tracks", request_body = Option<NewTrack>, responses((status = 201, description = "The track", body = TrackSummary)))]
 pub(crate) async fn begin(
     axum::extract::State(state): Shared,
     request: Request,
 ) -> Result<Response, Problem> {
-    let body = read_body(request.into_body(), MAX_NEW_TRACK_BYTES, &state.limits).await?;
+    let body = read_body(
+        request.into_body(),
+        MAX_NEW_TRACK_BYTES,
+        &state.limits,
+        None,
+    )
+    .await?;
     let new: NewTrack = if body.is_empty() {
         NewTrack::default()
     } else {
@@ -97,7 +104,8 @@ pub(crate) async fn end(
 
 /// A track
 ///
-/// GeoJSON: a line through the usable positions, and each position with its state, covariance and radius. GPX: the usable positions.
+/// GeoJSON: lines through the usable positions (a `MultiLineString`), and each position with its state, covariance and radius. GPX: the
+/// usable positions. Lines and segments end at every frame without a usable position.
 #[utoipa::path(
     get, path = "/v1/tracks/{id}", tag = "tracks", params(("id" = u64, Path, description = "The track")),
     responses((status = 200, description = "The track", content(
@@ -126,7 +134,8 @@ pub(crate) async fn track(
 /// Takes in a frame
 ///
 /// The body is as for `/v1/locate`. Frames are taken in one after the other; each is searched where the track says. A frame of a
-/// time that the track has already is not looked at, and answered with what the first one gave: it may be sent again.
+/// time that the track has already is not looked at, and answered with what the first one gave: it may be sent again. A frame that is
+/// refused is not kept.
 #[utoipa::path(
     post, path = "/v1/tracks/{id}/frames", tag = "tracks",
     params(
@@ -163,14 +172,14 @@ pub(crate) async fn frame(
             )
         })?;
     let name = query.take("name");
-    let place = state.localisations.enter()?;
-    let upload = Upload::read(request, &state.limits).await?;
+    let mut arrival = state.localisations.arrive()?;
+    let upload = Upload::read(request, &state.limits, &mut arrival).await?;
     let prior = upload.prior(&query)?;
     let name = upload
         .name(name.as_deref())
         .unwrap_or_else(|| format!("frame at {time_s} s"));
-    let turn = timeout(state.limits.locate_time, track.turn.clone().acquire_owned());
-    let Ok(Ok(turn)) = turn.await else {
+    let place = arrival.enter(&state.limits)?;
+    let Some(Ok(turn)) = place.wait(track.turn.clone().acquire_owned()).await else {
         return Err(Problem::unavailable(
             ProblemKind::Busy,
             "the frames of this track before this one take too long; send fewer",
@@ -182,7 +191,7 @@ pub(crate) async fn frame(
         let _turn = turn;
         take_in(&shared, &track, &name, &upload.photo, time_s, prior)
     };
-    let frame = place.run(&state.limits, work).await??;
+    let frame = place.run(work).await??;
     Ok(Json(TrackFrame::clone(&frame)))
 }
 
@@ -209,7 +218,10 @@ fn take_in(
     let found = track.flight().frame(&photo, time_s, &known);
     let answer = match &found.outcome {
         Ok(outcome) => Answer::of(name, outcome),
-        Err(error) => Answer::no_fix(name, error),
+        // So the camera looked: no other request could say it better, and the flight goes on.
+        Err(error @ LocateError::Photo(PhotoError::Horizon { .. })) => Answer::no_fix(name, error),
+        // The frame is not kept, and may be sent with another prior.
+        Err(error) => return Err(problem_of_locate(error)),
     };
     let is_fix = answer.reason.is_none();
     state.metrics.answer(&track.map, is_fix, start.elapsed());

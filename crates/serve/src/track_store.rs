@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 use grimnet_flight::Flight;
 use serde::Serialize;
@@ -40,7 +40,7 @@ pub(crate) struct Track {
 #[derive(Debug, Serialize, utoipa::ToSchema)]
 #[schema(as = Track)]
 pub(crate) struct TrackSummary {
-    /// Name of the track in addresses.
+    /// Name of the track in addresses. No other track gets it, also after the service was started again.
     id: u64,
     /// The map that it is on.
     map: String,
@@ -81,7 +81,7 @@ impl Track {
     pub(crate) fn next_after(&self, after: u64) -> Option<Arc<TrackFrame>> {
         let frames = locked(&self.frames);
         let first = frames.front()?.number;
-        let at = (after + 1).saturating_sub(first);
+        let at = after.saturating_add(1).saturating_sub(first);
         frames.get(usize::try_from(at).ok()?).cloned()
     }
 
@@ -141,6 +141,12 @@ impl Held {
     }
 }
 
+/// Milliseconds since 1970.
+fn unix_ms() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH);
+    since.map_or(0, |since| since.as_millis() as u64)
+}
+
 impl Tracks {
     /// Begins a track.
     ///
@@ -162,7 +168,9 @@ impl Tracks {
             }
             held.end(id);
         }
-        held.latest_id += 1;
+        // Greater than those of all earlier tracks, also of the service before it was started again: a client of an ended track is not
+        // to be answered with another one's positions. Below 2^53, which JavaScript can hold.
+        held.latest_id = (held.latest_id + 1).max(unix_ms());
         let track = Arc::new(Track {
             id: held.latest_id,
             map: map.to_owned(),

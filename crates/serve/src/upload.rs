@@ -6,6 +6,7 @@ use axum::http::header;
 use grimnet_locate::Prior;
 use tokio::time::timeout;
 
+use crate::admission::Arrival;
 use crate::limits::Limits;
 use crate::prior_fields::PriorFields;
 use crate::problem::Problem;
@@ -42,9 +43,14 @@ impl Upload {
     /// Reads the body of a request: `multipart/form-data` with the parts `photo` and `prior`, or the bytes of a photo file.
     ///
     /// # Errors
-    /// Status 408 if it arrives too slowly, 413 if it is too large, 415 for another content type, 400 if it is malformed.
-    pub(crate) async fn read(request: Request, limits: &Limits) -> Result<Self, Problem> {
-        in_time(limits, Self::read_all(request, limits)).await
+    /// Status 408 if it arrives too slowly, 413 if it is too large, 415 for another content type, 400 if it is malformed, 503 if
+    /// all bodies together are too large.
+    pub(crate) async fn read(
+        request: Request,
+        limits: &Limits,
+        arrival: &mut Arrival,
+    ) -> Result<Self, Problem> {
+        in_time(limits, Self::read_all(request, limits, arrival)).await
     }
 
     /// The prior from the body or from the query, not from both.
@@ -66,7 +72,11 @@ impl Upload {
         in_query.and_then(label).or_else(|| self.name.clone())
     }
 
-    async fn read_all(request: Request, limits: &Limits) -> Result<Self, Problem> {
+    async fn read_all(
+        request: Request,
+        limits: &Limits,
+        arrival: &mut Arrival,
+    ) -> Result<Self, Problem> {
         let declared = request
             .headers()
             .get(header::CONTENT_LENGTH)
@@ -86,9 +96,10 @@ impl Upload {
             let multipart = Multipart::from_request(request, &())
                 .await
                 .map_err(|error| Problem::bad_request(error.body_text()))?;
-            Self::read_parts(multipart, limits).await?
+            Self::read_parts(multipart, limits, arrival).await?
         } else if PHOTO_TYPES.contains(&essence.as_str()) {
-            let photo = read_chunks(request.into_body(), limits.max_body_bytes, limits).await?;
+            let body = request.into_body();
+            let photo = read_chunks(body, limits.max_body_bytes, limits, Some(arrival)).await?;
             Self {
                 photo,
                 ..Self::default()
@@ -107,7 +118,11 @@ impl Upload {
         Ok(upload)
     }
 
-    async fn read_parts(mut parts: Multipart, limits: &Limits) -> Result<Self, Problem> {
+    async fn read_parts(
+        mut parts: Multipart,
+        limits: &Limits,
+        arrival: &mut Arrival,
+    ) -> Result<Self, Problem> {
         let mut upload = Self::default();
         let mut has_photo = false;
         loop {
@@ -120,10 +135,10 @@ impl Upload {
                 Some("photo") if !has_photo => {
                     has_photo = true;
                     upload.name = part.file_name().and_then(label);
-                    upload.photo = read_part(part, limits.max_body_bytes, limits).await?;
+                    upload.photo = read_part(part, limits.max_body_bytes, limits, arrival).await?;
                 }
                 Some("prior") if upload.prior.is_none() => {
-                    let json = read_part(part, MAX_PRIOR_BYTES, limits).await?;
+                    let json = read_part(part, MAX_PRIOR_BYTES, limits, arrival).await?;
                     upload.prior = Some(PriorFields::from_json(&json)?);
                 }
                 Some(name @ ("photo" | "prior")) => {
@@ -153,13 +168,14 @@ async fn read_part(
     mut part: Field<'_>,
     max_bytes: usize,
     limits: &Limits,
+    arrival: &mut Arrival,
 ) -> Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
     loop {
         let next = timeout(limits.body_pause, part.chunk()).await;
         let next = next.map_err(|_| paused(limits))?;
         match next.map_err(|error| malformed(&error, limits))? {
-            Some(chunk) => append(&mut bytes, &chunk, max_bytes)?,
+            Some(chunk) => append(&mut bytes, &chunk, max_bytes, Some(&mut *arrival))?,
             None => return Ok(bytes),
         }
     }

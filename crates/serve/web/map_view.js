@@ -1,5 +1,6 @@
 // The map: tiles of the service, and answers on top of them. Nothing else is loaded.
 import * as maplibregl from "/web/maplibre-gl.mjs";
+import { beside } from "/web/track_shapes.js";
 
 const METRES_PER_DEGREE = 111320;
 
@@ -21,11 +22,14 @@ const collection = (features = []) => ({ type: "FeatureCollection", features });
 const point = (coordinates, properties) => feature({ type: "Point", coordinates }, properties);
 const polygon = (ring, properties) => feature({ type: "Polygon", coordinates: [ring] }, properties);
 
+/** The outline of an answer, on the same side of the antimeridian as its position. */
+const outlineOf = ({ outline_lon_lat_deg, lon_deg }) => (outline_lon_lat_deg ?? []).map(([lon, lat]) => [beside(lon, lon_deg), lat]);
+
 /** The GeoJSON features of one answer. */
 export function featuresOf({ number, answer, detail }, chosen) {
   if (answer?.state !== "fix") return [];
   const features = [point([answer.lon_deg, answer.lat_deg], { role: "fix", chosen, number })];
-  const outline = answer.outline_lon_lat_deg ?? [];
+  const outline = outlineOf(answer);
   if (outline.length > 2) features.push(polygon([...outline, outline[0]], { role: "outline", chosen }));
   if (chosen) {
     features.push(polygon(circle(answer.lon_deg, answer.lat_deg, answer.radius95_m), { role: "circle" }));
@@ -88,11 +92,13 @@ export class MapView {
       if (map.getSource(id)) map.removeSource(id);
     }
     const [west, south, east, north] = served.bounds_deg;
+    // Bounds of tiles end at the antimeridian: over it, all longitudes.
+    const bounds = east > 180 ? [-180, south, 180, north] : served.bounds_deg;
     const tiles = (layer) => ({
       type: "raster",
       tileSize: 256,
       tiles: [`${location.origin}/v1/maps/${served.id}/tiles/{z}/{x}/{y}?layer=${layer}`],
-      bounds: served.bounds_deg,
+      bounds,
       minzoom: served.minzoom,
       maxzoom: served.maxzoom,
     });
@@ -118,8 +124,8 @@ export class MapView {
     map.getSource("answers").setData(collection(entries.flatMap((entry) => featuresOf(entry, entry === chosen))));
     if (map.getLayer("photo")) map.removeLayer("photo");
     if (map.getSource("photo")) map.removeSource("photo");
-    const outline = chosen?.answer?.outline_lon_lat_deg;
-    if (withPhoto && chosen?.answer?.state === "fix" && outline?.length === 4 && chosen.canShow) {
+    const outline = chosen?.answer?.state === "fix" ? outlineOf(chosen.answer) : [];
+    if (withPhoto && outline.length === 4 && chosen.canShow) {
       map.addSource("photo", { type: "image", url: chosen.url, coordinates: outline });
       map.addLayer({ id: "photo", type: "raster", source: "photo", paint: { "raster-opacity": 0.8, "raster-fade-duration": 0 } }, "circle");
     }
@@ -127,9 +133,8 @@ export class MapView {
 
   async goTo({ answer }) {
     await this.loaded;
-    const points = answer.outline_lon_lat_deg?.length ? answer.outline_lon_lat_deg : [[answer.lon_deg, answer.lat_deg]];
     const bounds = new maplibregl.LngLatBounds();
-    for (const at of points) bounds.extend(at);
+    for (const at of [[answer.lon_deg, answer.lat_deg], ...outlineOf(answer)]) bounds.extend(at);
     const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.map.fitBounds(bounds, { padding: 80, maxZoom: 20, animate: !still });
   }

@@ -47,9 +47,12 @@ function factsOf({ answer, detail }) {
 }
 
 function showList() {
+  // The buttons are made again: who stands on one stays there.
+  const focused = document.activeElement?.closest("#answers button")?.dataset.number;
   const items = entries.map((entry) => {
     const button = document.createElement("button");
     button.type = "button";
+    button.dataset.number = entry.number;
     button.setAttribute("aria-pressed", String(entry === chosen));
     const isFix = entry.answer?.state === "fix";
     const text = isFix ? `±${entry.answer.radius95_m.toFixed(1)} m` : entry.answer ? "no fix" : "error";
@@ -60,6 +63,7 @@ function showList() {
     return item;
   });
   byId("answers").replaceChildren(...items);
+  if (focused) byId("answers").querySelector(`[data-number="${focused}"]`)?.focus();
   byId("export").hidden = !entries.some((entry) => entry.answer);
   byId("again").disabled = chosen === null;
 }
@@ -118,6 +122,8 @@ async function locateFile(file, replaced = null) {
   say(`Locating ${file.name} …`);
   const prior = Object.fromEntries(priorFields.map((name) => [name, byId(name).value]));
   try {
+    // A photo may come before the maps: they wait for the token.
+    if (maps.length === 0) await readMaps();
     const busy = ({ message, retryAfterS }) => say(`${file.name}: ${message} (the next try is in ${retryAfterS} s)`);
     const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token(), busy);
     enter({ answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) }, replaced);

@@ -11,10 +11,17 @@ const { frames, tiles } = session;
 
 /** Web Mercator (EPSG:3857), the world from 0 to 1, y to the south. */
 const worldOf = (lon, lat) => [lon / 360 + 0.5, 0.5 - Math.asinh(Math.tan((lat * Math.PI) / 180)) / (2 * Math.PI)];
-const shapes = frames.map(({ point }) => (point?.lat_deg === undefined ? null : {
-  at: worldOf(point.lon_deg, point.lat_deg),
-  ellipse: ellipse(point).map(([lon, lat]) => worldOf(lon, lat)),
-}));
+const longitudes = session.outline_lon_lat_deg.map(([lon]) => lon);
+// The outline goes on over the antimeridian, where the longitudes of positions begin again.
+const middle = (Math.min(...longitudes) + Math.max(...longitudes)) / 2;
+const shapes = frames.map(({ point }) => {
+  if (point?.lat_deg === undefined) return null;
+  const lon_deg = beside(point.lon_deg, middle);
+  return {
+    at: worldOf(lon_deg, point.lat_deg),
+    ellipse: ellipse({ ...point, lon_deg }).map(([lon, lat]) => worldOf(lon, lat)),
+  };
+});
 const outline = session.outline_lon_lat_deg.map(([lon, lat]) => worldOf(lon, lat));
 const pictures = tiles.map((tile) => {
   const image = new Image();

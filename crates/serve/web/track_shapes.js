@@ -4,6 +4,9 @@ const METRES_PER_DEGREE = 111320;
 /** Square root of the 95 % quantile of chi-square with two degrees of freedom: from 1 sigma to 95 %. */
 const TO_95 = 2.4477;
 
+/** A longitude within 180 degrees of another one: lines over the antimeridian are to go the short way. */
+export const beside = (lon, other) => lon + 360 * Math.round((other - lon) / 360);
+
 /** Whether a position may be used. */
 export const usable = (point) => ["tracking", "coasting"].includes(point?.state);
 

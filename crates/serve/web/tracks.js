@@ -1,6 +1,6 @@
 // Tracks: followed as their frames come, and looked through afterwards.
 import { ask, saveAs, ServiceError } from "/web/service.js";
-import { ellipse, frameText, usable } from "/web/track_shapes.js";
+import { beside, ellipse, frameText, usable } from "/web/track_shapes.js";
 
 /** Pause before a connection that broke is tried again. */
 const RETRY_MS = 2000;
@@ -9,15 +9,18 @@ const byId = (id) => document.getElementById(id);
 
 /** What is drawn of the frames up to one of them. */
 export function drawn(frames, upTo) {
-  const shown = frames.filter((frame) => frame.number <= upTo && frame.point?.lat_deg !== undefined);
+  const shown = frames
+    .filter((frame) => frame.number <= upTo && frame.point?.lat_deg !== undefined)
+    .map(({ point }, _, [first]) => ({ ...point, lon_deg: beside(point.lon_deg, first.point.lon_deg) }));
   const feature = (type, coordinates, role) => ({ type: "Feature", geometry: { type, coordinates }, properties: { role } });
-  const line = shown.filter((frame) => usable(frame.point)).map(({ point }) => [point.lon_deg, point.lat_deg]);
+  const at = ({ lon_deg, lat_deg }) => [lon_deg, lat_deg];
+  const line = shown.filter(usable).map(at);
   const features = [];
   if (line.length > 1) features.push(feature("LineString", line, "line"));
   const last = shown.at(-1);
   if (last) {
-    features.push(feature("Polygon", [ellipse(last.point)], "ellipse"));
-    features.push(feature("Point", [last.point.lon_deg, last.point.lat_deg], "position"));
+    features.push(feature("Polygon", [ellipse(last)], "ellipse"));
+    features.push(feature("Point", at(last), "position"));
   }
   return { type: "FeatureCollection", features };
 }

@@ -1,12 +1,14 @@
 //! Hostile clients: tracks that nobody uses, slowness.
 
-use crate::client::FORM;
+use crate::client::{FORM, send};
 use crate::kind::Outcome::{Closed, Left, Status};
 use crate::kind::{Act, BUSY, Kind, ask, ask_each, kind};
 use crate::request::Requests;
 
 pub fn tracks(requests: &Requests) -> Vec<Kind> {
     let json = "content-type: application/json";
+    let begun = send(requests.address, "POST /v1/tracks", &[], &[]);
+    let track = format!("/v1/tracks/{}", begun.json()["id"]);
     let begin = |body: &[u8]| requests.with_body("POST /v1/tracks", &[json], body);
     let nonsense: Vec<Vec<u8>> = vec![
         begin(b"[]x"),
@@ -19,11 +21,11 @@ pub fn tracks(requests: &Requests) -> Vec<Kind> {
             b"x",
         ),
         requests.with_body(
-            "POST /v1/tracks/1/frames?time_s=1e300",
+            &format!("POST {track}/frames?time_s=1e300"),
             &["content-type: image/jpeg"],
             b"x",
         ),
-        requests.head("GET /v1/tracks/1/events", &["last-event-id: -1e9"]),
+        requests.head(&format!("GET {track}/events"), &["last-event-id: -1e9"]),
         requests.head("DELETE /v1/tracks/999999", &[]),
     ];
     vec![
@@ -40,7 +42,7 @@ pub fn tracks(requests: &Requests) -> Vec<Kind> {
         ),
         kind(
             "a client that follows a track and goes away",
-            Act::Leave(requests.head("GET /v1/tracks/1/events", &["last-event-id: 9"])),
+            Act::Leave(requests.head(&format!("GET {track}/events"), &["last-event-id: 9"])),
             &[Left],
         ),
     ]

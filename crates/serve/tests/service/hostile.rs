@@ -1,6 +1,7 @@
 //! Requests that want to harm: none may crash the service, fill its memory or keep others out.
 
 use std::io::{Cursor, Write as _};
+use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
 use grimnet_serve::{Access, Limits, PhotoLimits, Token};
@@ -115,43 +116,96 @@ fn slow_clients_are_cut_off() {
 }
 
 #[test]
-fn a_full_queue_refuses_and_recovers() {
+fn bodies_that_do_not_come_keep_nobody_out() {
     let limits = Limits {
         at_once: 1,
         queue: 1,
-        body_pause: Duration::from_secs(60),
-        ..strict()
-    };
-    let limits = Limits {
-        body_time: Duration::from_secs(60),
-        ..limits
+        // Longer than any test: a body that were waited for would be waited for until the end.
+        body_time: Duration::from_secs(3600),
+        body_pause: Duration::from_secs(3600),
+        ..Limits::default()
     };
     let running = Running::on_area(limits);
-    let head = format!(
-        "POST /v1/locate HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n{PHOTO}\r\ncontent-length: {}\r\n\r\n",
-        running.address,
-        area().photo.len()
-    );
-    let mut open: Vec<_> = (0..2).map(|_| connect(running.address)).collect();
-    for stream in &mut open {
+    let address = running.address;
+    let track = send(address, "POST /v1/tracks", &[], &[]).json()["id"].to_string();
+    let begun = |line: &str, headers: &str, length: usize| {
+        let mut stream = connect(address);
+        let head = format!(
+            "{line} HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\n{headers}content-length: {length}\r\n\r\n"
+        );
         stream.write_all(head.as_bytes()).unwrap();
+        stream
+    };
+    let photo_type = format!("{PHOTO}\r\n");
+    let frames = |time_s: u32| format!("POST /v1/tracks/{track}/frames?time_s={time_s}");
+    let mut open: Vec<_> = (0..10)
+        .map(|_| begun("POST /v1/locate", &photo_type, area().photo.len()))
+        .collect();
+    let slow_frames: Vec<_> = (1..11)
+        .map(|time_s| begun(&frames(time_s), &photo_type, 1000))
+        .collect();
+    let slow_lists: Vec<_> = (0..10)
+        .map(|_| begun("POST /v1/answers", "", 1000))
+        .collect();
+    for expected in [
+        "grimnet_localisations_waiting 20\n",
+        "grimnet_conversions_waiting 10\n",
+    ] {
+        while !get(address, "/metrics").text().contains(expected) {}
     }
-    while !get(running.address, "/metrics")
-        .text()
-        .contains("grimnet_localisations_waiting 2")
-    {}
-    let refused = send(running.address, "POST /v1/locate", &[PHOTO], &area().photo);
-    refused.problem(503, "busy");
+    for line in ["POST /v1/locate", &frames(0)] {
+        let answer = send(address, line, &[PHOTO], &area().photo).json();
+        let state = answer.get("state").unwrap_or(&answer["answer"]["state"]);
+        assert_eq!(state, "fix", "{line}");
+    }
+    assert_eq!(send(address, "POST /v1/answers", &[], b"[]").status, 200);
+    // A slow one is answered too, when it is there.
+    let mut late = open.pop().unwrap();
+    late.write_all(&area().photo).unwrap();
+    assert_eq!(Answer::of(&read_all(&mut late)).json()["state"], "fix");
+    drop((open, slow_frames, slow_lists));
+}
+
+/// A client whose body takes `bytes` of the memory for bodies, and lacks its last byte.
+fn holder(address: SocketAddr, line: &str, headers: &str, bytes: usize) -> TcpStream {
+    let mut stream = connect(address);
+    let head = format!(
+        "{line} HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\n{headers}content-length: {}\r\n\r\n",
+        bytes + 1
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    stream.write_all(&vec![b' '; bytes]).unwrap();
+    stream
+}
+
+#[test]
+fn bodies_together_take_bounded_memory() {
+    let limits = Limits {
+        at_once: 1,
+        queue: 1,
+        max_body_bytes: 1 << 20,
+        ..Limits::default()
+    };
+    let running = Running::on_area(limits);
+    let address = running.address;
+    let photo_type = format!("{PHOTO}\r\n");
+    let bytes = (1 << 20) - 1000;
+    let mut open: Vec<_> = (0..2)
+        .map(|_| holder(address, "POST /v1/locate", &photo_type, bytes))
+        .collect();
+    let expected = format!("grimnet_localisations_body_bytes {}\n", 2 * bytes);
+    while !get(address, "/metrics").text().contains(&expected) {}
+    let refused = send(address, "POST /v1/locate", &[PHOTO], &area().photo);
+    let detail = refused.problem(503, "busy");
+    assert!(detail.contains("memory"), "{detail}");
     let after: u64 = refused.header("retry-after").unwrap().parse().unwrap();
     assert!((1..=60).contains(&after));
-    // Those that hold a place are answered, and then others are.
+    // Those that are there are answered, and then others are.
     for stream in &mut open {
-        stream.write_all(&area().photo).unwrap();
+        stream.write_all(b" ").unwrap();
+        Answer::of(&read_all(stream)).problem(415, "unsupported-media-type");
     }
-    for mut stream in open {
-        assert_eq!(Answer::of(&read_all(&mut stream)).json()["state"], "fix");
-    }
-    let next = send(running.address, "POST /v1/locate", &[PHOTO], &area().photo);
+    let next = send(address, "POST /v1/locate", &[PHOTO], &area().photo);
     assert_eq!(next.json()["state"], "fix");
 }
 
@@ -160,6 +214,7 @@ fn the_answer_of_a_refused_request_is_found_after_its_body() {
     let limits = Limits {
         at_once: 1,
         queue: 0,
+        max_body_bytes: 40 << 20,
         ..Limits::default()
     };
     let running = Running::on_area(limits);
@@ -170,14 +225,11 @@ fn the_answer_of_a_refused_request_is_found_after_its_body() {
             20 << 20
         )
     };
-    let mut holder = connect(running.address);
-    holder
-        .write_all(head("POST /v1/locate", "").as_bytes())
-        .unwrap();
-    while !get(running.address, "/metrics")
-        .text()
-        .contains("grimnet_localisations_waiting 1")
-    {}
+    let bytes = 39 << 20;
+    let photo_type = format!("{PHOTO}\r\n");
+    let holder = holder(running.address, "POST /v1/locate", &photo_type, bytes);
+    let expected = format!("grimnet_localisations_body_bytes {bytes}\n");
+    while !get(running.address, "/metrics").text().contains(&expected) {}
     // More than sockets hold: a client that writes all of it before it reads finds the answer.
     let body = vec![0; 20 << 20];
     for (line, status, kind) in [
@@ -192,9 +244,9 @@ fn the_answer_of_a_refused_request_is_found_after_its_body() {
     }
     // A client that waits to be asked is answered at once.
     let mut stream = connect(running.address);
-    let waits = head("POST /v1/locate", "expect: 100-continue\r\n");
+    let waits = head("POST /v1/answers", "expect: 100-continue\r\n");
     stream.write_all(waits.as_bytes()).unwrap();
-    Answer::of(&read_all(&mut stream)).problem(503, "busy");
+    Answer::of(&read_all(&mut stream)).problem(413, "too-large");
     drop(holder);
 }
 
@@ -205,6 +257,7 @@ fn slow_bodies_of_refused_requests_keep_nobody_out() {
         at_once: 1,
         queue: 0,
         connections: 6,
+        max_body_bytes: 100_000,
         // Longer than any test: whoever waits for such a body waits for ever.
         body_time: Duration::from_secs(3600),
         body_pause: Duration::from_secs(3600),
@@ -218,15 +271,13 @@ fn slow_bodies_of_refused_requests_keep_nobody_out() {
     let head = |line: &str, headers: &str| {
         format!("{line} HTTP/1.1\r\nhost: {address}\r\n{headers}\r\n\r\n{{")
     };
-    // It takes the only place of a localisation, and one of the connections.
-    let mut holder = connect(address);
-    let held = head(
-        "POST /v1/locate",
-        &format!("{right}\r\n{PHOTO}\r\ncontent-length: 1000"),
-    );
-    holder.write_all(held.as_bytes()).unwrap();
-    let waiting = || send(address, "GET /metrics", &[&right], &[]).text();
-    while !waiting().contains("grimnet_localisations_waiting 1\n") {}
+    // It takes all memory for the bodies of localisations, and one of the connections.
+    let bytes = 100_000 - 1;
+    let held = format!("{right}\r\n{PHOTO}\r\n");
+    let holder = holder(address, "POST /v1/locate", &held, bytes);
+    let expected = format!("grimnet_localisations_body_bytes {bytes}\n");
+    let figures = || send(address, "GET /metrics", &[&right], &[]).text();
+    while !figures().contains(&expected) {}
     let long = "content-length: 1000";
     let refused = [
         (401, "token", "POST /v1/locate", long.to_owned()),
@@ -288,30 +339,22 @@ fn lists_of_answers_have_places_of_their_own() {
     };
     let running = Running::on_area(limits);
     let address = running.address;
-    let head = format!(
-        "POST /v1/answers HTTP/1.1\r\nhost: {address}\r\nconnection: close\r\ncontent-length: 2\r\n\r\n"
-    );
-    let mut open: Vec<_> = (0..2).map(|_| connect(address)).collect();
-    for stream in &mut open {
-        stream.write_all(head.as_bytes()).unwrap();
-    }
-    while !get(address, "/metrics")
-        .text()
-        .contains("grimnet_conversions_waiting 2\n")
-    {}
-    let refused = send(address, "POST /v1/answers", &[], b"[]");
-    let detail = refused.problem(503, "busy");
-    assert!(detail.contains("conversions"), "{detail}");
+    let bytes = (8 << 20) - 1;
+    let mut open: Vec<_> = (0..2)
+        .map(|_| holder(address, "POST /v1/answers", "", bytes))
+        .collect();
+    let expected = format!("grimnet_conversions_body_bytes {}\n", 2 * bytes);
+    while !get(address, "/metrics").text().contains(&expected) {}
+    let refused = send(address, "POST /v1/answers", &[], b"[{}]");
+    refused.problem(503, "busy");
     let after: u64 = refused.header("retry-after").unwrap().parse().unwrap();
     assert!((1..=60).contains(&after));
     // Photos are localised all the same.
     let photo = send(address, "POST /v1/locate", &[PHOTO], &area().photo);
     assert_eq!(photo.json()["state"], "fix");
     for stream in &mut open {
-        stream.write_all(b"[]").unwrap();
-    }
-    for mut stream in open {
-        assert_eq!(Answer::of(&read_all(&mut stream)).status, 200);
+        stream.write_all(b" ").unwrap();
+        Answer::of(&read_all(stream)).problem(400, "bad-request");
     }
     assert_eq!(send(address, "POST /v1/answers", &[], b"[]").status, 200);
     let counted =
@@ -321,7 +364,7 @@ fn lists_of_answers_have_places_of_their_own() {
 }
 
 #[test]
-fn clients_that_go_away_give_their_place_back() {
+fn clients_that_go_away_give_back_what_they_took() {
     let limits = Limits {
         at_once: 1,
         queue: 0,
@@ -337,10 +380,20 @@ fn clients_that_go_away_give_their_place_back() {
         stream.write_all(head.as_bytes()).unwrap();
         drop(stream);
     }
-    while !get(running.address, "/metrics")
-        .text()
-        .contains("grimnet_localisations_waiting 0")
-    {}
+    for expected in [
+        "grimnet_localisations_waiting 0\n",
+        "grimnet_localisations_body_bytes 0\n",
+    ] {
+        while !get(running.address, "/metrics").text().contains(expected) {}
+    }
+    // Each is counted: as one that left, or as one whose body breaks off.
+    let figure = |name: &str| -> u64 {
+        let text = get(running.address, "/metrics").text();
+        let value = text.lines().find_map(|line| line.strip_prefix(name));
+        value.map_or(0, |value| value.trim().parse().unwrap())
+    };
+    let broken = "grimnet_requests_total{method=\"POST\",route=\"/v1/locate\",status=\"400\"}";
+    while figure("grimnet_requests_left_total") + figure(broken) < 5 {}
     let answer = send(running.address, "POST /v1/locate", &[PHOTO], &area().photo);
     assert_eq!(answer.json()["state"], "fix");
 }
@@ -364,7 +417,13 @@ fn malformed_photos_and_forms_are_told_apart() {
     ] {
         post(&[FORM], &form(&parts)).problem(400, "bad-request");
     }
-    for query in ["hfov_deg=700", "heading=north", "near=1,2", "gsd_m=-1"] {
+    for query in [
+        "hfov_deg=700",
+        "heading=north",
+        "near=1,2",
+        "gsd_m=-1",
+        "gsd_m=1e-300",
+    ] {
         let line = format!("POST /v1/locate?{query}");
         send(shared(), &line, &[PHOTO], photo).problem(422, "bad-value");
     }
@@ -397,4 +456,26 @@ fn no_path_leads_out() {
     }
     send(shared(), "DELETE /v1/maps", &[], &[]).problem(405, "method-not-allowed");
     send(shared(), "GET /v1/locate", &[], &[]).problem(405, "method-not-allowed");
+}
+
+#[test]
+fn open_requests_are_answered_after_the_service_is_stopped() {
+    let mut running = Running::on_area(Limits::default());
+    let address = running.address;
+    let length = area().photo.len();
+    let mut stream = connect(address);
+    let head = format!(
+        "POST /v1/locate HTTP/1.1\r\nhost: {address}\r\n{PHOTO}\r\ncontent-length: {length}\r\n\r\n"
+    );
+    stream.write_all(head.as_bytes()).unwrap();
+    while !get(address, "/metrics")
+        .text()
+        .contains("grimnet_localisations_waiting 1\n")
+    {}
+    running.stop.stop();
+    // No connection is accepted any more.
+    while TcpStream::connect(address).is_ok() {}
+    stream.write_all(&area().photo).unwrap();
+    assert_eq!(Answer::of(&read_all(&mut stream)).json()["state"], "fix");
+    running.end();
 }

@@ -4,7 +4,7 @@ use grimnet_serve::{Access, Limits};
 use image::RgbImage;
 
 use crate::area::{Running, area, shared};
-use crate::client::{Answer, get, send};
+use crate::client::{Answer, get, send, send_raw};
 
 /// Column and row of the tile of `zoom` that holds a position, and the pixel in it.
 fn tile_of(zoom: u32, [lon_deg, lat_deg]: [f64; 2]) -> ([u32; 2], [u32; 2]) {
@@ -51,6 +51,11 @@ fn tiles_show_the_map_where_it_lies() {
     assert_eq!(zoom, 19, "0.3 m near the equator");
     let template = format!("http://{}/v1/maps/area/tiles/{{z}}/{{x}}/{{y}}", shared());
     assert_eq!(described["tiles"][0], template);
+    // An absolute address names the host, whatever the header says.
+    let line = format!("GET http://{}/v1/maps/area/tilejson.json", shared());
+    let head = format!("{line} HTTP/1.1\r\nhost: evil.example\r\nconnection: close\r\n\r\n");
+    let absolute = Answer::of(&send_raw(shared(), head.as_bytes())).json();
+    assert_eq!(absolute["tiles"][0], template);
     for east_m in [-60.0, -20.0, 30.0, 80.0] {
         let at = [area().truth[0] + east_m / 111_320.0, area().truth[1]];
         let ([x, y], [i, j]) = tile_of(zoom, at);
@@ -94,7 +99,7 @@ fn tiles_are_opaque_inside_and_transparent_outside() {
     let again = send(
         shared(),
         &format!("GET {}", path(x, y)),
-        &[&format!("if-none-match: {tag}")],
+        &[&format!("if-none-match: \"x\", W/{tag}")],
         &[],
     );
     assert_eq!((again.status, again.body.len()), (304, 0));

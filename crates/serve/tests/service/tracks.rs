@@ -60,6 +60,8 @@ fn frames_become_a_track() {
         roles.contains(&"line") && roles.contains(&"position"),
         "{roles:?}"
     );
+    let line = &geojson["features"][0]["geometry"];
+    assert_eq!(line["type"], "MultiLineString", "{line}");
     let gpx = send(
         shared(),
         &format!("GET {path}"),
@@ -153,6 +155,37 @@ fn a_frame_that_is_sent_again_counts_once() {
 }
 
 #[test]
+fn a_frame_that_is_refused_leaves_no_trace() {
+    let id = begin(shared());
+    for query in [
+        "height_agl_m=30000",
+        "hfov_deg=0.5",
+        "gsd_m=1e-300",
+        "near=1.5,1.0,-3",
+    ] {
+        let line = format!("POST /v1/tracks/{id}/frames?time_s=3&{query}");
+        let refused = send(shared(), &line, &[PHOTO], &area().photo);
+        refused.problem(422, "bad-value");
+    }
+    let right = frame(shared(), &id, 3.0).json();
+    assert_eq!(right["number"], 1);
+    assert_eq!(right["answer"]["state"], "fix");
+}
+
+#[test]
+fn a_service_that_is_started_again_has_other_tracks() {
+    let run = |tracks: usize| -> Vec<String> {
+        let running = Running::on_area(Limits::default());
+        (0..tracks).map(|_| begin(running.address)).collect()
+    };
+    let before = run(3);
+    let after = run(1);
+    assert!(!before.contains(&after[0]), "{before:?} {after:?}");
+    // JavaScript has whole numbers up to 2^53.
+    assert!(after[0].parse::<u64>().unwrap() < 1 << 53);
+}
+
+#[test]
 fn an_ended_track_ends_its_events() {
     let id = begin(shared());
     frame(shared(), &id, 0.0);
@@ -182,10 +215,16 @@ fn events_come_live_and_resume() {
     assert_eq!(numbers(&mut resumed, 2), [2, 3]);
     let line = format!("GET /v1/tracks/{id}/events");
     send(address, &line, &["last-event-id: x"], &[]).problem(400, "bad-request");
+    let last = format!("last-event-id: {}\r\n", u64::MAX);
+    let mut nothing = follow(address, &id, &last);
     // Streams end when the service does, which waits for them no longer.
     running.end();
     let mut rest = String::new();
     while stream.read_line(&mut rest).unwrap_or(0) > 0 {}
+    let mut rest = String::new();
+    while nothing.read_line(&mut rest).unwrap_or(0) > 0 {}
+    let has_event = rest.lines().any(|line| line.starts_with("data:"));
+    assert!(!has_event, "{rest}");
 }
 
 #[test]

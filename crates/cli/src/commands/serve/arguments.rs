@@ -40,8 +40,8 @@ Examples:
   grim serve --pack town.grim --listen 0.0.0.0:8080 --token-file token.txt
   curl -F photo=@a.jpg -F prior='{\"heading\": 90}' http://127.0.0.1:8080/v1/locate
 
-SIGTERM or Ctrl-C ends it after the open requests; a second one ends it at once. Exit status: 0 ended, 2 wrong use or input \
-that cannot be read.
+SIGTERM or Ctrl-C ends it after the open requests, which takes 60 s and --time-limit at most; a second one ends it at once. \
+Exit status: 0 ended, 2 wrong use or input that cannot be read.
 
 Environment: GRIM_TOKEN holds the token if there is no --token-file.";
 
@@ -99,7 +99,7 @@ pub struct ServeArgs {
     #[arg(long, value_name = "MIB", default_value_t = DEFAULT_BODY_MIB, value_parser = values::count, help_heading = LIMITS)]
     pub max_body: usize,
 
-    /// Longest time of one localisation with its wait, seconds
+    /// Longest time of one localisation with its wait, from when the photo is there, seconds
     #[arg(long, value_name = "S", default_value_t = DEFAULT_TIME_LIMIT_S, value_parser = values::duration_s, help_heading = LIMITS)]
     pub time_limit: f64,
 

@@ -7,6 +7,7 @@ use grimnet_photo::Evidence;
 use serde::{Deserialize, Serialize};
 
 use crate::antimeridian::beside;
+use crate::rounding::rounded;
 
 /// Fewest corners that enclose an area.
 const MIN_CORNERS: usize = 3;
@@ -162,12 +163,6 @@ impl Answer {
             ..Self::default()
         }
     }
-}
-
-/// Rounds to `decimals`: 8 decimals of a degree are a millimetre.
-pub fn rounded(value: f64, decimals: i32) -> f64 {
-    let scale = 10f64.powi(decimals);
-    (value * scale).round() / scale
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Shapes that cross the antimeridian, in longitude and latitude, degrees.
 
-use crate::answer::rounded;
+use crate::rounding::rounded;
 
 /// The meridian where longitudes jump: this, and its negative.
 const ANTIMERIDIAN_DEG: f64 = 180.0;

@@ -22,12 +22,13 @@ mod gpx;
 mod jsonl;
 mod kml;
 mod printable;
+mod rounding;
 #[cfg(feature = "geopackage")]
 mod track_geopackage;
 mod track_parts;
 mod xml;
 
-pub use answer::{Answer, State, rounded};
+pub use answer::{Answer, State};
 pub use csv::Csv;
 pub use error::AnswerError;
 pub use format::{AnswerFormat, or_dash, text_of};
@@ -38,6 +39,7 @@ pub use gpx::Gpx;
 pub use jsonl::Jsonl;
 pub use kml::Kml;
 pub use printable::{printable, printable_text};
+pub use rounding::rounded;
 #[cfg(feature = "geopackage")]
 pub use track_geopackage::{TrackRecord, track_geopackage_of};
 pub use track_parts::{GpxTrack, KmlTrack, TrackPlace, track_lines};

@@ -107,7 +107,7 @@ mod tests {
                 fs_err::write(dir.path().join(OsStr::from_bytes(name)), "x").unwrap();
             }
             let found = names(&[dir.path().join("*.jpg")]);
-            assert_eq!(found, ["a.jpg", "caf\u{fffd}.jpg"]);
+            assert_eq!(found, ["a.jpg"], "patterns match names of UTF-8");
         }
     }
 }

@@ -14,6 +14,8 @@ use crate::{
 
 /// Smallest side of a query and width of a photo that the network can use, pixels.
 const MIN_SIDE_PX: u32 = 32;
+/// Metres of ground per pixel of a photo: from 2 m with a long lens, and to 20 km in a picture of few pixels, with room to spare.
+const GSD_RANGE_M: std::ops::RangeInclusive<f64> = 1e-5..=1e3;
 /// Largest number of headings that may be tried.
 const MAX_HEADINGS: usize = 360;
 
@@ -203,7 +205,8 @@ impl Prior {
             require("height_agl_m", height_agl_m, holds, "2 to 20000 metres")?;
         }
         if let Some(gsd_m) = self.view.gsd_m {
-            require("gsd_m", gsd_m, is_positive(gsd_m), POSITIVE)?;
+            let holds = GSD_RANGE_M.contains(&gsd_m);
+            require("gsd_m", gsd_m, holds, "0.00001 to 1000 metres per pixel")?;
         }
         if let Some(hfov_deg) = self.view.hfov_deg {
             let holds = HFOV_RANGE_DEG.contains(&hfov_deg);

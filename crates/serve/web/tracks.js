@@ -7,19 +7,25 @@ const RETRY_MS = 2000;
 
 const byId = (id) => document.getElementById(id);
 
-/** What is drawn of the frames up to one of them. */
+/** What is drawn of the frames up to one of them: a line for each part in which the position can be used. */
 export function drawn(frames, upTo) {
-  const shown = frames
-    .filter((frame) => frame.number <= upTo && frame.point?.lat_deg !== undefined)
-    .map(({ point }, _, [first]) => ({ ...point, lon_deg: beside(point.lon_deg, first.point.lon_deg) }));
+  const isKnown = ({ point }) => point?.lat_deg !== undefined;
+  const shown = frames.filter((frame) => frame.number <= upTo);
+  const first = shown.find(isKnown);
+  const at = ({ point }) => [beside(point.lon_deg, first.point.lon_deg), point.lat_deg];
+  const parts = [[]];
+  for (const frame of shown) {
+    if (isKnown(frame) && usable(frame.point)) parts.at(-1).push(at(frame));
+    else parts.push([]);
+  }
+  const lines = parts.filter((part) => part.length > 1);
   const feature = (type, coordinates, role) => ({ type: "Feature", geometry: { type, coordinates }, properties: { role } });
-  const at = ({ lon_deg, lat_deg }) => [lon_deg, lat_deg];
-  const line = shown.filter(usable).map(at);
   const features = [];
-  if (line.length > 1) features.push(feature("LineString", line, "line"));
-  const last = shown.at(-1);
+  if (lines.length) features.push(feature("MultiLineString", lines, "line"));
+  const last = shown.findLast(isKnown);
   if (last) {
-    features.push(feature("Polygon", [ellipse(last)], "ellipse"));
+    const [lon_deg] = at(last);
+    features.push(feature("Polygon", [ellipse({ ...last.point, lon_deg })], "ellipse"));
     features.push(feature("Point", at(last), "position"));
   }
   return { type: "FeatureCollection", features };

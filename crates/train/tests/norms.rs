@@ -4,10 +4,11 @@
 
 use std::path::Path;
 
+use grimnet_output::OutputPolicy;
 use grimnet_train::data::{PairOptions, WorldOptions};
 use grimnet_train::{
-    Data, Device, ExportOptions, Exported, Norms, Parameters, TrainConfig, Trainer, export,
-    with_export_statistics,
+    Checkpoint, Data, Device, ExportOptions, Exported, Figures, Norms, Parameters, RunFolder,
+    TrainConfig, Trainer, Validator, checkpoint_path, export, with_export_statistics,
 };
 use rstest::rstest;
 
@@ -107,4 +108,36 @@ fn statistics_are_those_of_training_where_nothing_is_averaged(
         let running = values(&state.average, name);
         assert_eq!(values(&exported, name) == running, are_kept, "{name}");
     }
+}
+
+#[test]
+fn a_network_with_one_normalisation_is_validated_as_it_is_exported() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        norms: Norms::Joint,
+        average_decay: 0.0,
+        validate_minutes: 60.0,
+        ..short(folder.path())
+    };
+    let (data, _) = run(&config);
+    let mut state = Checkpoint::open(&checkpoint_path(&config), &Device::flex()).unwrap();
+    let measured = |config: &TrainConfig, state: &Checkpoint| -> Vec<Figures> {
+        let files = RunFolder::open(config, &OutputPolicy::new()).unwrap();
+        let validator = Validator::new(config, &data, &files);
+        let measured = validator.measure(state).unwrap();
+        measured.into_iter().map(|(_, figures)| figures).collect()
+    };
+    let validated = measured(&config, &state);
+    let by_domain = TrainConfig {
+        norms: Norms::ByDomain,
+        ..config.clone()
+    };
+    assert_ne!(
+        measured(&by_domain, &state),
+        validated,
+        "norms of photos were not trained"
+    );
+    state.average =
+        with_export_statistics(&state.average, &data.training, &config, &Device::flex()).unwrap();
+    assert_eq!(measured(&by_domain, &state), validated);
 }

@@ -48,14 +48,19 @@ pub fn with_export_statistics(
             parameters.set(&name, value)?;
         }
     }
-    if config.norms == Norms::Joint {
-        share_map_norms(&mut parameters)?;
-    }
+    share_norms(&mut parameters, config.norms)?;
     Ok(parameters)
 }
 
-/// Copies the statistics and parameters of the map domain, the only ones that were trained, to the photo domain.
-fn share_map_norms(parameters: &mut Parameters) -> Result<(), TrainError> {
+/// With one normalisation for both domains, copies the statistics and parameters of the map domain, the only ones that are trained, to
+/// the photo domain.
+///
+/// # Errors
+/// Returns an error if values cannot be read from the device.
+pub(super) fn share_norms(parameters: &mut Parameters, norms: Norms) -> Result<(), TrainError> {
+    if norms == Norms::ByDomain {
+        return Ok(());
+    }
     for name in parameters.names() {
         if let Some((layer, part)) = Domain::Sat.norm_of(&name) {
             let value = parameters.flat(&name)?;

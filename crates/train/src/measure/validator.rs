@@ -4,6 +4,7 @@ use crate::config::{Stage, TrainConfig};
 use crate::data::Pair;
 use crate::error::TrainError;
 use crate::measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
+use crate::measure::statistics::share_norms;
 use crate::measure::validation::{PairOutputs, Validation, pairs_of, validation_options};
 use crate::model::input::Norms;
 use crate::run::checkpoint::Checkpoint;
@@ -149,7 +150,9 @@ impl Validator {
             }
             Err(error) => return Err(error.into()),
         };
-        let model = state.average.to_model(Card::default())?;
+        let mut average = state.average.clone();
+        share_norms(&mut average, self.norms)?;
+        let model = average.to_model(Card::default())?;
         let mut out = Vec::new();
         for (name, pairs) in &self.held {
             let figures = self.figures(state, &model, pairs)?;

@@ -53,6 +53,7 @@ async function main() {
     await page.waitForFunction(() => window.grimnet.map.areTilesLoaded(), null, { timeout });
     assert.ok(seen.bytes > 100000 && seen.bytes < 2000000, `${seen.bytes} bytes were transferred`);
     console.log(`# page: ${seen.bytes} bytes`);
+    assert.ok(!(await page.isVisible("#export")), "there is nothing to save");
   });
 
   await check("a photo becomes a fix on the map", async () => {
@@ -145,6 +146,7 @@ async function main() {
     await page.focus("#answers li:last-child button");
     await page.keyboard.press("Enter");
     assert.equal(await page.getAttribute("#answers li:last-child button", "aria-pressed"), "true");
+    assert.ok(await page.$eval("#answers li:last-child button", (button) => button === document.activeElement), "the focus stays");
     const unnamed = await page.$$eval("button, input, select, a", (all) => all.filter((each) => !each.textContent.trim() && !each.labels?.length && !each.getAttribute("aria-label") && !each.title).map((each) => each.outerHTML));
     assert.deepEqual(unnamed, []);
   });

@@ -44,6 +44,10 @@ const DEFAULT_CACHE_BYTES: usize = 192 << 20;
 pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, GeoError> {
     let map = open_form(path, options)?;
     check_not_mirrored(path, map.georeference())?;
+    let crs = map.georeference().crs();
+    if let Some(caveat) = crs.caveat() {
+        tracing::warn!(map = %path.display(), crs = %crs, "{caveat}");
+    }
     Ok(map)
 }
 

@@ -175,8 +175,5 @@ pub(crate) fn georeference(
             reason: format!("the map's centre lies outside it ({error})"),
         });
     }
-    if let Some(caveat) = crs.caveat() {
-        tracing::warn!(map = %path.display(), crs = %crs, "{caveat}");
-    }
     Ok(georeference)
 }

@@ -44,9 +44,9 @@ use self::planning::plan_levels;
 use self::progress::{BuildReport, Meter, Phase, Progress};
 use self::recipe::Recipe;
 use self::resume::Resume;
-use self::summary::{hex, new_manifest};
+use self::summary::new_manifest;
 use crate::error::{PackError, Result};
-use crate::manifest::LevelManifest;
+use crate::manifest::{LevelManifest, MapSummary};
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 use crate::pack::Pack;
@@ -170,7 +170,7 @@ pub fn build_interruptible(
         journal.remove()?;
         return Err(without_tiles(raster, &meter.progress));
     }
-    if hex(raster.content_hash_now()?) != manifest.map.hash {
+    if MapSummary::hash_text(raster.content_hash_now()?) != manifest.map.hash {
         // Its tiles are of the map before, or of something in between.
         journal.remove()?;
         return Err(PackError::MapChanged {

@@ -69,6 +69,14 @@ pub struct MapSummary {
     pub ground_resolution_m: [f64; 2],
 }
 
+impl MapSummary {
+    /// The content hash of a map as [`MapSummary::hash`] has it.
+    #[must_use]
+    pub fn hash_text(hash: [u8; 32]) -> String {
+        blake3::Hash::from_bytes(hash).to_hex().to_string()
+    }
+}
+
 /// One level of ground resolution.
 ///
 /// A level pixel is a square of `gsd_m` metres on the ground at the map's centre; level pixel coordinates are

@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use clap::Args;
 use grimnet_geo::{MapOptions, Raster, open_map};
 use grimnet_output::OutputPolicy;
-use grimnet_pack::Pack;
+use grimnet_pack::{Pack, manifest::MapSummary};
 
 use crate::inputs;
 
@@ -98,8 +98,7 @@ pub fn is_built_from(pack: &Pack, map: &dyn Raster) -> Result<bool> {
 }
 
 fn content_hash(map: &dyn Raster) -> Result<String> {
-    let hash = map.content_hash()?;
-    Ok(hash.iter().map(|byte| format!("{byte:02x}")).collect())
+    Ok(MapSummary::hash_text(map.content_hash()?))
 }
 
 /// Checks that `map` is the map that the pack was built from: drawings take the pack's pixel positions.

@@ -367,11 +367,10 @@ fn scorable(
     truth: Vec<TruthFrame>,
     photos: &Path,
 ) -> Result<Vec<(TruthFrame, PathBuf)>, DataSetError> {
-    let listed: HashSet<String> = truth.iter().map(|frame| frame.photo.clone()).collect();
-    let (mut usable, mut seen) = (Vec::new(), HashSet::new());
+    let (mut usable, mut listed) = (Vec::new(), HashSet::new());
     for frame in truth {
         let path = photos.join(&frame.photo);
-        if !seen.insert(frame.photo.clone()) {
+        if !listed.insert(frame.photo.clone()) {
             tracing::warn!(
                 "{}: listed more than once in the truth file; the first row counts",
                 frame.photo

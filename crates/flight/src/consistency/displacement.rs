@@ -34,8 +34,8 @@ const LEAST_TIME_WITHOUT_TRACK_S: f64 = 4.0;
 pub(super) const MOST_SPEED_M_S: f64 = 60.0;
 /// The reported velocity must be off by more than so many of its standard deviations.
 const SIGMAS: f64 = 3.0;
-/// A track that accepts the fixes knows of a small error of the velocities. They are then
-/// inconsistent only if they are off by more than so many standard deviations,
+/// A track that accepts the fixes knows of a small error of the velocities. They are then inconsistent only if they are off by more than
+/// so many standard deviations,
 const SIGMAS_WHILE_ACCEPTED: f64 = 5.0;
 /// and this far besides, metres: in a banked turn a fix and the attitude place the aircraft to about ten metres,
 const LEAST_MOVED_WHILE_ACCEPTED_M: f64 = 20.0;
@@ -191,17 +191,17 @@ impl DisplacementTest {
             if !(is_possible && (is_off || is_far_off)) {
                 return None;
             }
-            let share_of =
-                |compared: &Compared| (compared.fix.time_s - from.fix.time_s) / interval_s;
-            let on_path = between().filter(|(compared, en_m)| {
-                let share = share_of(compared);
+            // When the fixes on the path were, as a share of the time between the first and the last.
+            let on_path = between().filter_map(|(compared, en_m)| {
+                let share = (compared.fix.time_s - from.fix.time_s) / interval_s;
                 let drifted = difference(
-                    difference(**en_m, *from_en_m),
+                    difference(*en_m, *from_en_m),
                     difference(compared.reported_en_m, from.reported_en_m),
                 );
-                length(difference(drifted, drift.map(|whole| share * whole))) <= ON_PATH_M
+                let off_m = length(difference(drifted, drift.map(|whole| share * whole)));
+                (off_m <= ON_PATH_M).then_some(share)
             });
-            let on_path: Vec<f64> = on_path.map(|(compared, _)| share_of(compared)).collect();
+            let on_path: Vec<f64> = on_path.collect();
             let count = on_path.len();
             let is_even = on_path.iter().any(|share| MIDDLE.contains(share));
             (is_even && count >= NEEDED && count as f64 >= SHARE * between().count() as f64)

@@ -9,9 +9,21 @@ use crate::time_text::unix_s_from_rfc3339;
 /// Error of a velocity that states none, metres per second.
 const VELOCITY_SIGMA_M_S: f64 = 0.5;
 
-/// The columns that are read; see [`Columns`].
-pub(super) const COLUMNS: &str = "time; yaw_deg, pitch_deg, roll_deg; gimbal_yaw_deg, gimbal_pitch_deg, gimbal_roll_deg; height_agl_m, \
-     altitude_amsl_m; velocity_east_m_s, velocity_north_m_s, velocity_sigma_m_s";
+const TIME: &str = "time";
+const ATTITUDE: [&str; 3] = ["yaw_deg", "pitch_deg", "roll_deg"];
+const GIMBAL: [&str; 3] = ["gimbal_yaw_deg", "gimbal_pitch_deg", "gimbal_roll_deg"];
+const HEIGHT: [&str; 2] = ["height_agl_m", "altitude_amsl_m"];
+const VELOCITY: [&str; 3] = [
+    "velocity_east_m_s",
+    "velocity_north_m_s",
+    "velocity_sigma_m_s",
+];
+
+/// The names of the columns that are read, by group.
+pub(super) fn names() -> String {
+    let groups: [&[&str]; 5] = [&[TIME], &ATTITUDE, &GIMBAL, &HEIGHT, &VELOCITY];
+    groups.map(|group| group.join(", ")).join("; ")
+}
 
 /// Reads the content of a file.
 ///
@@ -75,17 +87,12 @@ impl Columns {
                 .position(|column| column.trim_start_matches('\u{feff}') == name)
         };
         Ok(Self {
-            time: at("time")
-                .ok_or_else(|| format!("no column `time`; columns that are read: {COLUMNS}"))?,
-            attitude: ["yaw_deg", "pitch_deg", "roll_deg"].map(at),
-            gimbal: ["gimbal_yaw_deg", "gimbal_pitch_deg", "gimbal_roll_deg"].map(at),
-            height: ["height_agl_m", "altitude_amsl_m"].map(at),
-            velocity: [
-                "velocity_east_m_s",
-                "velocity_north_m_s",
-                "velocity_sigma_m_s",
-            ]
-            .map(at),
+            time: at(TIME)
+                .ok_or_else(|| format!("no column `{TIME}`; columns that are read: {}", names()))?,
+            attitude: ATTITUDE.map(at),
+            gimbal: GIMBAL.map(at),
+            height: HEIGHT.map(at),
+            velocity: VELOCITY.map(at),
         })
     }
 

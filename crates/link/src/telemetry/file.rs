@@ -75,7 +75,7 @@ pub fn read_telemetry(path: &Path) -> Result<Telemetry, LinkError> {
             if telemetry.unread_columns.is_empty() {
                 String::new()
             } else {
-                format!("; columns that are read: {}", csv::COLUMNS)
+                format!("; columns that are read: {}", csv::names())
             }
         )));
     }

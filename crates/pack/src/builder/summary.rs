@@ -8,11 +8,6 @@ use crate::format::FORMAT_VERSION;
 use crate::manifest::{Manifest, MapSummary, ModelSummary};
 use crate::options::BuildOptions;
 
-/// A hash as the manifest writes it.
-pub fn hex(hash: [u8; 32]) -> String {
-    blake3::Hash::from_bytes(hash).to_hex().to_string()
-}
-
 /// The manifest without levels and sections. Its fingerprint covers everything that determines the bytes of the pack.
 ///
 /// # Errors
@@ -43,7 +38,7 @@ pub fn new_manifest(
             precision: model.precision().of(Purpose::Answer),
         },
         map: MapSummary {
-            hash: hex(raster.content_hash()?),
+            hash: MapSummary::hash_text(raster.content_hash()?),
             description: raster.describe(),
             size_px: [width, height],
             georeference,

@@ -25,6 +25,8 @@ const ODD_ASPECT: f64 = 1.6;
 const SQUARE_ASPECT: f64 = 1.15;
 /// Ratio of the sides of a pixel in degrees below which it counts as square.
 const SQUARE_IN_DEGREES: f64 = 1.05;
+/// Larger pixels are not those of a map in degrees, units of its coordinates (100 m if they were degrees).
+const MAX_PIXEL_DEG: f64 = 1e-3;
 /// Maps nearer to latitude 0, longitude 0 are there by mistake, degrees.
 const NULL_ISLAND_DEG: f64 = 1.0;
 /// Ratio of ground resolutions at the edges above which one number does not describe it.
@@ -209,7 +211,12 @@ fn of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
         .xy_from_map_px(MapPx::new(2.0 * centre.x, 2.0 * centre.y));
     let crs = georeference.crs();
     let like_degrees = |x: f64, y: f64| x.abs() <= 360.0 && y.abs() <= 90.0;
-    if !crs.is_geographic() && like_degrees(x, y) && like_degrees(right, bottom) {
+    let [_, width, _, _, turned, _] = georeference.affine().to_gdal();
+    if !crs.is_geographic()
+        && width.hypot(turned) < MAX_PIXEL_DEG
+        && like_degrees(x, y)
+        && like_degrees(right, bottom)
+    {
         found.push(Concern::DegreesAsMetres { x, y });
         return Ok(found);
     }

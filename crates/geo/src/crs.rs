@@ -7,9 +7,9 @@ use proj4rs::Proj;
 use proj4rs::adaptors::transform_vertex_2d;
 use serde::{Deserialize, Serialize};
 
-use crate::datum_shifts::{caveat_of, with_better_shift};
+use crate::datum_shifts::caveat_of;
+use crate::epsg_definitions::proj_string_of_epsg;
 use crate::metres::wrap_longitude_deg;
-use crate::units::degrees_per_unit_of_epsg;
 use crate::{GeoError, LonLat};
 
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
@@ -44,23 +44,14 @@ impl Crs {
     /// world files, whatever the registry's axis order.
     ///
     /// # Errors
-    /// Returns [`GeoError::UnknownCrs`] if the code is not in the list, or if its projection or unit is not supported.
+    /// Returns [`GeoError::UnknownCrs`] if the code is not in the list, or if its projection, unit or axes are not supported.
     pub fn from_epsg(code: u32) -> Result<Self, GeoError> {
         let definition = format!("EPSG:{code}");
-        let unknown = |reason: &str| GeoError::UnknownCrs {
+        let proj_string = proj_string_of_epsg(code).map_err(|reason| GeoError::UnknownCrs {
             crs: definition.clone(),
             reason: reason.to_string(),
-        };
-        if degrees_per_unit_of_epsg(code) != 1.0 {
-            return Err(unknown(
-                "its coordinates are in grads, not in degrees; reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT",
-            ));
-        }
-        let def = u16::try_from(code)
-            .ok()
-            .and_then(crs_definitions::from_code)
-            .ok_or_else(|| unknown("the code is not in the list of known systems"))?;
-        Self::from_parts(definition.clone(), &with_better_shift(def.proj4))
+        })?;
+        Self::from_parts(definition, &proj_string)
     }
 
     /// By PROJ string (`+proj=...`).
@@ -166,19 +157,13 @@ impl Crs {
         self.caveat.as_deref()
     }
 
-    /// Period of x if coordinates repeat around the world: 360 degrees, or the equator's length
-    /// in a cylindrical projection.
+    /// Period of x if coordinates repeat around the world: 360 degrees, or the equator's length in a Mercator projection.
     pub(crate) fn period_x(&self) -> Option<f64> {
         if self.is_geographic() {
             return Some(360.0);
         }
         let (a_m, _) = self.proj.ellipse_parameters();
-        let cylindrical = matches!(
-            self.proj.projname(),
-            "merc" | "webmerc" | "eqc" | "mill" | "cea"
-        );
-        // Only for Mercator projections is the circumference simply a * k.
-        (cylindrical && self.proj.projname().ends_with("merc"))
+        matches!(self.proj.projname(), "merc" | "webmerc")
             .then(|| TAU * a_m * self.proj.scaling_factor() / self.proj.to_meter())
             .filter(|period| period.is_finite() && *period > 0.0)
     }

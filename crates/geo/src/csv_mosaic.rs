@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::antimeridian::AroundTheWorld;
 use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
 use crate::picture::Picture;
@@ -12,7 +13,7 @@ use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, Raster
 const ORDER: &str = "the columns are latitude and longitude of two corners, in degrees";
 
 /// Pictures side by side. Where they overlap, the first one in the table is used.
-pub(crate) struct Mosaic {
+pub(crate) struct CsvMosaic {
     pictures: Vec<Placed>,
     size_px: (u64, u64),
     georeference: Georeference,
@@ -43,7 +44,7 @@ const UPPER_RIGHT_LAT: usize = 6;
 const UPPER_RIGHT_LON: usize = 7;
 
 /// Opens a table of pictures. File names are relative to the folder of the table.
-pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic, GeoError> {
+pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<CsvMosaic, GeoError> {
     let rows = read_table(path)?;
     let mut placed = Vec::with_capacity(rows.len());
     let mut files = vec![path.to_path_buf()];
@@ -53,16 +54,15 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic,
         files.push(row.file.clone());
         placed.push((picture, corners));
     }
-    let Some((_, first)) = placed.first() else {
+    if placed.is_empty() {
         return Err(bad(path, 1, "the table lists no pictures"));
-    };
-    // All longitudes on the same side of the antimeridian as the first picture's.
-    let reference = 0.5 * (first.west_deg + first.east_deg);
+    }
+    let edges = placed.iter().map(|(_, c)| (c.west_deg, c.east_deg));
+    let around = AroundTheWorld::from_edges(edges, 360.0);
     for (_, corners) in &mut placed {
-        let middle = 0.5 * (corners.west_deg + corners.east_deg);
-        let turns = ((middle - reference) / 360.0).round() * 360.0;
-        corners.west_deg -= turns;
-        corners.east_deg -= turns;
+        let shift_deg = around.shift(corners.west_deg);
+        corners.west_deg += shift_deg;
+        corners.east_deg += shift_deg;
     }
     let pixel_sizes_deg = || placed.iter().map(|(p, c)| c.pixel_size_deg(p.size_px()));
     let lon_per_px = median(pixel_sizes_deg().map(|(lon, _)| lon));
@@ -91,7 +91,7 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic,
             ),
         })
         .collect();
-    Ok(Mosaic {
+    Ok(CsvMosaic {
         pictures,
         size_px,
         georeference,
@@ -100,7 +100,7 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<Mosaic,
     })
 }
 
-impl Raster for Mosaic {
+impl Raster for CsvMosaic {
     fn size_px(&self) -> (u64, u64) {
         self.size_px
     }

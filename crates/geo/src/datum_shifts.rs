@@ -1,8 +1,8 @@
 //! Shifts between a datum and WGS 84: which of the list of definitions are replaced, and how good they are.
 
 /// Shifts of the list of definitions, and those that take their place, as position vector transformations (`+towgs84`). Each shift of
-/// the list belongs to one datum. The replacements are those of the EPSG registry that PROJ uses without grids.
-const REPLACED: [(&str, &str); 4] = [
+/// the list, with its meridian, belongs to one datum. The replacements are those of the EPSG registry that PROJ uses without grids.
+const REPLACED: [(&str, &str); 11] = [
     // S-JTSK: 10 m off; S-JTSK to WGS 84 (5), 1 m.
     (
         "+towgs84=589,76,480,0,0,0,0",
@@ -24,22 +24,59 @@ const REPLACED: [(&str, &str); 4] = [
         "+towgs84=25,-141,-78.5,0,0.35,0.736,0",
         "+towgs84=24,-121,-76,0,0,0,0",
     ),
+    // MGI (Ferro) in the projections of Austria: 299 m off, as the shift is that of Yugoslavia's MGI 1901; MGI to WGS 84 (3), 1.5 m.
+    (
+        "+towgs84=682,-203,480,0,0,0,0 +pm=ferro",
+        "+towgs84=577.326,90.129,463.919,5.137,1.474,5.297,2.4232 +pm=ferro",
+    ),
+    // French Polynesia: shifts whose rotations have the signs of a coordinate frame. Fatu Iva 72: 4737 m off; Fatu Iva 72 to WGS 84 (2),
+    // 2 m. IGN63 Hiva Oa: 6 m off; IGN63 Hiva Oa to WGS 84 (3), 2 m. Moorea 87: 7 m off; Moorea 87 to WGS 84 (2), 1 m.
+    (
+        "+towgs84=347.103,1078.125,2623.922,-33.8875,70.6773,-9.3943,186.074",
+        "+towgs84=347.175,1077.618,2623.677,33.9058,-70.6776,9.4013,186.0647",
+    ),
+    (
+        "+towgs84=410.721,55.049,80.746,2.5779,2.3514,0.6664,17.3311",
+        "+towgs84=410.793,54.542,80.501,-2.5596,-2.3517,-0.6594,17.3218",
+    ),
+    (
+        "+towgs84=215.525,149.593,176.229,-3.2624,-1.692,-1.1571,10.4773",
+        "+towgs84=218.769,150.75,176.75,3.5231,2.0037,1.288,10.9817",
+    ),
+    // Pampa del Castillo: 257 m off; Pampa del Castillo to WGS 84 (2), 2.5 m.
+    (
+        "+towgs84=27.5,14,186.4,0,0,0,0",
+        "+towgs84=-233.43,6.65,173.64,0,0,0,0",
+    ),
+    // Nord Sahara 1959: up to 12 m off; Nord Sahara 1959 to WGS 84 (11), 1 m.
+    (
+        "+towgs84=-209.3622,-87.8162,404.6198,0.0046,3.4784,0.5805,-1.4547",
+        "+towgs84=-267.407,-47.068,446.357,-0.179423,5.577661,-1.27762,1.204866",
+    ),
+    // Fahud: 9 m off; Fahud to WGS 84 (3), 7 m.
+    (
+        "+towgs84=-333.102,-11.02,230.69,0,0,0.554,0.219",
+        "+towgs84=-345,3,223,0,0,0,0",
+    ),
 ];
 
-/// Shifts without rotation that are good to 2 m all the same: CH1903 and CH1903+, HD72, NTF, UCS-2000 (accuracies of the EPSG
-/// registry).
-const GOOD_WITHOUT_ROTATION: [&str; 4] = [
+/// Shifts without rotation that are good to 2.5 m all the same: CH1903 and CH1903+, HD72, NTF, UCS-2000, Pampa del Castillo
+/// (accuracies of the EPSG registry).
+const GOOD_WITHOUT_ROTATION: [&str; 5] = [
     "674.374,15.056,405.346",
     "52.17,-71.82,-14.9",
     "-168,-60,320",
     "24,-121,-76",
+    "-233.43,6.65,173.64",
 ];
 
 /// A definition of the list with the best shift that is known here.
 pub(crate) fn with_better_shift(proj_string: &str) -> String {
+    // Whole parts only.
+    let padded = format!("{proj_string} ");
     let replaced = REPLACED
         .iter()
-        .find(|(listed, _)| proj_string.split_whitespace().any(|part| part == *listed));
+        .find(|(listed, _)| padded.contains(&format!("{listed} ")));
     match replaced {
         Some((listed, better)) => proj_string.replace(listed, better),
         None => proj_string.to_string(),

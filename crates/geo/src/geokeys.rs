@@ -5,12 +5,11 @@ use std::path::Path;
 use geotiff_core::geokeys::{self as ids, GeoKeyDirectory, GeoKeyValue};
 
 use crate::units::{
-    degrees_per_angular_unit, degrees_per_unit_of_epsg, is_same_unit, metres_per_linear_unit,
+    USER_DEFINED, degrees_per_angular_unit, degrees_per_unit_of_epsg, is_same_unit,
+    metres_per_linear_unit,
 };
 use crate::{Crs, GeoError};
 
-/// OGC GeoTIFF 1.1: the value that means "described by parameters".
-const USER_DEFINED: u16 = 32767;
 /// GTModelTypeGeoKey: projected.
 const MODEL_PROJECTED: u16 = 1;
 /// GTModelTypeGeoKey: geographic.

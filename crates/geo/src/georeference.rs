@@ -1,10 +1,9 @@
 //! From map pixels to longitude and latitude, and back.
 
-use nalgebra::Matrix2;
+use nalgebra::{Matrix2, Vector2};
 use serde::{Deserialize, Serialize};
 
-use crate::metres::{metres_per_radian, wrap_longitude_deg};
-use crate::{Affine, Crs, GeoError, LonLat, MapPx};
+use crate::{Affine, Crs, GeoError, LonLat, MapPx, offset_en_m, wrap_longitude_deg};
 
 /// Half the step of the central differences of the Jacobian, pixels.
 const JACOBIAN_STEP_PX: f64 = 64.0;
@@ -69,6 +68,50 @@ impl Georeference {
         Ok(self.affine.map_px_from_xy(x, y))
     }
 
+    /// West, south, east and north of the map, degrees, from its corners; all longitudes if a pole lies on it. East is above 180 on a
+    /// map that crosses the antimeridian.
+    ///
+    /// # Errors
+    /// As [`Georeference::lonlat_from_map_px`].
+    pub fn bounds_deg(&self) -> Result<[f64; 4], GeoError> {
+        let (width, height) = (2.0 * self.centre_px.x, 2.0 * self.centre_px.y);
+        let centre_deg = self.lonlat_from_map_px(self.centre_px)?.lon_deg;
+        let mut bounds = [
+            f64::INFINITY,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            f64::NEG_INFINITY,
+        ];
+        let mut include = |lon_deg: f64, lat_deg: f64| {
+            let [west, south, east, north] = &mut bounds;
+            (*west, *east) = (west.min(lon_deg), east.max(lon_deg));
+            (*south, *north) = (south.min(lat_deg), north.max(lat_deg));
+        };
+        for (x, y) in [(0.0, 0.0), (width, 0.0), (0.0, height), (width, height)] {
+            let corner = self.lonlat_from_map_px(MapPx::new(x, y))?;
+            // On the centre's side of the antimeridian.
+            include(
+                centre_deg + wrap_longitude_deg(corner.lon_deg - centre_deg),
+                corner.lat_deg,
+            );
+        }
+        let mut has_pole = false;
+        for lat_deg in [-90.0, 90.0] {
+            // Most projections have no pixel for a pole.
+            let pole = self.map_px_from_lonlat(LonLat::new(centre_deg, lat_deg));
+            if pole.is_ok_and(|p| 0.0 < p.x && p.x < width && 0.0 < p.y && p.y < height) {
+                include(centre_deg, lat_deg);
+                has_pole = true;
+            }
+        }
+        let [west, south, east, north] = bounds;
+        if has_pole {
+            return Ok([-180.0, south, 180.0, north]);
+        }
+        let turn = if west < -180.0 { 360.0 } else { 0.0 };
+        Ok([west + turn, south, east + turn, north])
+    }
+
     /// Metres on the ground per map pixel: along the map's x, and along its y.
     ///
     /// # Errors
@@ -96,7 +139,7 @@ impl Georeference {
     /// Metres east (first row) and north (second row) per map pixel to the right (first column)
     /// and down (second column), at a point. North-up: `[[gsd, 0], [0, -gsd]]`.
     ///
-    /// Central differences over 128 px, in metres of the ellipsoid's radii of curvature there.
+    /// Central differences over 128 px, of metres along geodesics from the point: longitudes say nothing near a pole.
     ///
     /// # Errors
     /// As [`Georeference::lonlat_from_map_px`].
@@ -105,20 +148,14 @@ impl Georeference {
         place: MapPx,
     ) -> Result<Matrix2<f64>, GeoError> {
         let at = self.lonlat_from_map_px(place)?;
-        let (east_m_per_rad, north_m_per_rad) = metres_per_radian(at.lat_deg);
-        let difference = |dx: f64, dy: f64| -> Result<(f64, f64), GeoError> {
-            let a = self.lonlat_from_map_px(MapPx::new(place.x - dx, place.y - dy))?;
-            let b = self.lonlat_from_map_px(MapPx::new(place.x + dx, place.y + dy))?;
-            let lon_rad = wrap_longitude_deg(b.lon_deg - a.lon_deg).to_radians();
-            let lat_rad = (b.lat_deg - a.lat_deg).to_radians();
-            let per_px = 1.0 / (2.0 * JACOBIAN_STEP_PX);
-            Ok((
-                lon_rad * east_m_per_rad * per_px,
-                lat_rad * north_m_per_rad * per_px,
-            ))
+        let offset_m = |dx: f64, dy: f64| -> Result<Vector2<f64>, GeoError> {
+            let there = self.lonlat_from_map_px(MapPx::new(place.x + dx, place.y + dy))?;
+            let (east_m, north_m) = offset_en_m(at, there);
+            Ok(Vector2::new(east_m, north_m))
         };
-        let (e_x, n_x) = difference(JACOBIAN_STEP_PX, 0.0)?;
-        let (e_y, n_y) = difference(0.0, JACOBIAN_STEP_PX)?;
-        Ok(Matrix2::new(e_x, e_y, n_x, n_y))
+        let step = JACOBIAN_STEP_PX;
+        let along_x = offset_m(step, 0.0)? - offset_m(-step, 0.0)?;
+        let along_y = offset_m(0.0, step)? - offset_m(0.0, -step)?;
+        Ok(Matrix2::from_columns(&[along_x, along_y]) / (2.0 * step))
     }
 }

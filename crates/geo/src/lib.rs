@@ -28,6 +28,7 @@
 #![cfg_attr(doctest, doc = include_str!("../README.md"))]
 
 mod affine;
+mod antimeridian;
 mod block;
 mod block_cache;
 mod block_canvas;
@@ -37,7 +38,9 @@ mod corners;
 mod crs;
 mod csv_mosaic;
 mod datum_shifts;
+mod epsg_definitions;
 mod error;
+mod flipped_rows;
 mod geokeys;
 mod georeference;
 mod heading;
@@ -51,6 +54,7 @@ mod map_px;
 mod mbtiles;
 mod metres;
 mod mosaic;
+mod mosaic_grid;
 mod mosaic_map;
 mod open;
 mod pam;
@@ -62,6 +66,7 @@ mod pmtiles_directory;
 mod raster;
 mod resample;
 mod samples;
+mod sidecar_values;
 mod single_map;
 mod source_file;
 mod tiff;

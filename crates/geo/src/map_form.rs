@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::GeoError;
 use crate::pmtiles_directory::MAGIC as PMTILES;
@@ -45,9 +45,18 @@ pub(crate) fn form_of(path: &Path) -> Result<MapForm, GeoError> {
         if holds_tiff(path)? {
             return Ok(MapForm::TiffFolder);
         }
+        let below = match folder_with_tiffs(path)? {
+            Some(folder) => format!(
+                "; there are GeoTIFFs in the folder {}: give that one, or a list (.txt) of all files",
+                folder.display()
+            ),
+            None => String::new(),
+        };
         return Err(not_a_map(
             path,
-            "the folder holds neither folders of zooms ({zoom}/{column}/{row}.png) nor GeoTIFFs",
+            &format!(
+                "the folder holds neither tiles ({{zoom}}/{{column}}/{{row}}.png) nor GeoTIFFs{below}"
+            ),
         ));
     }
     let ending = path.extension().unwrap_or_default();
@@ -95,6 +104,20 @@ fn holds_tiff(folder: &Path) -> Result<bool, GeoError> {
         }
     }
     Ok(false)
+}
+
+/// A folder directly in a folder that holds GeoTIFFs, the first by name.
+fn folder_with_tiffs(path: &Path) -> Result<Option<PathBuf>, GeoError> {
+    let error = |e| GeoError::io(path, e);
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(path).map_err(error)? {
+        let folder = entry.map_err(error)?.path();
+        // What cannot be read is of no help.
+        if folder.is_dir() && holds_tiff(&folder).unwrap_or(false) {
+            found.push(folder);
+        }
+    }
+    Ok(found.into_iter().min())
 }
 
 /// The first bytes of a file.

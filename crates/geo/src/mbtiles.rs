@@ -1,6 +1,7 @@
 //! MBTiles: tiles in an SQLite database.
 //!
-//! Specification: MBTiles 1.3 (Mapbox). Rows are counted from the south (TMS).
+//! Specification: MBTiles 1.3 (Mapbox). Rows are counted from the south (TMS). Some writers count them from the north and say so
+//! (`scheme` `xyz`), but others say so of rows from the south, so it is believed only where the bounds agree.
 
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -10,6 +11,7 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension};
 
 use crate::GeoError;
 use crate::content_hash::hash_file;
+use crate::flipped_rows::rows_look_flipped;
 use crate::tile_address::TileAddress;
 use crate::tile_index::{MAX_TILES, TileIndex};
 use crate::tile_store::TileStore;
@@ -28,6 +30,8 @@ pub(crate) struct MbTiles {
     connection: Mutex<Connection>,
     index: TileIndex,
     bounds_deg: Option<[f64; 4]>,
+    states_rows_from_north: bool,
+    rows_from_north: bool,
 }
 
 impl MbTiles {
@@ -42,10 +46,17 @@ impl MbTiles {
             connection: Mutex::new(connection),
             index: TileIndex::default(),
             bounds_deg: None,
+            states_rows_from_north: false,
+            rows_from_north: false,
         };
         file.check_tables()?;
         file.check_metadata()?;
         file.index = file.list()?;
+        let bounds = file.bounds_deg.filter(|_| file.states_rows_from_north);
+        if bounds.is_some_and(|bounds_deg| rows_look_flipped(&file.index, bounds_deg).is_some()) {
+            file.rows_from_north = true;
+            file.index = file.list()?;
+        }
         Ok(file)
     }
 
@@ -109,6 +120,9 @@ impl MbTiles {
             }
         }
         self.bounds_deg = self.metadata("bounds")?.and_then(|text| bounds_of(&text));
+        self.states_rows_from_north = self
+            .metadata("scheme")?
+            .is_some_and(|scheme| scheme.trim().eq_ignore_ascii_case("xyz"));
         Ok(())
     }
 
@@ -161,7 +175,7 @@ impl MbTiles {
                 )
             })?;
             index
-                .add(address.flipped())
+                .add(self.as_stored(address))
                 .map_err(|_| GeoError::Unsupported {
                     path: self.path.clone(),
                     what: format!("more than {MAX_TILES} tiles"),
@@ -171,10 +185,19 @@ impl MbTiles {
         if let Some(twice) = index.sort() {
             return Err(GeoError::damaged(
                 &self.path,
-                format!("tile {} is there twice", twice.flipped()),
+                format!("tile {} is there twice", self.as_stored(twice)),
             ));
         }
         Ok(index)
+    }
+
+    /// The address in the table of an address in the XYZ scheme, or back.
+    fn as_stored(&self, address: TileAddress) -> TileAddress {
+        if self.rows_from_north {
+            address
+        } else {
+            address.flipped()
+        }
     }
 
     fn lock(&self) -> MutexGuard<'_, Connection> {
@@ -206,7 +229,7 @@ impl TileStore for MbTiles {
         if !self.index.contains(address) {
             return Ok(None);
         }
-        let stored = address.flipped();
+        let stored = self.as_stored(address);
         let connection = self.lock();
         let mut statement = connection
             .prepare(
@@ -229,7 +252,7 @@ impl TileStore for MbTiles {
     }
 
     fn damaged(&self, address: TileAddress, reason: &str) -> GeoError {
-        let stored = address.flipped();
+        let stored = self.as_stored(address);
         GeoError::damaged(
             &self.path,
             format!(
@@ -246,6 +269,21 @@ impl TileStore for MbTiles {
 
     fn stated_bounds_deg(&self) -> Option<[f64; 4]> {
         self.bounds_deg
+    }
+
+    fn advice_on_flipped_rows(&self) -> &'static str {
+        "if they are counted from the north (XYZ), state it: sqlite3 FILE \"INSERT INTO metadata VALUES ('scheme', 'xyz')\"; else correct \
+         the bounds in its metadata"
+    }
+
+    fn caveats(&self) -> Vec<String> {
+        let is_unchecked = self.states_rows_from_north && self.bounds_deg.is_none();
+        let caveat = "its metadata says that rows are counted from the north (scheme xyz), and has no bounds that show it; they are \
+                      read as counted from the south, as MBTiles has them: check where the map lies";
+        is_unchecked
+            .then(|| caveat.to_string())
+            .into_iter()
+            .collect()
     }
 }
 

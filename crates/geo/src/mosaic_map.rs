@@ -7,24 +7,24 @@ use grimnet_limits::MapLimits;
 
 use crate::block::BlockSource;
 use crate::block_cache::BlockCache;
+use crate::content_hash::{ContentHash, ContentValues};
+use crate::error::ADVICE_TILE_IT;
 use crate::map_form::is_tiff_name;
 use crate::map_options::MapOptions;
 use crate::mosaic::{Member, Mosaic};
-use crate::placing::{corners_georeference, georeference, tiff_georeference};
+use crate::mosaic_grid::MosaicGrid;
+use crate::placing::{corners_georeference, georeference, place_tiff, stated_elsewhere};
+use crate::sidecar_values::SidecarValues;
 use crate::single_map::SingleMap;
-use crate::source_file::{OpenFiles, SourceFile, open_source};
+use crate::source_file::{OpenFiles, Source, SourceFile};
 use crate::tiff::TiffMap;
 use crate::vrt::read_vrt;
-use crate::{Affine, Crs, GeoError, Georeference, WindowPx};
+use crate::{Crs, GeoError, Georeference, WindowPx};
 
 /// Pictures, at most.
 const MAX_PICTURES: usize = MapLimits::DEFAULT.max_mosaic_pictures as usize;
 /// Largest list that is read, bytes.
 const MAX_LIST_BYTES: u64 = MapLimits::DEFAULT.max_description_bytes;
-/// Edges within this distance of whole pixels lie on them, pixels.
-const WHOLE_PIXEL_TOLERANCE: f64 = 1e-3;
-/// Ratio of sides above which pixels have other sizes.
-const SIZE_TOLERANCE: f64 = 1e-9;
 
 /// Opens a VRT.
 pub(crate) fn open_vrt(
@@ -34,12 +34,12 @@ pub(crate) fn open_vrt(
     cache: Arc<BlockCache>,
 ) -> Result<SingleMap, GeoError> {
     let vrt = read_vrt(path)?;
-    let mut crs_of_file = vrt.crs.clone();
     let mut members = Members::default();
+    vrt.add_to(&mut members.values);
     for source in &vrt.sources {
         let file = regular(&source.file)?;
-        let (opened, facts) = open_source(file, source.nodata)?;
-        if vrt.is_grey && !facts.is_grey {
+        let opened = Source::open(file, source.nodata)?;
+        if vrt.is_grey && !opened.is_grey() {
             return Err(GeoError::Unsupported {
                 path: path.to_path_buf(),
                 what: format!("one band of the colours of {}", file.display()),
@@ -62,40 +62,47 @@ pub(crate) fn open_vrt(
                 ),
             ));
         }
-        members.add(
-            file,
-            source.nodata,
-            opened.as_ref(),
-            facts.files,
-            source.from,
-            source.to,
-        );
+        let sidecars = SidecarValues {
+            nodata: opened.nodata_beside(),
+            ..SidecarValues::default()
+        };
+        members.add(file, &opened, source.nodata, &sidecars);
     }
-    if crs.is_none()
-        && crs_of_file.is_none()
+    let mut own_crs = vrt.crs.clone();
+    if own_crs.is_none()
         && let Some(first) = vrt.sources.first()
         && let Ok(map) = TiffMap::open(&first.file)
-        && let Ok(place) = tiff_georeference(&first.file, &map, None, &MapOptions::default())
+        && let Ok(placed) = place_tiff(&first.file, &map, None, &MapOptions::default())
     {
         // Well-known text without a code: gdalbuildvrt demands that all pictures have the same system.
-        crs_of_file = Some(place.crs().clone());
+        own_crs = Some(placed.georeference.crs().clone());
+        placed.sidecars.add_to(&mut members.values);
     }
+    let by_vrt = |crs: Option<Crs>| {
+        let affine = vrt.affine.ok_or_else(|| GeoError::NoGeoreference {
+            path: path.to_path_buf(),
+            reason: "the VRT has no GeoTransform".to_string(),
+        })?;
+        let crs = crs.ok_or_else(|| GeoError::MissingCrs {
+            path: path.to_path_buf(),
+            reason: "the VRT has none, or one without an EPSG code".to_string(),
+        })?;
+        georeference(path, affine, crs.into(), vrt.size_px)
+    };
     let place = match corners_georeference(&crs, options, vrt.size_px)? {
         Some(place) => place,
-        None => {
-            let affine = vrt.affine.ok_or_else(|| GeoError::NoGeoreference {
-                path: path.to_path_buf(),
-                reason: "the VRT has no GeoTransform".to_string(),
-            })?;
-            let crs = crs.or(crs_of_file).ok_or_else(|| GeoError::MissingCrs {
-                path: path.to_path_buf(),
-                reason: "the VRT has none, or one without an EPSG code".to_string(),
-            })?;
-            georeference(path, affine, crs.into(), vrt.size_px)?
+        None => by_vrt(crs.clone().or_else(|| own_crs.clone()))?,
+    };
+    let caveat = match by_vrt(own_crs) {
+        Ok(stated) if crs.is_some() || options.corners.is_some() => {
+            stated_elsewhere(&stated, &place)
         }
+        _ => None,
     };
     let kind = format!("VRT of {} pictures", vrt.sources.len());
-    Ok(members.map(path, kind, place, vrt.size_px, cache))
+    let windows = vrt.sources.iter().map(|source| (source.from, source.to));
+    let map = members.map(path, kind, place, vrt.size_px, windows, cache);
+    Ok(map.with_caveats(caveat))
 }
 
 /// Opens a list of GeoTIFFs, one a line, or the GeoTIFFs in a folder in order of their names.
@@ -117,170 +124,85 @@ pub(crate) fn open_list(
         listed(path)?
     };
     let mut pictures = Vec::with_capacity(files.len());
+    let mut members = Members::default();
+    if !path.is_dir() {
+        members.files.push(path.to_path_buf());
+    }
+    let mut caveat = None;
     for file in &files {
         let file = regular(file)?;
-        let (opened, facts) = open_source(file, None)?;
-        let map = TiffMap::open(file)?;
-        let place = tiff_georeference(file, &map, crs.clone(), options)?;
-        let full = opened.levels()[0];
-        pictures.push((place, (full.width, full.height)));
-        drop((opened, facts));
+        let opened = Source::open(file, None)?;
+        let Source::Tiff(map) = &opened else {
+            return Err(GeoError::Unsupported {
+                path: file.to_path_buf(),
+                what: "a picture that is no GeoTIFF, among several".to_string(),
+                advice: ADVICE_TILE_IT,
+            });
+        };
+        let placed = place_tiff(file, map, crs.clone(), options)?;
+        caveat = caveat.or_else(|| {
+            let first = placed.caveats.first()?;
+            Some(format!("{}: {first}", file.display()))
+        });
+        members.add(file, &opened, None, &placed.sidecars);
+        pictures.push((placed.georeference, map.size_px()));
     }
-    let grid = Grid::of(path, &files, &pictures)?;
-    let mut members = Members::default();
-    for (file, (place, size_px)) in files.iter().zip(&pictures) {
-        let (opened, facts) = open_source(file, None)?;
-        let from = WindowPx::new(0.0, 0.0, size_px.0 as f64, size_px.1 as f64);
-        let to = grid.place(place, *size_px);
-        members.add(file, None, opened.as_ref(), facts.files, from, to);
-    }
+    let grid = MosaicGrid::of(path, &files, &pictures)?;
     let kind = format!("{} GeoTIFFs", files.len());
     let crs = pictures[0].0.crs().clone();
     let place = georeference(path, grid.affine(path)?, crs.into(), grid.size_px)?;
-    Ok(members.map(path, kind, place, grid.size_px, cache))
+    let windows = pictures.iter().map(|(place, size_px)| {
+        let whole = WindowPx::new(0.0, 0.0, size_px.0 as f64, size_px.1 as f64);
+        (whole, grid.place(place, *size_px))
+    });
+    let map = members.map(path, kind, place, grid.size_px, windows, cache);
+    Ok(map.with_caveats(caveat))
 }
 
-/// The grid of pixels that pictures are put on.
-struct Grid {
-    left: f64,
-    top: f64,
-    /// Width and height of a pixel, units of the CRS.
-    pixel: (f64, f64),
-    size_px: (u64, u64),
-}
-
-impl Grid {
-    fn of(
-        path: &Path,
-        files: &[PathBuf],
-        pictures: &[(Georeference, (u64, u64))],
-    ) -> Result<Self, GeoError> {
-        let unsupported = |file: &Path, what: String| GeoError::Unsupported {
-            path: file.to_path_buf(),
-            what,
-            advice: "bring all of them into one coordinate system, north up: gdalwarp -t_srs EPSG:CODE IN OUT.tif",
-        };
-        let Some((first, _)) = pictures.first() else {
-            return Err(GeoError::NotAMap {
-                path: path.to_path_buf(),
-                reason: "it lists no GeoTIFFs".to_string(),
-            });
-        };
-        let mut grid = Self {
-            left: f64::INFINITY,
-            top: f64::NEG_INFINITY,
-            pixel: (f64::INFINITY, f64::INFINITY),
-            size_px: (0, 0),
-        };
-        let (mut right, mut bottom) = (f64::NEG_INFINITY, f64::INFINITY);
-        for (file, (place, size_px)) in files.iter().zip(pictures) {
-            if place.crs() != first.crs() {
-                return Err(unsupported(
-                    file,
-                    format!(
-                        "coordinate system {} beside {} of {}",
-                        place.crs(),
-                        first.crs(),
-                        files[0].display()
-                    ),
-                ));
-            }
-            let [x, width, skew_x, y, skew_y, height] = place.affine().to_gdal();
-            if skew_x != 0.0 || skew_y != 0.0 || width <= 0.0 || height >= 0.0 {
-                return Err(unsupported(
-                    file,
-                    "a picture that is not north up".to_string(),
-                ));
-            }
-            grid.left = grid.left.min(x);
-            grid.top = grid.top.max(y);
-            right = right.max(x + width * size_px.0 as f64);
-            bottom = bottom.min(y + height * size_px.1 as f64);
-            grid.pixel = (grid.pixel.0.min(width), grid.pixel.1.min(-height));
-        }
-        let count = |length: f64, pixel: f64| {
-            ((length / pixel - WHOLE_PIXEL_TOLERANCE).ceil() as u64).max(1)
-        };
-        grid.size_px = (
-            count(right - grid.left, grid.pixel.0),
-            count(grid.top - bottom, grid.pixel.1),
-        );
-        Ok(grid)
-    }
-
-    fn affine(&self, path: &Path) -> Result<Affine, GeoError> {
-        Affine::from_gdal([self.left, self.pixel.0, 0.0, self.top, 0.0, -self.pixel.1])
-            .map_err(|e| e.in_file(path))
-    }
-
-    /// Where a picture lies, pixels of the grid.
-    fn place(&self, place: &Georeference, size_px: (u64, u64)) -> WindowPx {
-        let [x, width, _, y, _, height] = place.affine().to_gdal();
-        let side = |count: u64, pixel: f64, grid: f64| {
-            let scale = pixel / grid;
-            if (scale - 1.0).abs() < SIZE_TOLERANCE {
-                count as f64
-            } else {
-                count as f64 * scale
-            }
-        };
-        WindowPx::new(
-            snapped((x - self.left) / self.pixel.0),
-            snapped((self.top - y) / self.pixel.1),
-            side(size_px.0, width, self.pixel.0),
-            side(size_px.1, -height, self.pixel.1),
-        )
-    }
-}
-
-fn snapped(px: f64) -> f64 {
-    if (px - px.round()).abs() < WHOLE_PIXEL_TOLERANCE {
-        px.round()
-    } else {
-        px
-    }
-}
-
-/// Pictures with their places, and the files they are made of.
+/// The pictures of a mosaic, lowest first, and their content.
 #[derive(Default)]
 struct Members {
-    members: Vec<Member>,
+    pictures: Vec<SourceFile>,
     files: Vec<PathBuf>,
+    values: ContentValues,
     open: Arc<OpenFiles>,
 }
 
 impl Members {
-    fn add(
-        &mut self,
-        file: &Path,
-        nodata: Option<f64>,
-        opened: &dyn BlockSource,
-        files: Vec<PathBuf>,
-        from: WindowPx,
-        to: WindowPx,
-    ) {
-        let id = self.members.len();
+    /// Adds a picture; `nodata` takes the place of its own, and `sidecars` are what is taken from files beside it.
+    fn add(&mut self, path: &Path, opened: &Source, nodata: Option<f64>, sidecars: &SidecarValues) {
+        let id = self.pictures.len();
+        if *sidecars != SidecarValues::default() {
+            self.values.add_numbers("picture", &[id as f64]);
+            sidecars.add_to(&mut self.values);
+        }
+        // The value as it is now, should the picture be opened again after its sidecar has changed.
+        let nodata = nodata.or(sidecars.nodata);
         let layouts = opened.levels().to_vec();
-        let file = SourceFile::new(id, file, nodata, layouts, Arc::clone(&self.open));
-        self.members.push(Member { file, from, to });
-        self.files.extend(files);
+        let file = SourceFile::new(id, path, nodata, layouts, Arc::clone(&self.open));
+        self.pictures.push(file);
+        self.files.extend(opened.files(path));
     }
 
+    /// The map of them; `windows` are the part of each that is shown, and where.
     fn map(
         self,
         path: &Path,
         kind: String,
         place: Georeference,
         size_px: (u64, u64),
+        windows: impl Iterator<Item = (WindowPx, WindowPx)>,
         cache: Arc<BlockCache>,
     ) -> SingleMap {
         let mut files = self.files;
-        if !path.is_dir() {
-            files.insert(0, path.to_path_buf());
-        }
         files.dedup();
-        let mosaic = Mosaic::new(self.members, size_px);
-        SingleMap::new(path, Box::new(mosaic), kind, place, files, cache)
+        let members = self.pictures.into_iter().zip(windows);
+        let members = members
+            .map(|(file, (from, to))| Member { file, from, to })
+            .collect();
+        let mosaic = Box::new(Mosaic::new(members, size_px));
+        let hash = ContentHash::of(files).with_values(self.values);
+        SingleMap::new(path, mosaic, kind, place, hash, cache)
     }
 }
 

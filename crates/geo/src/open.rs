@@ -1,20 +1,17 @@
 //! Opens a map of any supported form.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::block::BlockSource;
 use crate::block_cache::BlockCache;
+use crate::content_hash::{ContentHash, ContentValues};
 use crate::csv_mosaic::open_mosaic;
-use crate::geokeys::FileCrs;
 use crate::map_form::{MapForm, form_of};
 use crate::map_options::MapOptions;
 use crate::mosaic_map::{open_list, open_vrt};
-use crate::pam::read_pam;
 use crate::picture::Picture;
-use crate::placing::{
-    corners_georeference, no_georeference, pam_georeference, stated_elsewhere, tiff_georeference,
-    world_georeference,
-};
+use crate::placing::{Placed, place_picture, place_tiff};
 use crate::pmtiles::PmTiles;
 use crate::single_map::SingleMap;
 use crate::tiff::TiffMap;
@@ -48,6 +45,9 @@ pub fn open_map(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, Ge
     if let Some(caveat) = crs.caveat() {
         tracing::warn!(map = %path.display(), crs = %crs, "{caveat}");
     }
+    for caveat in map.caveats() {
+        tracing::warn!(map = %path.display(), "{caveat}");
+    }
     Ok(map)
 }
 
@@ -73,24 +73,10 @@ fn open_form(path: &Path, options: &MapOptions) -> Result<Box<dyn Raster>, GeoEr
             advice: "convert it: gdal_translate -of COG -co COMPRESS=JPEG IN.mbtiles OUT.tif",
         }),
         MapForm::Tiff => {
-            let mut map = TiffMap::open(path)?;
-            if map.nodata().is_none() {
-                map.set_nodata(read_pam(path)?.nodata);
-            }
-            let georeference = tiff_georeference(path, &map, crs, options)?;
-            let is_placed_by_options = options.crs.is_some() || options.corners.is_some();
-            let caveat = is_placed_by_options
-                .then(|| stated_elsewhere(path, &map, &georeference))
-                .flatten();
-            if let Some(caveat) = &caveat {
-                tracing::warn!(map = %path.display(), "{caveat}");
-            }
-            let files = map.images().files.clone();
-            let kind = map.kind();
-            let source = Box::new(map);
-            Ok(Box::new(
-                SingleMap::new(path, source, kind, georeference, files, cache).with_caveats(caveat),
-            ))
+            let map = TiffMap::open(path)?;
+            let placed = place_tiff(path, &map, crs, options)?;
+            let (kind, files) = (map.kind(), map.images().files.clone());
+            Ok(single(path, Box::new(map), kind, placed, files, cache))
         }
         MapForm::Picture => open_picture(path, crs, options, cache),
     }
@@ -157,25 +143,25 @@ fn open_picture(
 ) -> Result<Box<dyn Raster>, GeoError> {
     let picture = Picture::open(path)?;
     let size_px = picture.size_px();
-    let georeference = match corners_georeference(&crs, options, size_px)? {
-        Some(georeference) => georeference,
-        None => match pam_georeference(path, crs.clone(), size_px)? {
-            Some(georeference) => georeference,
-            None => {
-                world_georeference(path, crs.map(FileCrs::from), size_px)?.ok_or_else(|| {
-                    no_georeference(path, "the picture has none, and there is no world file")
-                })?
-            }
-        },
-    };
+    let placed = place_picture(path, crs, options, size_px)?;
     let kind = picture.kind().to_string();
     let files = vec![path.to_path_buf()];
-    Ok(Box::new(SingleMap::new(
-        path,
-        Box::new(picture),
-        kind,
-        georeference,
-        files,
-        cache,
-    )))
+    let source = Box::new(picture);
+    Ok(single(path, source, kind, placed, files, cache))
+}
+
+/// A map of one picture, whose pixels are in `files`.
+fn single(
+    path: &Path,
+    source: Box<dyn BlockSource>,
+    kind: String,
+    placed: Placed,
+    files: Vec<PathBuf>,
+    cache: Arc<BlockCache>,
+) -> Box<dyn Raster> {
+    let mut values = ContentValues::default();
+    placed.sidecars.add_to(&mut values);
+    let hash = ContentHash::of(files).with_values(values);
+    let map = SingleMap::new(path, source, kind, placed.georeference, hash, cache);
+    Box::new(map.with_caveats(placed.caveats))
 }

@@ -2,18 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
+use crate::sidecar_values::SidecarValues;
 use crate::wkt::crs_from_text;
 use crate::xml_tree::{Element, read_xml};
-use crate::{Affine, Crs, GeoError};
-
-/// The parts of a PAM file that are used; statistics, histograms and metadata are not.
-#[derive(Debug, Default)]
-pub(crate) struct Pam {
-    pub affine: Option<Affine>,
-    pub crs: Option<Crs>,
-    /// If all bands have the same.
-    pub nodata: Option<f64>,
-}
+use crate::{Affine, GeoError};
 
 /// The PAM file of a picture, if there is one.
 pub(crate) fn find_pam(picture: &Path) -> Option<PathBuf> {
@@ -23,25 +15,27 @@ pub(crate) fn find_pam(picture: &Path) -> Option<PathBuf> {
     path.is_file().then_some(path)
 }
 
-/// Reads the PAM file of a picture; empty if there is none.
-pub(crate) fn read_pam(picture: &Path) -> Result<Pam, GeoError> {
+/// What the PAM file of a picture says; nothing if there is none. Statistics, histograms and metadata are not used, and a value of
+/// pixels without data only if all bands have the same.
+pub(crate) fn read_pam(picture: &Path) -> Result<SidecarValues, GeoError> {
     let Some(path) = find_pam(picture) else {
-        return Ok(Pam::default());
+        return Ok(SidecarValues::default());
     };
     let root = read_xml(&path)?;
     if root.name != "PAMDataset" {
         // Other programs use the name as well.
-        return Ok(Pam::default());
+        return Ok(SidecarValues::default());
     }
     let affine = match root.child_text("GeoTransform") {
         Some(text) => Some(affine_of(&path, text)?),
         None => None,
     };
-    let crs = match root.child_text("SRS") {
-        Some(text) if !text.is_empty() => crs_from_text(text, &path)?,
-        _ => None,
-    };
-    Ok(Pam {
+    // One that is not known is none: the file or the options may give one that is.
+    let crs = root
+        .child_text("SRS")
+        .filter(|text| !text.is_empty())
+        .and_then(|text| crs_from_text(text, &path).ok().flatten());
+    Ok(SidecarValues {
         affine,
         crs,
         nodata: nodata_of(&root),

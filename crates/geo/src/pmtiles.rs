@@ -154,6 +154,10 @@ impl TileStore for PmTiles {
     fn stated_bounds_deg(&self) -> Option<[f64; 4]> {
         Some(self.bounds_deg)
     }
+
+    fn advice_on_flipped_rows(&self) -> &'static str {
+        "make it again of tiles whose rows are counted from the north, as PMTiles has them, or correct its bounds"
+    }
 }
 
 fn map_error(path: &Path, problem: Problem) -> GeoError {

@@ -23,7 +23,8 @@ pub trait Raster: Send + Sync {
     /// The georeference.
     fn georeference(&self) -> &Georeference;
 
-    /// BLAKE3 of the bytes of all files of the map. The first call reads all files; later calls return the stored hash.
+    /// BLAKE3 of the bytes of all files that the map's pixels are made of, with what the map takes from files that describe them
+    /// (world files, `.aux.xml`, a VRT). The first call reads all files; later calls return the stored hash.
     ///
     /// # Errors
     /// Returns an error if a file cannot be read.

@@ -23,18 +23,15 @@ pub(crate) struct SingleMap {
 }
 
 impl SingleMap {
-    /// A map; `files` are all that its pixels are made of.
+    /// A map with its content.
     pub fn new(
         path: &Path,
         source: Box<dyn BlockSource>,
         kind: String,
         georeference: Georeference,
-        mut files: Vec<PathBuf>,
+        hash: ContentHash,
         cache: Arc<BlockCache>,
     ) -> Self {
-        files.extend(find_world_file(path));
-        files.extend(find_pam(path));
-        let hash = ContentHash::of(files);
         Self {
             path: path.to_path_buf(),
             source,
@@ -72,7 +69,12 @@ impl Raster for SingleMap {
     }
 
     fn files(&self) -> Vec<PathBuf> {
-        with_descriptions(self.hash.files())
+        let mut files = self.hash.files().to_vec();
+        // Not a folder: a pack may be built into it.
+        if !self.path.is_dir() && !files.contains(&self.path) {
+            files.push(self.path.clone());
+        }
+        with_descriptions(&files)
     }
 
     fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {

@@ -15,7 +15,7 @@ use crate::tiff::TiffMap;
 const MAX_OPEN: usize = 128;
 
 /// An open source, and the number of its file.
-type Open = (usize, Arc<dyn BlockSource>);
+type Open = (usize, Arc<Source>);
 
 /// The files of a mosaic that are open, the most recently used last.
 #[derive(Default)]
@@ -48,7 +48,7 @@ impl SourceFile {
         }
     }
 
-    fn source(&self) -> Result<Arc<dyn BlockSource>, GeoError> {
+    fn source(&self) -> Result<Arc<Source>, GeoError> {
         let held = {
             let mut open = self.open.0.lock().unwrap_or_else(PoisonError::into_inner);
             let at = open.iter().position(|(id, _)| *id == self.id);
@@ -61,8 +61,7 @@ impl SourceFile {
         if let Some((_, source)) = held {
             return Ok(source);
         }
-        let (source, _) = open_source(&self.path, self.nodata)?;
-        let source: Arc<dyn BlockSource> = Arc::from(source);
+        let source = Arc::new(Source::open(&self.path, self.nodata)?);
         if source.levels() != self.layouts {
             return Err(GeoError::damaged(
                 &self.path,
@@ -88,56 +87,83 @@ impl BlockSource for SourceFile {
     }
 }
 
-/// What a picture brings with it.
-pub(crate) struct SourceFacts {
-    /// Files that its pixels are made of.
-    pub files: Vec<PathBuf>,
-    /// Whether it has colours.
-    pub is_grey: bool,
+/// A picture of a mosaic.
+pub(crate) enum Source {
+    Tiff(Box<TiffMap>),
+    Picture(Picture),
 }
 
-/// Opens a picture of a mosaic.
-pub(crate) fn open_source(
-    path: &Path,
-    nodata: Option<f64>,
-) -> Result<(Box<dyn BlockSource>, SourceFacts), GeoError> {
-    let unsupported = |what: &str, advice| GeoError::Unsupported {
-        path: path.to_path_buf(),
-        what: what.to_string(),
-        advice,
-    };
-    match form_of(path)? {
-        MapForm::Tiff => {
-            let mut map = TiffMap::open(path)?;
-            if !map.is_8_bit() {
-                return Err(unsupported(
-                    "samples that are not 8-bit, in a map of several pictures: they would be stretched one by one, with seams",
-                    "convert the whole map with one scale: gdal_translate -ot Byte -scale MIN MAX 0 255 IN.vrt OUT.tif",
-                ));
+impl Source {
+    /// Opens a picture; `nodata` takes the place of its own.
+    pub fn open(path: &Path, nodata: Option<f64>) -> Result<Self, GeoError> {
+        let unsupported = |what: &str, advice| GeoError::Unsupported {
+            path: path.to_path_buf(),
+            what: what.to_string(),
+            advice,
+        };
+        match form_of(path)? {
+            MapForm::Tiff => {
+                let mut map = TiffMap::open(path)?;
+                if !map.is_8_bit() {
+                    return Err(unsupported(
+                        "samples that are not 8-bit, in a map of several pictures: they would be stretched one by one, with seams",
+                        "convert the whole map with one scale: gdal_translate -ot Byte -scale MIN MAX 0 255 IN.vrt OUT.tif",
+                    ));
+                }
+                if let Some(nodata) = nodata {
+                    map.set_nodata(nodata);
+                }
+                Ok(Self::Tiff(Box::new(map)))
             }
-            if nodata.is_some() {
-                map.set_nodata(nodata);
-            }
-            let facts = SourceFacts {
-                files: map.images().files.clone(),
-                is_grey: map.is_grey(),
-            };
-            Ok((Box::new(map), facts))
+            MapForm::Picture if nodata.is_none() => Picture::open(path).map(Self::Picture),
+            MapForm::Picture => Err(unsupported(
+                "a nodata value for a picture that is no GeoTIFF",
+                ADVICE_TILE_IT,
+            )),
+            _ => Err(unsupported(
+                "a map within a map",
+                "expected GeoTIFFs or pictures: make one map of it first: gdal_translate IN OUT.tif",
+            )),
         }
-        MapForm::Picture if nodata.is_none() => {
-            let facts = SourceFacts {
-                files: vec![path.to_path_buf()],
-                is_grey: false,
-            };
-            Ok((Box::new(Picture::open(path)?), facts))
+    }
+
+    /// Files that the pixels of the picture at `path` are made of.
+    pub fn files(&self, path: &Path) -> Vec<PathBuf> {
+        match self {
+            Self::Tiff(map) => map.images().files.clone(),
+            Self::Picture(_) => vec![path.to_path_buf()],
         }
-        MapForm::Picture => Err(unsupported(
-            "a nodata value for a picture that is no GeoTIFF",
-            ADVICE_TILE_IT,
-        )),
-        _ => Err(unsupported(
-            "a map within a map",
-            "expected GeoTIFFs or pictures: make one map of it first: gdal_translate IN OUT.tif",
-        )),
+    }
+
+    /// Whether it has no colours.
+    pub fn is_grey(&self) -> bool {
+        match self {
+            Self::Tiff(map) => map.is_grey(),
+            Self::Picture(_) => false,
+        }
+    }
+
+    /// The value of pixels without data, if it is one of a file beside the picture.
+    pub fn nodata_beside(&self) -> Option<f64> {
+        match self {
+            Self::Tiff(map) => map.nodata_beside(),
+            Self::Picture(_) => None,
+        }
+    }
+}
+
+impl BlockSource for Source {
+    fn levels(&self) -> &[BlockLayout] {
+        match self {
+            Self::Tiff(map) => map.levels(),
+            Self::Picture(picture) => picture.levels(),
+        }
+    }
+
+    fn decode(&self, level: usize, column: u64, row: u64) -> Result<Block, GeoError> {
+        match self {
+            Self::Tiff(map) => map.decode(level, column, row),
+            Self::Picture(picture) => picture.decode(level, column, row),
+        }
     }
 }

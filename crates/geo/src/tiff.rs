@@ -5,7 +5,9 @@ use std::sync::OnceLock;
 
 use crate::GeoError;
 use crate::block::{Block, BlockLayout, BlockSource, Validity};
+use crate::pam::read_pam;
 use crate::samples::{Bands, SampleKind, Samples, Stretch};
+use crate::sidecar_values::SidecarValues;
 use crate::tiff_compression::compression_name;
 use crate::tiff_images::{TiffImages, open_images};
 use crate::tiff_level::{Access, Level};
@@ -22,6 +24,8 @@ pub(crate) struct TiffMap {
     levels: Vec<Level>,
     layouts: Vec<BlockLayout>,
     nodata: Option<f64>,
+    nodata_is_beside: bool,
+    pam: SidecarValues,
     stretch: OnceLock<Stretch>,
     images: TiffImages,
 }
@@ -36,15 +40,19 @@ impl TiffMap {
             .map(Level::new)
             .collect::<Result<_, _>>()?;
         let layouts = levels.iter().map(Level::layout).collect();
-        let nodata = levels
+        let own_nodata = levels
             .first()
             .and_then(|level| level.image.ifd.tag(TAG_GDAL_NODATA))
             .and_then(|tag| tag.value.as_str())
             .and_then(|text| text.trim_matches(['\0', ' ']).parse::<f64>().ok());
+        let pam = read_pam(path)?;
+        let nodata = own_nodata.or(pam.nodata);
         Ok(Self {
             levels,
             layouts,
             nodata,
+            nodata_is_beside: own_nodata.is_none() && nodata.is_some(),
+            pam,
             stretch: OnceLock::new(),
             images,
         })
@@ -60,14 +68,20 @@ impl TiffMap {
         (self.layouts[0].width, self.layouts[0].height)
     }
 
-    /// The value of pixels without data.
-    pub fn nodata(&self) -> Option<f64> {
-        self.nodata
+    /// What GDAL keeps beside the file.
+    pub fn pam(&self) -> &SidecarValues {
+        &self.pam
     }
 
-    /// Takes this value for that of pixels without data, whatever the file says.
-    pub fn set_nodata(&mut self, nodata: Option<f64>) {
-        self.nodata = nodata;
+    /// The value of pixels without data, if it is one of a file beside the map.
+    pub fn nodata_beside(&self) -> Option<f64> {
+        self.nodata.filter(|_| self.nodata_is_beside)
+    }
+
+    /// Takes this value for that of pixels without data, whatever the files say.
+    pub fn set_nodata(&mut self, nodata: f64) {
+        self.nodata = Some(nodata);
+        self.nodata_is_beside = false;
     }
 
     /// Whether samples are shown as they are stored.

@@ -16,6 +16,7 @@ use crate::{Affine, GeoError};
 const TAG_RPC: u16 = 50844;
 
 /// The georeference in a TIFF file. Each part may be absent.
+#[derive(Default)]
 pub(crate) struct TiffPlace {
     /// Transform from pixels, at pixel corners.
     pub affine: Option<Affine>,

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use grimnet_limits::MapLimits;
 
+use crate::antimeridian::AroundTheWorld;
 use crate::tile_address::TileAddress;
 
 /// Maximum number of tiles of all zooms.
@@ -26,7 +27,7 @@ pub(crate) struct TooManyTiles;
 pub(crate) struct TileRange {
     /// Westernmost column.
     pub first_column: u32,
-    /// Easternmost column.
+    /// Easternmost column, counted on across the antimeridian: `2^zoom` is the column 0 east of it.
     pub last_column: u32,
     /// Northernmost row.
     pub first_row: u32,
@@ -83,10 +84,16 @@ impl TileIndex {
     /// The tiles' columns and rows.
     pub fn range(&self, zoom: u8) -> Option<TileRange> {
         let tiles = self.of_zoom(zoom);
-        let (first, last) = (tiles.first()?, tiles.last()?);
+        let columns = || {
+            let runs = tiles.chunk_by(|a, b| a.0 == b.0);
+            runs.map(|run| f64::from(run[0].0))
+        };
+        let edges = columns().map(|column| (column, column + 1.0));
+        let around = AroundTheWorld::from_edges(edges, f64::from(1_u32 << zoom));
+        let shifted = || columns().map(|column| (column + around.shift(column)) as u32);
         Some(TileRange {
-            first_column: first.0,
-            last_column: last.0,
+            first_column: shifted().min()?,
+            last_column: shifted().max()?,
             first_row: tiles.iter().map(|t| t.1).min()?,
             last_row: tiles.iter().map(|t| t.1).max()?,
         })

@@ -8,6 +8,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use crate::block::{Block, BlockLayout, BlockSource};
 use crate::block_canvas::{BlockCanvas, Part};
+use crate::flipped_rows::rows_look_flipped;
 use crate::picture_block::{block_of_picture, decode_jpeg};
 use crate::tile_address::TileAddress;
 use crate::tile_index::TileRange;
@@ -46,6 +47,7 @@ impl TileMap {
         let zoom = choose_zoom(store.as_ref(), zoom)?;
         let no_tiles = || not_a_map(store.as_ref(), "it has no tiles");
         let range = index.range(zoom).ok_or_else(no_tiles)?;
+        check_rows(store.as_ref())?;
         let &(column, row) = index.of_zoom(zoom).first().ok_or_else(no_tiles)?;
         let first = TileAddress { zoom, column, row };
         let tile_px = u64::from(side_of(store.as_ref(), first)?);
@@ -154,29 +156,8 @@ impl TileMap {
                 break;
             }
         }
-        caveats.extend(self.rows_look_flipped());
+        caveats.extend(self.store.caveats());
         caveats
-    }
-
-    /// Whether the stated bounds fit the tiles only if rows are counted from the other side.
-    fn rows_look_flipped(&self) -> Option<String> {
-        let [_, south, _, north] = self.store.stated_bounds_deg()?;
-        let middle_deg = 0.5 * (south + north);
-        let rows = (1_u64 << self.zoom) as f64;
-        let lat_deg = |row: f64| (PI * (1.0 - 2.0 * row / rows)).sinh().atan().to_degrees();
-        let within = |first: f64, last: f64| (lat_deg(last)..=lat_deg(first)).contains(&middle_deg);
-        let (first, last) = (
-            f64::from(self.range.first_row),
-            f64::from(self.range.last_row) + 1.0,
-        );
-        (!within(first, last) && within(rows - last, rows - first)).then(|| {
-            format!(
-                "its rows look flipped: the stated bounds have their middle at latitude {middle_deg:.4}, the tiles lie \
-                 between {:.4} and {:.4}; make the file with rows counted from the south (TMS), as MBTiles has them",
-                lat_deg(last),
-                lat_deg(first)
-            )
-        })
     }
 
     fn decode_tile(&self, address: TileAddress) -> Result<Option<Block>, GeoError> {
@@ -219,7 +200,8 @@ impl BlockSource for TileMap {
             for tile_column in left / px..=(right - 1) / px {
                 let address = TileAddress {
                     zoom,
-                    column: tile_column as u32,
+                    // East of the antimeridian, columns begin at 0.
+                    column: (tile_column % (1 << zoom)) as u32,
                     row: tile_row as u32,
                 };
                 let Some(tile) = self.decode_tile(address)? else {
@@ -249,6 +231,19 @@ fn not_a_map(store: &dyn TileStore, reason: &str) -> GeoError {
     GeoError::NotAMap {
         path: store.path().to_path_buf(),
         reason: reason.to_string(),
+    }
+}
+
+/// Refuses tiles that the stated bounds put on the other side of the equator.
+fn check_rows(store: &dyn TileStore) -> Result<(), GeoError> {
+    let bounds = store.stated_bounds_deg();
+    match bounds.and_then(|bounds_deg| rows_look_flipped(store.index(), bounds_deg)) {
+        None => Ok(()),
+        Some(what) => Err(GeoError::Unsupported {
+            path: store.path().to_path_buf(),
+            what,
+            advice: store.advice_on_flipped_rows(),
+        }),
     }
 }
 

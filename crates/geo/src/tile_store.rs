@@ -37,4 +37,14 @@ pub(crate) trait TileStore: Send + Sync {
     fn stated_bounds_deg(&self) -> Option<[f64; 4]> {
         None
     }
+
+    /// What to do about rows that are counted from the other side.
+    fn advice_on_flipped_rows(&self) -> &'static str {
+        "make the tiles again"
+    }
+
+    /// What may be wrong with it, a sentence each.
+    fn caveats(&self) -> Vec<String> {
+        Vec::new()
+    }
 }

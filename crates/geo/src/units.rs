@@ -3,7 +3,7 @@
 use geotiff_core::geokeys::{self as ids, GeoKeyDirectory};
 
 /// OGC GeoTIFF 1.1: the value that means "described by parameters".
-const USER_DEFINED: u16 = 32767;
+pub(crate) const USER_DEFINED: u16 = 32767;
 /// GeogAngularUnitSizeGeoKey: radians per unit.
 const KEY_ANGULAR_UNIT_SIZE: u16 = 2055;
 /// ProjLinearUnitSizeGeoKey: metres per unit.
@@ -14,7 +14,7 @@ const SAME_UNIT: f64 = 1e-9;
 
 /// EPSG codes of geographic coordinate systems in grads: all are counted from Paris. The list of definitions does not
 /// give the unit.
-const GEOGRAPHIC_IN_GRADS: [u32; 8] = [4807, 4810, 4811, 4816, 4819, 4821, 4901, 4902];
+const GEOGRAPHIC_IN_GRADS: [u32; 9] = [4807, 4810, 4811, 4816, 4819, 4821, 4901, 4902, 7400];
 
 /// Degrees per coordinate unit of a geographic coordinate system with an EPSG code.
 pub(crate) fn degrees_per_unit_of_epsg(code: u32) -> f64 {

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_limits::MapLimits;
 
+use crate::content_hash::ContentValues;
 use crate::pam::affine_of;
 use crate::wkt::crs_from_text;
 use crate::xml_tree::{Element, read_xml};
@@ -33,6 +34,28 @@ pub(crate) struct VrtSource {
     pub from: WindowPx,
     pub to: WindowPx,
     pub nodata: Option<f64>,
+}
+
+impl Vrt {
+    /// Adds what decides its pixels and its place to a map's content: GDAL keeps statistics in the same file.
+    pub fn add_to(&self, values: &mut ContentValues) {
+        let size = [self.size_px.0, self.size_px.1].map(|side| side as f64);
+        values.add_numbers("size", &size);
+        if let Some(affine) = self.affine {
+            values.add_numbers("transform", &affine.to_gdal());
+        }
+        if let Some(crs) = &self.crs {
+            values.add_text("crs", crs.definition());
+        }
+        for source in &self.sources {
+            for window in [source.from, source.to] {
+                values.add_numbers("window", &[window.x, window.y, window.w, window.h]);
+            }
+            if let Some(nodata) = source.nodata {
+                values.add_numbers("nodata", &[nodata]);
+            }
+        }
+    }
 }
 
 /// Reads a VRT. Pictures are not opened.

@@ -31,11 +31,15 @@ pub(crate) struct XyzFolder {
     rows_from_south: bool,
 }
 
-/// Whether a folder has folders of zooms, which are named by numbers.
+/// Whether a folder holds a tile. Folders that are named by numbers may be years as well as zooms.
 pub(crate) fn is_tile_folder(path: &Path) -> Result<bool, GeoError> {
-    for entry in entries(path)? {
-        if number(&entry.file_name()).is_some() && entry.path().is_dir() {
-            return Ok(true);
+    for zoom in numbered(path)? {
+        for column in numbered(&zoom.path)? {
+            let is_tile =
+                |entry: &DirEntry| entry.file_name().to_str().and_then(tile_name).is_some();
+            if entries(&column.path)?.iter().any(is_tile) {
+                return Ok(true);
+            }
         }
     }
     Ok(false)

@@ -81,6 +81,14 @@ fn degrees_taken_for_metres() {
 }
 
 #[test]
+fn a_map_at_a_pole_is_not_one_in_degrees() {
+    let mut tags = geo_tags(3031);
+    tags[1] = double(33922, &[0.0, 0.0, 0.0, -20.0, 15.0, 0.0]);
+    let (_dir, path) = map(tags, colours);
+    assert_eq!(found(&path, None).0, [""; 0]);
+}
+
+#[test]
 fn a_coordinate_system_in_place_of_another_that_the_file_states() {
     let (_dir, path) = map(geo_tags(32632), colours);
     assert_eq!(found(&path, Some("EPSG:32632")).0, [""; 0], "the same");

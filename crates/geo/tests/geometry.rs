@@ -211,6 +211,61 @@ fn datum_shifts_are_those_of_the_registry() {
     }
 }
 
+/// Metres on the ground of pixels of 0.5 m by pyproj 3.7.2, as lengths of geodesics through the point.
+#[test]
+fn a_pole_is_a_place_as_others_are() {
+    for (code, x, y, pole, gsd_m) in [
+        (3031, 0.0, 0.0, -90.0, 0.513_996_635_762),
+        (3413, 0.0, 0.0, 90.0, 0.515_539_287_060),
+        (5041, 2e6, 2e6, 90.0, 0.503_018_108_655),
+    ] {
+        // The pole in the middle, near the middle of a pixel, and 30 m from it.
+        for (dx, dy) in [(0.0, 0.0), (3.0, 4.0), (21.0, -21.0)] {
+            let (left, top) = (x + dx - 500.0, y + dy + 400.0);
+            let affine = Affine::from_gdal([left, 0.5, 0.0, top, 0.0, -0.5]).unwrap();
+            let map = Georeference::new(affine, Crs::from_epsg(code).unwrap(), (2000, 1600));
+            let centre = map.centre_px();
+            let (x_m, y_m) = map.ground_resolution_m(centre).unwrap();
+            assert_relative_eq!(x_m, gsd_m, epsilon = 1e-8);
+            assert_relative_eq!(y_m, gsd_m, epsilon = 1e-8);
+            // Up is where the top of the map is.
+            let at = map.lonlat_from_map_px(centre).unwrap();
+            let above = map
+                .lonlat_from_map_px(MapPx::new(centre.x, centre.y - 100.0))
+                .unwrap();
+            let up = map.up_bearing_deg(centre).unwrap();
+            let off = turn_deg(bearing_deg(at, above), up);
+            assert!(off.abs() < 0.01, "EPSG:{code} {dx} {dy}: {up}");
+            let [west, south, east, north] = map.bounds_deg().unwrap();
+            assert_eq!((west, east), (-180.0, 180.0));
+            let (edge, at_pole) = if pole > 0.0 {
+                (south, north)
+            } else {
+                (north, south)
+            };
+            assert_eq!(at_pole, pole);
+            assert!((edge - pole).abs() > 0.005, "{edge}");
+        }
+    }
+}
+
+#[test]
+fn bounds_are_on_one_side_of_the_antimeridian() {
+    for (left, west) in [
+        (179.96, 179.96),
+        (-180.04, 179.96),
+        (185.0, -175.0),
+        (8.0, 8.0),
+    ] {
+        let affine = Affine::from_gdal([left, 1e-3, 0.0, -16.5, 0.0, -1e-3]).unwrap();
+        let map = Georeference::new(affine, Crs::wgs84().unwrap(), (80, 30));
+        let expected = [west, -16.53, west + 0.08, -16.5];
+        for (ours, theirs) in map.bounds_deg().unwrap().into_iter().zip(expected) {
+            assert_relative_eq!(ours, theirs, epsilon = 1e-9);
+        }
+    }
+}
+
 #[test]
 fn places_outside_a_projection_are_an_error() {
     let utm = Crs::from_epsg(32651).unwrap();

@@ -32,7 +32,7 @@ impl FromStr for Near {
                 Ok(Self { centre, radius_m })
             }
             _ => Err(
-                "expected latitude, longitude (degrees) and radius (metres), such as 24.26,120.72,500"
+                "expected latitude (-90 to 90 degrees), longitude (-180 to 180 degrees) and radius (metres), such as 24.26,120.72,500"
                     .to_owned(),
             ),
         }
@@ -111,6 +111,9 @@ mod tests {
         let near: Near = "24.26, 120.72, 500".parse().unwrap();
         assert_eq!(near.centre.lat_deg, 24.26);
         assert_eq!(near.radius_m, 500.0);
+        // Beyond the antimeridian, as the extent of a map may be.
+        let error = "0,180.0001,200".parse::<Near>().unwrap_err();
+        assert!(error.contains("-180 to 180"), "{error}");
         for bad in [
             "120.72,24.26,500",
             "24.26,120.72",

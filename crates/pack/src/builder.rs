@@ -119,7 +119,7 @@ pub fn build_interruptible(
             path: place.clone(),
         }),
     };
-    let (partial, aside) = (beside(&place, "partial"), beside(&place, "assembling"));
+    let [partial, aside] = working_files(&place);
     check_outputs(raster, out, [&partial, &aside])?;
     check_scale(raster, limits)?;
     if options.mode == Mode::Paper {
@@ -263,10 +263,13 @@ fn report(pack: &Pack, meter: &Meter, was_complete: bool) -> BuildReport {
     }
 }
 
-/// `AREA.grim` -> `AREA.grim.SUFFIX`, in the same folder.
-fn beside(out: &Path, suffix: &str) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(".");
-    name.push(suffix);
-    PathBuf::from(name)
+/// The files that a build of `AREA.grim` keeps beside it: its finished work, `AREA.grim.partial`, and the pack that is being
+/// assembled, `AREA.grim.assembling`. Of a link they lie beside what it leads to.
+pub fn working_files(out: &Path) -> [PathBuf; 2] {
+    ["partial", "assembling"].map(|ending| {
+        let mut name = out.as_os_str().to_owned();
+        name.push(".");
+        name.push(ending);
+        PathBuf::from(name)
+    })
 }

@@ -40,7 +40,7 @@ mod writer;
 
 pub use builder::progress::{BuildReport, Phase, Progress};
 pub use builder::resolutions::{COARSEST_FINE_GSD_M, FINEST_AUTO_GSD_M};
-pub use builder::{build, build_interruptible, build_with_limits};
+pub use builder::{build, build_interruptible, build_with_limits, working_files};
 pub use draw::draw;
 pub use error::{PackError, Result};
 pub use estimate::{BuildEstimate, LevelEstimate, estimate};

@@ -15,7 +15,8 @@ pub struct Manifest {
     pub format_version: u32,
     /// Program and version that wrote it.
     pub created_by: String,
-    /// blake3 (hex) over model, map, options and format: equal for packs that are built from the same things.
+    /// blake3 (hex) over model, map, options, format and version of the program: equal for packs that are built from the same things,
+    /// whatever the name of the map's file.
     pub fingerprint: String,
     /// Default or paper mode.
     pub mode: Mode,

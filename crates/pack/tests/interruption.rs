@@ -98,6 +98,52 @@ fn a_map_that_changes_meanwhile_gives_no_pack_and_nothing_to_continue() {
     assert_eq!(names(folder.path()), [""; 0]);
 }
 
+/// A map under another name.
+struct Renamed(TestMap);
+
+impl Raster for Renamed {
+    fn size_px(&self) -> (u64, u64) {
+        self.0.size_px()
+    }
+
+    fn georeference(&self) -> &Georeference {
+        self.0.georeference()
+    }
+
+    fn content_hash(&self) -> Result<[u8; 32], GeoError> {
+        self.0.content_hash()
+    }
+
+    fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {
+        self.0.read(window, out_w, out_h)
+    }
+
+    fn describe(&self) -> String {
+        "renamed.tif".to_owned()
+    }
+}
+
+#[test]
+fn a_renamed_map_is_the_same_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    let make_renamed = || {
+        build(
+            &Renamed(map()),
+            &tiny_model(1),
+            &options(),
+            &out,
+            &mut |_| (),
+        )
+        .unwrap()
+    };
+    die_after(4, &options(), &out);
+    let report = make_renamed();
+    assert!(report.tiles_resumed > 0);
+    assert!(make(&map(), &options(), &out).unwrap().was_complete);
+    assert!(make_renamed().was_complete);
+}
+
 #[test]
 fn a_resolution_far_finer_than_the_map_is_a_slip_of_units() {
     let folder = tempfile::tempdir().unwrap();

@@ -9,7 +9,7 @@ use grimnet_geo::Raster;
 use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
-use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build};
+use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build, working_files};
 use grimnet_photo::{HeadingPrior, Photo, QUERY_LONG_SIDE_PX, ViewPrior};
 
 use super::map_place::MapPlace;
@@ -120,9 +120,8 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         .protect_all(&arguments.model.model)
         .protect_all(&arguments.photo);
     policy.check_file(out, OWN_MAGICS)?;
-    let place = linked_path(out)?;
-    for working_file in WORKING_FILES {
-        policy.check_not_input(beside(&place, working_file))?;
+    for working_file in working_files(&linked_path(out)?) {
+        policy.check_not_input(working_file)?;
     }
     let named = match arguments.mode {
         ModeChoice::Default => BuildOptions::standard(),
@@ -169,17 +168,6 @@ fn print_report(to: &mut dyn Write, report: &BuildReport, out: &Path) -> Result<
     Ok(())
 }
 
-/// Endings of the files that a build keeps beside its output.
-const WORKING_FILES: [&str; 2] = ["partial", "assembling"];
-
-/// `AREA.grim` -> `AREA.grim.ENDING`.
-fn beside(out: &Path, ending: &str) -> PathBuf {
-    let mut name = out.as_os_str().to_owned();
-    name.push(".");
-    name.push(ending);
-    PathBuf::from(name)
-}
-
 /// Builds a pack under a progress bar.
 ///
 /// # Errors
@@ -190,7 +178,7 @@ pub fn build_with_bar(
     options: &BuildOptions,
     out: &Path,
 ) -> Result<BuildReport> {
-    let partial = beside(&linked_path(out)?, WORKING_FILES[0]);
+    let [partial, _] = working_files(&linked_path(out)?);
     let had_partial = partial.symlink_metadata().is_ok();
     let bar = progress::bar(0, "building the pack", "tiles");
     let mut done = 0;

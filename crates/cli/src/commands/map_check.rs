@@ -7,7 +7,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use clap::Args;
 use grimnet_answer::printable_text;
-use grimnet_geo::{Concern, MapPx, Raster, RasterPatch, concerns, overview};
+use grimnet_geo::{Concern, Raster, RasterPatch, concerns, overview};
 use grimnet_limits::Limits;
 use grimnet_net::Model;
 use grimnet_pack::{BuildEstimate, BuildOptions, Levels, PackError, build, estimate};
@@ -193,7 +193,7 @@ fn report(
         crs: georeference.crs().to_string(),
         size_px: [width, height],
         ground_resolution_m: [x_m, y_m],
-        bounds_deg: bounds_deg(map),
+        bounds_deg: map.georeference().bounds_deg().ok(),
         tiles: plan.as_ref().map(BuildEstimate::tiles),
         pack_bytes: plan.as_ref().map(|plan| plan.pack_bytes),
         levels: plan
@@ -206,30 +206,6 @@ fn report(
             .collect(),
         build_s,
         concerns: found,
-    })
-}
-
-/// Edges of the map from its corners, degrees; east is above 180 across the antimeridian.
-fn bounds_deg(map: &dyn Raster) -> Option<[f64; 4]> {
-    let georeference = map.georeference();
-    let centre_deg = georeference
-        .lonlat_from_map_px(georeference.centre_px())
-        .ok()?
-        .lon_deg;
-    let (width, height) = map.size_px();
-    let (w, h) = (width as f64, height as f64);
-    let mut bounds: Option<[f64; 4]> = None;
-    for (x, y) in [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)] {
-        let place = georeference.lonlat_from_map_px(MapPx::new(x, y)).ok()?;
-        // On the centre's side of the antimeridian.
-        let lon = place.lon_deg - ((place.lon_deg - centre_deg) / 360.0).round() * 360.0;
-        let lat = place.lat_deg;
-        let [west, south, east, north] = bounds.unwrap_or([lon, lat, lon, lat]);
-        bounds = Some([west.min(lon), south.min(lat), east.max(lon), north.max(lat)]);
-    }
-    bounds.map(|[west, south, east, north]| {
-        let turn = if west < -180.0 { 360.0 } else { 0.0 };
-        [west + turn, south, east + turn, north]
     })
 }
 

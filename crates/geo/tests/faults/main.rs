@@ -5,6 +5,7 @@
 mod georeference;
 mod jpeg;
 mod pixels;
+mod sidecars;
 #[path = "../support/mod.rs"]
 mod support;
 mod tables;

@@ -1,6 +1,8 @@
 //! MBTiles.
 
-use grimnet_geo::{MapOptions, WindowPx, concerns, open_map, overview};
+use std::path::PathBuf;
+
+use grimnet_geo::{MapOptions, WindowPx, open_map};
 
 use crate::gdal::{check, copy_of, open, path_of, refused};
 
@@ -67,25 +69,46 @@ fn a_view_that_never_ends_is_stopped() {
     assert!(error.contains("more steps"), "{error}");
 }
 
-#[test]
-fn rows_counted_from_the_north_look_flipped() {
-    let (_dir, path) = copy_of("town.mbtiles");
-    let caveats = |path: &std::path::Path| {
-        let map = open_map(path, &MapOptions::default()).unwrap();
-        let picture = overview(map.as_ref()).unwrap();
-        let concerns = concerns(map.as_ref(), &picture).unwrap();
-        let texts: Vec<String> = concerns.iter().map(ToString::to_string).collect();
-        texts.join("\n")
-    };
-    assert!(!caveats(&path).contains("flipped"), "{}", caveats(&path));
+/// Runs statements on a copy of a file whose rows are counted from the south.
+fn changed(statements: &str) -> (tempfile::TempDir, PathBuf) {
+    let (dir, path) = copy_of("town.mbtiles");
     let base = rusqlite::Connection::open(&path).unwrap();
-    base.execute_batch("UPDATE tiles SET tile_row = (1 << zoom_level) - 1 - tile_row")
-        .unwrap();
-    drop(base);
-    let caveats = caveats(&path);
-    assert!(caveats.contains("its rows look flipped"), "{caveats}");
+    base.execute_batch(statements).unwrap();
+    (dir, path)
+}
+
+const FLIP: &str = "UPDATE tiles SET tile_row = (1 << zoom_level) - 1 - tile_row;";
+const STATE_XYZ: &str = "INSERT INTO metadata VALUES ('scheme', 'xyz');";
+
+#[test]
+fn rows_on_the_other_side_of_the_equator_are_refused() {
+    let (_dir, path) = changed(FLIP);
+    let error = refused(&path).to_string();
     assert!(
-        caveats.contains("rows counted from the south (TMS)"),
+        error.contains("counted from the other side") && error.contains("'scheme', 'xyz'"),
+        "{error}"
+    );
+}
+
+#[test]
+fn rows_that_are_said_to_be_counted_from_the_north_are_if_the_bounds_agree() {
+    let (_dir, path) = changed(&format!("{FLIP}{STATE_XYZ}"));
+    let map = open_map(&path, &MapOptions::default()).unwrap();
+    check("from the north", map.as_ref(), "town.mbtiles");
+    assert_eq!(map.caveats(), [""; 0]);
+    // Some writers state it of rows from the south.
+    let (_dir, path) = changed(STATE_XYZ);
+    let map = open_map(&path, &MapOptions::default()).unwrap();
+    check("from the south", map.as_ref(), "town.mbtiles");
+    assert_eq!(map.caveats(), [""; 0]);
+    let (_dir, path) = changed(&format!(
+        "{STATE_XYZ}DELETE FROM metadata WHERE name = 'bounds';"
+    ));
+    let map = open_map(&path, &MapOptions::default()).unwrap();
+    check("without bounds", map.as_ref(), "town.mbtiles");
+    let caveats = map.caveats().join("\n");
+    assert!(
+        caveats.contains("read as counted from the south"),
         "{caveats}"
     );
 }

@@ -103,6 +103,37 @@ fn what_a_vrt_does_beyond_putting_pictures_together_is_refused() {
 }
 
 #[test]
+fn statistics_that_gdal_keeps_in_a_vrt_leave_it_the_same_map() {
+    let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    for part in 0..4 {
+        let name = format!("part_{part}.tif");
+        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
+    }
+    let path = dir.path().join("parts.vrt");
+    let hash = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        let map = open_map(&path, &MapOptions::default()).unwrap();
+        assert!(map.files().contains(&path));
+        map.content_hash().unwrap()
+    };
+    let first = hash(&text);
+    let statistics =
+        "<Metadata><MDI key=\"STATISTICS_MAXIMUM\">254</MDI></Metadata></VRTRasterBand>";
+    assert_eq!(first, hash(&text.replace("</VRTRasterBand>", statistics)));
+    for (from, to) in [
+        ("rasterXSize=\"220\"", "rasterXSize=\"221\""),
+        ("<DstRect xOff=\"0\"", "<DstRect xOff=\"1\""),
+        ("<NODATA>0</NODATA>", "<NODATA>1</NODATA>"),
+        ("\"32632\"", "\"32633\""),
+        ("5.2000000000000000e+06", "5.2000010000000000e+06"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        assert_ne!(first, hash(&text.replace(from, to)), "{from}");
+    }
+}
+
+#[test]
 fn geotiffs_that_do_not_fit_together_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     std::fs::copy(path_of("part_0.tif"), dir.path().join("a.tif")).unwrap();
@@ -119,6 +150,14 @@ fn geotiffs_that_do_not_fit_together_are_refused() {
             "{name}: {error}"
         );
     }
+    let list = dir.path().join("pictures.txt");
+    std::fs::copy(path_of("pam.png"), dir.path().join("c.png")).unwrap();
+    std::fs::write(&list, "a.tif\nc.png\n").unwrap();
+    let error = refused(&list).to_string();
+    assert!(
+        error.contains("c.png") && error.contains("no GeoTIFF"),
+        "{error}"
+    );
     std::fs::write(dir.path().join("empty.txt"), "# nothing\n").unwrap();
     let error = refused(&dir.path().join("empty.txt")).to_string();
     assert!(error.contains("lists no GeoTIFFs"), "{error}");

@@ -179,12 +179,30 @@ fn what_is_wrong_with_a_tile_is_said() {
 fn folders_of_other_things_are_refused() {
     let dir = tempfile::tempdir().unwrap();
     let error = refused(dir.path()).to_string();
-    assert!(error.contains("neither folders of zooms"), "{error}");
+    assert!(error.contains("neither tiles"), "{error}");
     let tile = dir.path().join("17/3/200000.png");
     std::fs::create_dir_all(tile.parent().unwrap()).unwrap();
     std::fs::copy(path_of("town_xyz/17/69541/46101.png"), tile).unwrap();
     let error = refused(dir.path()).to_string();
     assert!(error.contains("no tile at column 3, row 200000"), "{error}");
+}
+
+#[test]
+fn years_are_not_zooms() {
+    let dir = tempfile::tempdir().unwrap();
+    let year = dir.path().join("2023");
+    std::fs::create_dir_all(year.join("05")).unwrap();
+    std::fs::create_dir(year.join("6")).unwrap();
+    std::fs::write(year.join("6/flight.txt"), "x").unwrap();
+    std::fs::copy(path_of("part_0.tif"), year.join("town.tif")).unwrap();
+    let error = refused(dir.path()).to_string();
+    assert!(
+        error.contains("neither tiles") && error.contains(&year.display().to_string()),
+        "{error}"
+    );
+    std::fs::copy(path_of("part_0.tif"), dir.path().join("town.tif")).unwrap();
+    let map = open_map(dir.path(), &MapOptions::default()).unwrap();
+    assert!(map.describe().contains("1 GeoTIFFs"), "{}", map.describe());
 }
 
 #[test]

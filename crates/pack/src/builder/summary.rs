@@ -8,7 +8,7 @@ use crate::format::FORMAT_VERSION;
 use crate::manifest::{Manifest, MapSummary, ModelSummary};
 use crate::options::BuildOptions;
 
-/// The manifest without levels and sections. Its fingerprint covers everything that determines the bytes of the pack.
+/// The manifest without levels and sections. Its fingerprint covers everything that determines the features of the pack.
 ///
 /// # Errors
 /// Returns an error if the map cannot be read.
@@ -48,7 +48,14 @@ pub fn new_manifest(
         levels: Vec::new(),
         sections: Vec::new(),
     };
-    let all = serde_json::to_vec(&manifest).map_err(json)?;
-    manifest.fingerprint = blake3::hash(&all).to_hex().to_string();
+    manifest.fingerprint = fingerprint_of(&manifest).map_err(json)?;
     Ok(manifest)
+}
+
+/// Of all but the map's description: it has the name of the file, and a renamed map is the same map.
+fn fingerprint_of(manifest: &Manifest) -> serde_json::Result<String> {
+    let mut nameless = manifest.clone();
+    nameless.map.description.clear();
+    let all = serde_json::to_vec(&nameless)?;
+    Ok(blake3::hash(&all).to_hex().to_string())
 }

@@ -1,0 +1,63 @@
+//! The definition of an EPSG code: that of the list of `crs-definitions`, with its errors corrected.
+
+use crate::datum_shifts::with_better_shift;
+use crate::units::degrees_per_unit_of_epsg;
+
+/// Codes whose coordinates a definition cannot tell, and what to do.
+const REFUSED: [(&[u32], &str); 2] = [
+    // PROJ 9 takes x to the south and y to the west, PROJ strings without `+axis` negative ones to the east and north.
+    (
+        &[2065, 5513],
+        "its axes point to the south and west, and maps in it follow them or not; one with negative coordinates is in EPSG:5514, \
+         another must be reprojected: gdalwarp -t_srs EPSG:5514 IN OUT",
+    ),
+    // MGI and MGI 1901 of the EPSG registry.
+    (
+        &[4805],
+        "its datum is one in Austria and another in the former Yugoslavia, 300 m apart; reproject the map: gdalwarp -t_srs \
+         EPSG:4326 IN OUT",
+    ),
+];
+
+/// Codes, what the list says of them, and what takes its place.
+const CORRECTED: [(&[u32], &str, &str); 3] = [
+    // RSO Malaya in chains: the false easting is one in chains too, and PROJ strings have metres.
+    (&[3167], "+x_0=40000", "+x_0=804670.24"),
+    // EASE-Grid North and South are projected from the sphere of the same area (EPSG method 1027): 14 km off.
+    (
+        &[3973, 3974],
+        "+datum=WGS84",
+        "+ellps=WGS84 +R_A +nadgrids=@null",
+    ),
+    // IG05 and IG05/12 of Israel: 78 m off without a shift; WGS 84 to IG05/12 Intermediate CRS, reversed, 0.1 m.
+    (
+        &[6982, 6983, 6984, 6989, 6990, 6991],
+        "+ellps=GRS80",
+        "+ellps=GRS80 +towgs84=23.772,17.49,17.859,-0.3132,-1.85274,1.67299,-5.4262",
+    ),
+];
+
+/// The PROJ string of an EPSG code.
+///
+/// # Errors
+/// Returns why there is none, and what to do if there is anything.
+pub(crate) fn proj_string_of_epsg(code: u32) -> Result<String, &'static str> {
+    if degrees_per_unit_of_epsg(code) != 1.0 {
+        return Err(
+            "its coordinates are in grads, not in degrees; reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT",
+        );
+    }
+    if let Some((_, reason)) = REFUSED.iter().find(|(codes, _)| codes.contains(&code)) {
+        return Err(reason);
+    }
+    let listed = u16::try_from(code)
+        .ok()
+        .and_then(crs_definitions::from_code)
+        .ok_or("the code is not in the list of known systems")?
+        .proj4;
+    let corrected = CORRECTED.iter().find(|(codes, ..)| codes.contains(&code));
+    Ok(with_better_shift(&match corrected {
+        Some((_, wrong, right)) => listed.replace(wrong, right),
+        None => listed.to_string(),
+    }))
+}

@@ -1,0 +1,269 @@
+//! World files and GDAL's `.aux.xml` beside GeoTIFFs.
+
+use std::sync::{Arc, Mutex};
+
+use tracing::field::{Field, Visit};
+use tracing::span::{Attributes, Id, Record};
+use tracing::{Event, Metadata, Subscriber};
+
+use super::*;
+
+const STATISTICS: &str = "<PAMDataset><PAMRasterBand band=\"1\"><Metadata><MDI key=\"STATISTICS_MAXIMUM\">254</MDI></Metadata>\
+                          </PAMRasterBand></PAMDataset>";
+const NODATA_0: &str = "<PAMDataset><PAMRasterBand band=\"1\"><NoDataValue>0</NoDataValue></PAMRasterBand></PAMDataset>";
+
+fn hash(map: &dyn Raster) -> [u8; 32] {
+    map.content_hash().unwrap()
+}
+
+/// Tags of a map whose left edge lies this many metres east of the usual one.
+fn moved_tags(east_m: f64) -> Vec<support::Tag> {
+    let mut tags = geo_tags(32632);
+    tags[1] = double(
+        33922,
+        &[0.0, 0.0, 0.0, 300_000.0 + east_m, 2_700_000.0, 0.0],
+    );
+    tags
+}
+
+#[test]
+fn exchanged_world_files_are_another_map() {
+    let dir = folder();
+    for (name, blue) in [("a", 10), ("b", 20), ("c", 30)] {
+        let path = dir.path().join(name).with_extension("tif");
+        write_map(&path, (20, 10), vec![], |x, y| [x as u8, y as u8, blue]);
+    }
+    let put = |name: &str, column: u32| {
+        let x = 300_000.25 + 10.0 * f64::from(column);
+        let text = format!("0.5\n0\n0\n-0.5\n{x}\n2699999.75\n");
+        std::fs::write(dir.path().join(name).with_extension("tfw"), text).unwrap();
+    };
+    let list = dir.path().join("list.txt");
+    std::fs::write(&list, "a.tif\nb.tif\nc.tif\n").unwrap();
+    let open = |path: &Path| with_crs(path, "EPSG:32632").unwrap();
+    for (column, name) in ["a", "b", "c"].iter().enumerate() {
+        put(name, column as u32);
+    }
+    let before = [open(dir.path()), open(&list)];
+    put("a", 1);
+    put("b", 0);
+    for (before, path) in before.iter().zip([dir.path(), &list]) {
+        let after = open(path);
+        assert_eq!(before.size_px(), after.size_px());
+        assert_eq!(
+            before.georeference().affine(),
+            after.georeference().affine()
+        );
+        assert_ne!(hash(before.as_ref()), hash(after.as_ref()));
+    }
+}
+
+#[test]
+fn statistics_beside_a_map_leave_it_the_same() {
+    let dir = folder();
+    let path = dir.path().join("town.tif");
+    write_map(&path, (20, 10), geo_tags(32632), colours);
+    let of_bytes = *blake3::hash(&std::fs::read(&path).unwrap()).as_bytes();
+    let of_folder = hash(open(dir.path()).unwrap().as_ref());
+    let pam = dir.path().join("town.tif.aux.xml");
+    std::fs::write(&pam, STATISTICS).unwrap();
+    // The file has a place of its own.
+    let world = dir.path().join("town.tfw");
+    std::fs::write(&world, "1 0 0 -1 5 5").unwrap();
+    let map = open(&path).unwrap();
+    assert_eq!(hash(map.as_ref()), of_bytes);
+    assert_eq!(hash(open(dir.path()).unwrap().as_ref()), of_folder);
+    // No output may replace them all the same.
+    assert!(map.files().contains(&pam) && map.files().contains(&world));
+    std::fs::write(&pam, NODATA_0).unwrap();
+    assert_ne!(hash(open(&path).unwrap().as_ref()), of_bytes);
+    assert_ne!(hash(open(dir.path()).unwrap().as_ref()), of_folder);
+}
+
+#[test]
+fn nodata_beside_a_geotiff_uncovers_what_lies_below() {
+    let dir = folder();
+    let list = dir.path().join("list.txt");
+    std::fs::write(&list, "a.tif\nb.tif\n").unwrap();
+    write_map(
+        &dir.path().join("a.tif"),
+        (20, 10),
+        moved_tags(0.0),
+        |_, _| [1, 2, 3],
+    );
+    // Its left half is a black collar over the right half of the other.
+    let above = dir.path().join("b.tif");
+    write_map(&above, (20, 10), moved_tags(5.0), |x, _| {
+        if x < 10 { [0; 3] } else { [7, 8, 9] }
+    });
+    let colour = |path: &Path| {
+        let map = open(path).unwrap();
+        let patch = map
+            .read(WindowPx::new(0.0, 0.0, 30.0, 10.0), 30, 10)
+            .unwrap();
+        [5, 15, 25].map(|x| patch.rgb.get_pixel(x, 5).0)
+    };
+    assert_eq!(colour(&list), [[1, 2, 3], [0; 3], [7, 8, 9]]);
+    std::fs::write(dir.path().join("b.tif.aux.xml"), NODATA_0).unwrap();
+    for path in [list.as_path(), dir.path()] {
+        assert_eq!(colour(path), [[1, 2, 3], [1, 2, 3], [7, 8, 9]]);
+    }
+}
+
+#[test]
+fn a_coordinate_system_beside_a_transform_is_used() {
+    let dir = folder();
+    let path = dir.path().join("nocrs.tif");
+    let mut tags = geo_tags(32632);
+    tags.pop();
+    write_map(&path, (20, 10), tags, colours);
+    let pam = dir.path().join("nocrs.tif.aux.xml");
+    let write = |crs: &str| {
+        let text = format!("<PAMDataset><SRS>{crs}</SRS></PAMDataset>");
+        std::fs::write(&pam, text).unwrap();
+    };
+    write("EPSG:32632");
+    let first = open(&path).unwrap();
+    assert_eq!(first.georeference().crs().definition(), "EPSG:32632");
+    assert_eq!(first.caveats(), [""; 0]);
+    write("EPSG:32633");
+    assert_ne!(hash(first.as_ref()), hash(open(&path).unwrap().as_ref()));
+    // One that is not known, and one that the user knows.
+    write("EPSG:9999");
+    let error = refused(open(&path), &path, &["coordinate system"]);
+    assert!(matches!(error, GeoError::MissingCrs { .. }), "{error}");
+    assert!(with_crs(&path, "EPSG:32632").is_ok());
+    // Keys that say something else only: pixels are areas.
+    write("EPSG:32632");
+    let mut tags = geo_tags(32632);
+    tags[2] = short(34735, &[1, 1, 0, 1, 1025, 0, 1, 1]);
+    write_map(&path, (20, 10), tags, colours);
+    let map = open(&path).unwrap();
+    assert_eq!(map.georeference().crs().definition(), "EPSG:32632");
+    // A world file without one.
+    write_map(&path, (20, 10), vec![], colours);
+    std::fs::write(
+        dir.path().join("nocrs.tfw"),
+        "0.5 0 0 -0.5 300000.25 2699999.75",
+    )
+    .unwrap();
+    let map = open(&path).unwrap();
+    assert_eq!(map.georeference(), first.georeference());
+}
+
+#[test]
+fn another_place_beside_a_geotiff_than_in_it_is_said() {
+    let dir = folder();
+    let path = dir.path().join("town.tif");
+    write_map(&path, (20, 10), geo_tags(32632), colours);
+    let pam = dir.path().join("town.tif.aux.xml");
+    let write = |x: f64| {
+        let text = format!(
+            "<PAMDataset><SRS>EPSG:32632</SRS><GeoTransform>{x}, 0.5, 0, 2700000, 0, -0.5</GeoTransform></PAMDataset>"
+        );
+        std::fs::write(&pam, text).unwrap();
+    };
+    write(300_000.0);
+    assert_eq!(open(&path).unwrap().caveats(), [""; 0]);
+    write(400_000.0);
+    let map = open(&path).unwrap();
+    assert_eq!(map.georeference().affine().to_gdal()[0], 300_000.0);
+    let caveats = map.caveats().join("\n");
+    assert!(
+        caveats.contains(".aux.xml") && caveats.contains("gdal_translate"),
+        "{caveats}"
+    );
+}
+
+#[test]
+fn a_coordinate_system_that_contradicts_several_files_is_said() {
+    let dir = folder();
+    for (name, east_m) in [("a.tif", 0.0), ("b.tif", 10.0)] {
+        write_map(
+            &dir.path().join(name),
+            (20, 10),
+            moved_tags(east_m),
+            colours,
+        );
+    }
+    let list = dir.path().join("list.txt");
+    std::fs::write(&list, "a.tif\nb.tif\n").unwrap();
+    let band = |number: u32| {
+        format!(
+            "<VRTRasterBand band=\"{number}\"><SimpleSource><SourceFilename relativeToVRT=\"1\">a.tif</SourceFilename>\
+             <SourceBand>{number}</SourceBand><SrcRect xOff=\"0\" yOff=\"0\" xSize=\"20\" ySize=\"10\"/>\
+             <DstRect xOff=\"0\" yOff=\"0\" xSize=\"20\" ySize=\"10\"/></SimpleSource></VRTRasterBand>"
+        )
+    };
+    for (name, srs) in [("code.vrt", "<SRS>EPSG:32632</SRS>"), ("of_files.vrt", "")] {
+        let text = format!(
+            "<VRTDataset rasterXSize=\"20\" rasterYSize=\"10\">{srs}<GeoTransform>300000, 0.5, 0, 2700000, 0, -0.5</GeoTransform>{}{}{}\
+             </VRTDataset>",
+            band(1),
+            band(2),
+            band(3)
+        );
+        std::fs::write(dir.path().join(name), text).unwrap();
+    }
+    for name in ["", "list.txt", "code.vrt", "of_files.vrt"] {
+        let path = dir.path().join(name);
+        for same in ["EPSG:32632", "EPSG:25832"] {
+            assert_eq!(with_crs(&path, same).unwrap().caveats(), [""; 0], "{name}");
+        }
+        let caveats = with_crs(&path, "EPSG:32633").unwrap().caveats().join("\n");
+        assert!(caveats.contains("states EPSG:32632"), "{name}: {caveats}");
+    }
+}
+
+/// The messages of warnings.
+#[derive(Clone, Default)]
+struct Warnings(Arc<Mutex<Vec<String>>>);
+
+impl Subscriber for Warnings {
+    fn enabled(&self, metadata: &Metadata<'_>) -> bool {
+        *metadata.level() == tracing::Level::WARN
+    }
+
+    fn new_span(&self, _: &Attributes<'_>) -> Id {
+        Id::from_u64(1)
+    }
+
+    fn record(&self, _: &Id, _: &Record<'_>) {}
+
+    fn record_follows_from(&self, _: &Id, _: &Id) {}
+
+    fn event(&self, event: &Event<'_>) {
+        struct Message(String);
+        impl Visit for Message {
+            fn record_debug(&mut self, field: &Field, value: &dyn std::fmt::Debug) {
+                if field.name() == "message" {
+                    self.0 = format!("{value:?}");
+                }
+            }
+        }
+        let mut message = Message(String::new());
+        event.record(&mut message);
+        self.0.lock().unwrap().push(message.0);
+    }
+
+    fn enter(&self, _: &Id) {}
+
+    fn exit(&self, _: &Id) {}
+}
+
+#[test]
+fn what_may_be_wrong_is_logged_when_a_map_is_opened() {
+    let dir = folder();
+    write_map(
+        &dir.path().join("a.tif"),
+        (20, 10),
+        geo_tags(32632),
+        colours,
+    );
+    let warnings = Warnings::default();
+    let map = tracing::subscriber::with_default(warnings.clone(), || {
+        with_crs(dir.path(), "EPSG:32633").unwrap()
+    });
+    assert_eq!(map.caveats().len(), 1);
+    assert_eq!(*warnings.0.lock().unwrap(), map.caveats());
+}

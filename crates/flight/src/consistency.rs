@@ -1,9 +1,13 @@
 //! Whether the telemetry is consistent with the fixes: its times, yaw, tilt, height and velocity.
 
+mod agreement;
+mod compared_fix;
 pub(crate) mod delay;
 mod displacement;
+mod fix_path;
 pub(crate) mod height;
 mod median;
+mod plane_vector;
 mod reported_path;
 pub(crate) mod tilt;
 pub(crate) mod velocity;
@@ -15,7 +19,7 @@ use grimnet_geo::{LonLat, destination_en_m, turn_deg};
 use grimnet_locate::Fix;
 use grimnet_track::{Attitude, Estimate, Input, RelativeMotion};
 
-use self::displacement::PlacedFix;
+use self::compared_fix::PlacedFix;
 use self::tilt::MeasuredTilt;
 use crate::left_out::LeftOut;
 use crate::recent::Recent;
@@ -74,7 +78,7 @@ impl ConsistencyChecks {
         telemetry: &PhotoTelemetry,
         track: Option<&Estimate>,
     ) -> bool {
-        let before = self.left_out();
+        let before = self.left_out_now();
         let measured_tilt = telemetry.focal_length_px.and_then(|focal_px| {
             MeasuredTilt::of(&fix.outline_lonlat_deg, telemetry.size_px, focal_px)
         });
@@ -101,7 +105,7 @@ impl ConsistencyChecks {
         if let (Some(measured_m), Some(reported_m)) = (measured_height_m, telemetry.height_agl_m) {
             self.height.fix(measured_m, reported_m);
         }
-        before != self.left_out()
+        before != self.left_out_now()
     }
 
     /// Where the aircraft is according to a fix, if its attitude is known, else the image centre.
@@ -183,12 +187,20 @@ impl ConsistencyChecks {
         self.velocity.warning().is_some()
     }
 
-    /// What the filter is not given.
-    pub fn left_out(&self) -> LeftOut {
+    /// What the filter is not given now.
+    pub fn left_out_now(&self) -> LeftOut {
         LeftOut {
             attitude: self.leaves_out_attitude(),
             height: self.leaves_out_height(),
             velocity: self.leaves_out_velocity(),
+        }
+    }
+
+    /// What the filter was not given at any time. Only velocities are given again.
+    pub fn left_out(&self) -> LeftOut {
+        LeftOut {
+            velocity: self.velocity.was_inconsistent(),
+            ..self.left_out_now()
         }
     }
 
@@ -208,6 +220,8 @@ impl ConsistencyChecks {
 
 #[cfg(test)]
 mod tests {
+    use grimnet_track::Velocity;
+
     use super::*;
 
     #[test]
@@ -228,5 +242,38 @@ mod tests {
         ] {
             assert!(!tests(&checks, 9), "water gives no fix either");
         }
+    }
+
+    /// A flight on a wide circle whose velocities are reported as zero for the first minute.
+    #[test]
+    fn velocities_that_agree_again_are_given_to_the_filter_but_were_left_out() {
+        let mut checks = ConsistencyChecks::default();
+        let mut was_left_out = false;
+        for tick in 0..2400u32 {
+            let time_s = f64::from(tick) * 0.1;
+            let angle_rad = time_s / 30.0;
+            let speed_m_s = if time_s < 60.0 { 0.0 } else { 10.0 };
+            checks.take(&Input::Velocity(Velocity {
+                time_s,
+                east_m_s: speed_m_s * angle_rad.cos(),
+                north_m_s: speed_m_s * angle_rad.sin(),
+                sigma_m_s: 0.3,
+            }));
+            if tick % 10 == 0 {
+                let (east_m, north_m) = (300.0 * angle_rad.sin(), -300.0 * angle_rad.cos());
+                let fix = PlacedFix {
+                    time_s,
+                    place: destination_en_m(LonLat::new(1.5, 1.0), east_m, north_m),
+                    is_of_aircraft: true,
+                    track: None,
+                };
+                checks.velocity.fix(fix, true);
+                checks.accepted();
+                was_left_out |= checks.left_out_now().velocity;
+            }
+        }
+        assert!(was_left_out && !checks.left_out_now().velocity);
+        assert!(checks.left_out().velocity);
+        assert_eq!(checks.warnings().count(), 0);
     }
 }

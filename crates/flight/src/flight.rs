@@ -108,7 +108,7 @@ impl Flight {
     /// # Errors
     /// As [`Tracker::push`].
     pub fn push(&mut self, input: Input) -> Result<Option<Taken>, InputError> {
-        let taken = if self.left_out().contains(&input) {
+        let taken = if self.left_out_now().contains(&input) {
             input.validate()?;
             None
         } else {
@@ -130,7 +130,14 @@ impl Flight {
         clock.into_iter().chain(self.checks.warnings())
     }
 
-    /// The telemetry that the flight goes without, because fixes contradicted it.
+    /// The telemetry that the flight goes without now, because fixes contradict it. Whoever carries its track on between frames leaves
+    /// it out as well.
+    pub fn left_out_now(&self) -> LeftOut {
+        self.checks.left_out_now()
+    }
+
+    /// The telemetry that the flight went without at any time. Whoever uses all inputs of the flight afterwards leaves it out: some of
+    /// it came before fixes contradicted it.
     pub fn left_out(&self) -> LeftOut {
         self.checks.left_out()
     }

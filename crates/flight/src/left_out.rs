@@ -2,8 +2,8 @@
 
 use grimnet_track::Input;
 
-/// The kinds of telemetry that a flight goes without because fixes contradicted them. Whoever carries its track on between frames
-/// leaves them out as well.
+/// The kinds of telemetry that a flight goes without because fixes contradicted them: [`crate::Flight::left_out_now`],
+/// [`crate::Flight::left_out`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct LeftOut {
     /// Attitude: yaw or tilt was wrong.

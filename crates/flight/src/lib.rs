@@ -30,7 +30,8 @@
 //!
 //! # Telemetry that is wrong
 //! What the fixes contradict again and again is in [`Flight::warnings`]: times, yaw, tilt, height and velocity of another convention.
-//! Tilt, height and velocity are then left out, and with a wrong yaw the whole attitude.
+//! Tilt, height and velocity are then left out, and with a wrong yaw the whole attitude. Velocities are used again once the fixes of a
+//! minute or more agree with them, through turns; each time that they are left out again it takes twice as long.
 //!
 //! # Times
 //! Seconds on one clock that photos and telemetry share; a frame's time is that of its exposure. A clock that is set during the flight,

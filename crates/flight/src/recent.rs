@@ -8,10 +8,6 @@ use grimnet_track::{Attitude, Height, Input};
 const MOST_ATTITUDES: usize = 1500;
 /// Older ones than this are of no frame that the filter takes, seconds.
 const KEPT_S: f64 = 40.0;
-/// An attitude says nothing of a frame further away than this, seconds.
-const ATTITUDE_HOLD_S: f64 = 0.5;
-/// A height says nothing of a frame further away than this, seconds.
-const HEIGHT_HOLD_S: f64 = 10.0;
 
 /// See the module.
 #[derive(Debug, Clone, Default)]
@@ -42,7 +38,7 @@ impl Recent {
     /// The attitude nearest to a time, if it says something of that.
     pub fn attitude_at(&self, time_s: f64) -> Option<Attitude> {
         self.nearest(time_s)
-            .filter(|attitude| (attitude.time_s - time_s).abs() <= ATTITUDE_HOLD_S)
+            .filter(|attitude| (attitude.time_s - time_s).abs() <= Attitude::HOLD_S)
             .copied()
     }
 
@@ -65,7 +61,7 @@ impl Recent {
     /// The latest height above ground, metres, if it is of about this time.
     pub fn height_agl_m_at(&self, time_s: f64) -> Option<f64> {
         self.height
-            .filter(|height| (height.time_s - time_s).abs() <= HEIGHT_HOLD_S)
+            .filter(|height| (height.time_s - time_s).abs() <= Height::HOLD_S)
             .map(|height| height.agl_m)
     }
 }

@@ -20,7 +20,7 @@ pub enum Warning {
     Tilt(TiltWarning),
     /// Its height. The flight goes on without it.
     Height(HeightWarning),
-    /// Its velocities. The flight goes on without them.
+    /// Its velocities. The flight goes on without them until they agree with the fixes again.
     Velocity(VelocityWarning),
 }
 
@@ -46,7 +46,10 @@ impl std::fmt::Display for Warning {
             Self::Yaw(warning) => write!(f, "{warning}; the flight goes on without attitude"),
             Self::Tilt(warning) => write!(f, "{warning}; the flight goes on without attitude"),
             Self::Height(warning) => write!(f, "{warning}; the flight goes on without them"),
-            Self::Velocity(warning) => write!(f, "{warning}; the flight goes on without them"),
+            Self::Velocity(warning) => write!(
+                f,
+                "{warning}; the flight goes on without them until they agree with the fixes again"
+            ),
         }
     }
 }

@@ -22,6 +22,9 @@ pub struct Attitude {
 }
 
 impl Attitude {
+    /// An attitude says nothing of a photo that is further away in time than this, seconds.
+    pub const HOLD_S: f64 = 0.5;
+
     /// The attitude of a gimbal whose pitch is -90 degrees when it looks straight down, as DJI and MAVLink report it: its optical
     /// axis is the x axis of its frame, so that the roll turns the photo about its centre.
     pub fn from_gimbal(

@@ -276,6 +276,7 @@ impl Bank {
         self.hypotheses
             .drain(..)
             .map(|mut hypothesis| {
+                hypothesis.know_map_error(fix);
                 hypothesis.look(view, options);
                 let innovation = hypothesis.innovation(fix, measured_m, view, options);
                 if let Some(innovation) = &innovation {

@@ -7,7 +7,7 @@ use crate::{
     hypothesis::Hypothesis,
     input::{RelativeMotion, Velocity},
     kalman::{Covariance, Observation, POSITION, VELOCITY, set_diagonal},
-    observation::{lean, position_of},
+    observation::{lean, position_of, tilt_error},
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
     scalar::HeadingFilter,
@@ -191,21 +191,12 @@ impl Hypothesis {
 
     /// Variance per axis of a displacement that comes from the change of the tilt's error, square metres.
     fn lean_change_m2(&self, interval_s: f64, views: [View; 2], options: &TrackOptions) -> f64 {
-        let (height_agl_m, sigma_deg, correlation_s) = match views[1] {
-            View::Attitude { height_agl_m, .. } => (
-                height_agl_m,
-                options.attitude_sigma_deg,
-                options.attitude_correlation_s,
-            ),
-            View::Height { height_agl_m } => (
-                height_agl_m,
-                options.unknown_tilt_sigma_deg,
-                options.unknown_tilt_correlation_s,
-            ),
-            View::Centre => return 0.0,
+        let (View::Attitude { height_agl_m, .. } | View::Height { height_agl_m }) = views[1] else {
+            return 0.0;
         };
-        let lost = -(-interval_s / correlation_s).exp_m1();
-        2.0 * lost * (height_agl_m * sigma_deg.to_radians()).powi(2)
+        let error = tilt_error(position_of(views[1]), options);
+        let lost = 1.0 - error.step(interval_s).decay;
+        2.0 * lost * (height_agl_m * error.sigma).powi(2)
     }
 
     /// Turns the heading by the turn between two frames, if no attitude did, and gives the heading at the first one.

@@ -96,7 +96,7 @@ impl Hypothesis {
         options: &TrackOptions,
     ) -> Self {
         let mut new = Self::unplaced(id, fix.time_s, options);
-        set_diagonal(&mut new.covariance, MAP, fix.map_error_m.powi(2));
+        new.know_map_error(fix);
         if let Some(yaw_deg) = sensors.yaw_deg(fix.time_s) {
             new.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
         }

@@ -69,6 +69,11 @@ pub struct Height {
     pub amsl_m: Option<f64>,
 }
 
+impl Height {
+    /// A height says nothing of a photo that is further away in time than this, seconds.
+    pub const HOLD_S: f64 = 10.0;
+}
+
 /// Velocity over ground as the autopilot estimates it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Velocity {

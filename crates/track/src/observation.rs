@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     attitude::Attitude,
+    gauss_markov::GaussMarkov,
     hypothesis::{Hypothesis, PositionOf},
     input::PositionFix,
     kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal},
@@ -36,6 +37,23 @@ pub(crate) fn position_of(view: View) -> PositionOf {
         View::Attitude { .. } => PositionOf::Aircraft,
         View::Height { .. } => PositionOf::AircraftWithoutAttitude,
         View::Centre => PositionOf::ImageCentre,
+    }
+}
+
+/// The error of the view's tilt, radians, where the position is of that point.
+pub(crate) fn tilt_error(position_of: PositionOf, options: &TrackOptions) -> GaussMarkov {
+    let (sigma_deg, correlation_s) = match position_of {
+        PositionOf::Aircraft => (options.attitude_sigma_deg, options.attitude_correlation_s),
+        PositionOf::AircraftWithoutAttitude => (
+            options.unknown_tilt_sigma_deg,
+            options.unknown_tilt_correlation_s,
+        ),
+        // The tilt does not move the image centre away from itself.
+        PositionOf::ImageCentre => (0.0, options.unknown_tilt_correlation_s),
+    };
+    GaussMarkov {
+        sigma: sigma_deg.to_radians(),
+        correlation_s,
     }
 }
 
@@ -86,11 +104,6 @@ impl Hypothesis {
     /// Prepares for a measurement seen in a view: where what is known of the tilt changes, its error is another one.
     pub fn look(&mut self, view: View, options: &TrackOptions) {
         let position_of = position_of(view);
-        let sigma_deg = match position_of {
-            PositionOf::Aircraft => options.attitude_sigma_deg,
-            PositionOf::AircraftWithoutAttitude => options.unknown_tilt_sigma_deg,
-            PositionOf::ImageCentre => 0.0,
-        };
         if position_of == self.position_of && self.covariance[(TILT, TILT)] > 0.0 {
             return;
         }
@@ -108,11 +121,19 @@ impl Hypothesis {
             self.covariance.row_mut(tilt).fill(0.0);
             self.covariance.column_mut(tilt).fill(0.0);
         }
-        set_diagonal(&mut self.covariance, TILT, sigma_deg.to_radians().powi(2));
+        let error = tilt_error(position_of, options);
+        set_diagonal(&mut self.covariance, TILT, error.sigma.powi(2));
         // It is another error from now on, with a mean of zero.
         self.mean.fixed_rows_mut::<2>(TILT).fill(0.0);
         if let Some(journal) = &mut self.journal {
             journal.transition.fixed_rows_mut::<2>(TILT).fill(0.0);
+        }
+    }
+
+    /// Takes in how large the map's error is, from the first fix that the hypothesis sees: a start is known without a map.
+    pub fn know_map_error(&mut self, fix: &PositionFix) {
+        if self.covariance[(MAP, MAP)] <= 0.0 {
+            set_diagonal(&mut self.covariance, MAP, fix.map_error_m.powi(2));
         }
     }
 
@@ -125,7 +146,7 @@ impl Hypothesis {
     ) -> (Vector2<f64>, Observation, Matrix2<f64>) {
         let [ee, en, nn] = fix.covariance_en_m2;
         let mut noise = Matrix2::new(ee, en, en, nn);
-        // A map that is worse than the first one: the difference is treated as noise.
+        // A map that is worse than that of the first fix: the difference is treated as noise.
         let excess = fix.map_error_m.powi(2) - self.covariance[(MAP, MAP)];
         if excess > 0.0 {
             noise += Matrix2::identity() * excess;
@@ -244,6 +265,51 @@ impl Hypothesis {
         match &mut self.gsd {
             Some(gsd) => gsd.update(fix.gsd_m, options.gsd_sigma),
             None => self.gsd = Some(GsdFilter::new(fix.gsd_m, options.gsd_sigma)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{input::Input, input::tests::fix, options::Start, tracker::Tracker};
+
+    #[test]
+    fn after_a_start_the_maps_error_does_not_average_away() {
+        let stated_m = |start: Option<Start>, map_error_m: f64| {
+            let mut tracker = Tracker::new(TrackOptions {
+                start,
+                ..TrackOptions::default()
+            })
+            .unwrap();
+            for number in 0..60 {
+                let fix = PositionFix {
+                    time_s: f64::from(number),
+                    map_error_m,
+                    ..fix()
+                };
+                tracker.push(Input::Fix(fix)).unwrap();
+            }
+            let [ee, _, nn] = tracker
+                .point_at(59.0)
+                .and_then(|point| point.estimate)
+                .unwrap()
+                .covariance_en_m2;
+            [ee.sqrt(), nn.sqrt()]
+        };
+        let start = Start {
+            lonlat: fix().lonlat,
+            radius95_m: 200.0,
+        };
+        for map_error_m in [1.0, 5.0] {
+            let (with, without) = (
+                stated_m(Some(start), map_error_m),
+                stated_m(None, map_error_m),
+            );
+            for (with, without) in with.into_iter().zip(without) {
+                assert!(with > map_error_m, "{with} {map_error_m}");
+                assert!((with / without - 1.0).abs() < 0.02, "{with} {without}");
+            }
         }
     }
 }

@@ -66,9 +66,10 @@ pub struct Estimate {
     pub lat_deg: f64,
     /// Degrees east.
     pub lon_deg: f64,
-    /// Metres above mean sea level, as [`crate::Height`] gave it. `None` if unknown.
+    /// Metres above mean sea level, as the latest [`crate::Height`] gave it. `None` if unknown, or longer ago than
+    /// [`crate::Height::HOLD_S`].
     pub altitude_amsl_m: Option<f64>,
-    /// Metres above ground. `None` if unknown.
+    /// Metres above ground, likewise.
     pub height_agl_m: Option<f64>,
     /// Metres per second to the east.
     pub velocity_east_m_s: f64,
@@ -143,7 +144,7 @@ impl TrackPoint {
         let estimate = Estimate {
             lat_deg: place.lat_deg,
             lon_deg: place.lon_deg,
-            altitude_amsl_m: filter.sensors.amsl_m(),
+            altitude_amsl_m: filter.sensors.amsl_m(time_s),
             height_agl_m: filter.sensors.agl_m(time_s),
             velocity_east_m_s: velocity.x,
             velocity_north_m_s: velocity.y,

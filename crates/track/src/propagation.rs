@@ -4,8 +4,9 @@ use nalgebra::Vector2;
 
 use crate::{
     gauss_markov::GaussMarkov,
-    hypothesis::{Hypothesis, PositionOf},
+    hypothesis::Hypothesis,
     kalman::{Covariance, POSITION, STATE, TILT, VELOCITY},
+    observation::tilt_error,
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
 };
@@ -102,26 +103,23 @@ impl Hypothesis {
             self.covariance[(v, p)] += step.noise[(1, 0)];
             self.covariance[(v, v)] += step.noise[(1, 1)];
         }
-        let correlation_s = match self.position_of {
-            PositionOf::Aircraft => options.attitude_correlation_s,
-            _ => options.unknown_tilt_correlation_s,
-        };
-        let decay = (-dt_s / correlation_s).exp();
+        let tilt_step = tilt_error(self.position_of, options).step(dt_s);
         for tilt in TILT..STATE {
-            self.mean[tilt] *= decay;
+            self.mean[tilt] *= tilt_step.decay;
+            // F P F^T, so that the tilt's own block decays twice.
+            self.covariance.row_mut(tilt).scale_mut(tilt_step.decay);
+            self.covariance.column_mut(tilt).scale_mut(tilt_step.decay);
         }
         for tilt in TILT..STATE {
-            for other in 0..TILT {
-                self.covariance[(tilt, other)] *= decay;
-                self.covariance[(other, tilt)] *= decay;
-            }
+            // What is considered keeps its variance by this; what is estimated for smoothing is forgotten.
+            self.covariance[(tilt, tilt)] += tilt_step.noise[(1, 1)];
         }
         if let Some(journal) = &mut self.journal {
             let mut transition = Covariance::identity();
             for axis in 0..2 {
                 transition[(POSITION + axis, VELOCITY + axis)] = step.gain_s;
                 transition[(VELOCITY + axis, VELOCITY + axis)] = step.decay;
-                transition[(TILT + axis, TILT + axis)] = decay;
+                transition[(TILT + axis, TILT + axis)] = tilt_step.decay;
             }
             journal.transition = transition * journal.transition;
         }

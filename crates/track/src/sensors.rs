@@ -10,12 +10,13 @@ use crate::{
     tilt::{CentreOffset, gsd_over_nadir},
 };
 
-/// An attitude older than this says nothing of a photo, seconds.
-const ATTITUDE_HOLD_S: f64 = 0.5;
-/// A height older than this says nothing of a photo, seconds.
-const HEIGHT_HOLD_S: f64 = 10.0;
 /// How far roll and pitch may be off what is extrapolated from the last two attitudes, degrees per second of their age.
 const ATTITUDE_SPREAD_DEG_S: f64 = 5.0;
+/// Two attitudes closer in time than this tell no rate, seconds: messages that arrive together may be stamped microseconds apart. It is
+/// below the interval of a stream of 50 Hz.
+const LEAST_RATE_INTERVAL_S: f64 = 0.015;
+/// An attitude is extrapolated by no more than so many times what it changed between the last two.
+const MOST_EXTRAPOLATED: f64 = 2.0;
 
 /// Where a fix's ground resolution and the reported height differ by a larger factor, the focal length or the height is wrong and not a
 /// roof in the way: the surface is then taken to be as far away as the height says.
@@ -107,21 +108,18 @@ impl Sensors {
     }
 
     /// Height above mean sea level, metres.
-    pub fn amsl_m(&self) -> Option<f64> {
-        self.telemetry.height.and_then(|height| height.amsl_m)
+    pub fn amsl_m(&self, time_s: f64) -> Option<f64> {
+        self.telemetry.height_at(time_s)?.amsl_m
     }
 
     /// Height above ground, metres.
     pub fn agl_m(&self, time_s: f64) -> Option<f64> {
-        self.telemetry.agl_m(time_s)
+        Some(self.telemetry.height_at(time_s)?.agl_m)
     }
 
     /// The yaw of the latest attitude, if it is recent.
     pub fn yaw_deg(&self, time_s: f64) -> Option<f64> {
-        self.telemetry
-            .attitude
-            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
-            .map(|attitude| attitude.yaw_deg)
+        Some(self.telemetry.latest_attitude(time_s)?.yaw_deg)
     }
 
     /// Ground resolution at the centre of a photo taken at `time_s` over that straight below; 1 if no attitude is known.
@@ -175,39 +173,36 @@ impl Telemetry {
     fn set_height(&mut self, height: Height) -> Option<f64> {
         self.height
             .replace(height)
-            .filter(|before| height.time_s - before.time_s < HEIGHT_HOLD_S)
+            .filter(|before| height.time_s - before.time_s < Height::HOLD_S)
             .map(|before| height.agl_m / before.agl_m)
     }
 
-    fn agl_m(&self, time_s: f64) -> Option<f64> {
+    /// The latest height, if it is recent.
+    fn height_at(&self, time_s: f64) -> Option<Height> {
         self.height
-            .filter(|height| time_s - height.time_s <= HEIGHT_HOLD_S)
-            .map(|height| height.agl_m)
+            .filter(|height| time_s - height.time_s <= Height::HOLD_S)
+    }
+
+    /// The latest attitude as it was reported, if it is recent.
+    fn latest_attitude(&self, time_s: f64) -> Option<Attitude> {
+        self.attitude
+            .filter(|attitude| time_s - attitude.time_s <= Attitude::HOLD_S)
     }
 
     fn gsd_over_nadir(&self, time_s: f64) -> f64 {
-        self.attitude
-            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
-            .map_or(1.0, |attitude| {
-                gsd_over_nadir(&self.extrapolated(attitude, time_s))
-            })
+        self.extrapolated(time_s)
+            .map_or(1.0, |(attitude, _)| gsd_over_nadir(&attitude))
     }
 
     fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
+        let agl_m = self.height_at(time_s).map(|height| height.agl_m);
         let from_gsd_m = || Some(gsd_m? * options.focal_length_px?);
-        let Some(height_agl_m) = self.agl_m(time_s).or_else(from_gsd_m) else {
+        let Some(height_agl_m) = agl_m.or_else(from_gsd_m) else {
             return View::Centre;
         };
-        let Some(attitude) = self
-            .attitude
-            .filter(|attitude| time_s - attitude.time_s <= ATTITUDE_HOLD_S)
-        else {
+        let Some((attitude, sigma_deg)) = self.extrapolated(time_s) else {
             return View::Height { height_agl_m };
         };
-        let (attitude, age_s) = (
-            self.extrapolated(attitude, time_s),
-            time_s - attitude.time_s,
-        );
         if CentreOffset::new(&attitude, Vector2::zeros(), height_agl_m).is_none() {
             return View::Height { height_agl_m };
         }
@@ -215,25 +210,120 @@ impl Telemetry {
             attitude,
             height_agl_m,
             seen_below_m: height_agl_m,
-            sigma_deg: ATTITUDE_SPREAD_DEG_S * age_s,
+            sigma_deg,
         }
     }
 
-    fn extrapolated(&self, latest: Attitude, time_s: f64) -> Attitude {
-        let Some(before) = self.previous_attitude else {
-            return Attitude { time_s, ..latest };
-        };
-        let interval_s = latest.time_s - before.time_s;
-        if interval_s <= 0.0 || interval_s > ATTITUDE_HOLD_S {
-            return Attitude { time_s, ..latest };
-        }
-        let share = (time_s - latest.time_s) / interval_s;
-        let ahead = |from_deg: f64, to_deg: f64| to_deg + share * turn_deg(from_deg, to_deg);
-        Attitude {
+    /// The attitude at a time, from the last two where they tell a rate, else the latest, and the error of its tilt that comes from
+    /// its age, degrees. `None` if none is recent.
+    ///
+    /// Times of arrival tell a rate poorly, so what is extrapolated counts as its own error, beside the change that no rate tells.
+    fn extrapolated(&self, time_s: f64) -> Option<(Attitude, f64)> {
+        let latest = self.latest_attitude(time_s)?;
+        let age_s = time_s - latest.time_s;
+        let (before, share) = self
+            .previous_attitude
+            .map(|before| (before, latest.time_s - before.time_s))
+            .filter(|(_, interval_s)| {
+                (LEAST_RATE_INTERVAL_S..=Attitude::HOLD_S).contains(interval_s)
+            })
+            .map_or((latest, 0.0), |(before, interval_s)| {
+                (before, (age_s / interval_s).min(MOST_EXTRAPOLATED))
+            });
+        let ahead_deg = |from_deg: f64, to_deg: f64| share * turn_deg(from_deg, to_deg);
+        let pitch_ahead_deg = ahead_deg(before.pitch_deg, latest.pitch_deg);
+        let roll_ahead_deg = ahead_deg(before.roll_deg, latest.roll_deg);
+        let attitude = Attitude {
             time_s,
-            yaw_deg: ahead(before.yaw_deg, latest.yaw_deg),
-            pitch_deg: ahead(before.pitch_deg, latest.pitch_deg),
-            roll_deg: ahead(before.roll_deg, latest.roll_deg),
+            yaw_deg: latest.yaw_deg + ahead_deg(before.yaw_deg, latest.yaw_deg),
+            pitch_deg: latest.pitch_deg + pitch_ahead_deg,
+            roll_deg: latest.roll_deg + roll_ahead_deg,
+        };
+        let sigma_deg = (ATTITUDE_SPREAD_DEG_S * age_s)
+            .hypot(pitch_ahead_deg)
+            .hypot(roll_ahead_deg);
+        Some((attitude, sigma_deg))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attitude(time_s: f64, roll_deg: f64) -> Input {
+        Input::Attitude(Attitude {
+            time_s,
+            yaw_deg: 90.0,
+            pitch_deg: 0.0,
+            roll_deg,
+        })
+    }
+
+    /// The roll and its error at a time after some attitudes, degrees.
+    fn seen(attitudes: &[(f64, f64)], time_s: f64) -> (f64, f64) {
+        let mut sensors = Sensors::default();
+        for (time_s, roll_deg) in attitudes {
+            sensors.take(&attitude(*time_s, *roll_deg));
         }
+        sensors.take(&Input::Height(Height {
+            time_s,
+            agl_m: 100.0,
+            amsl_m: Some(300.0),
+        }));
+        match sensors.view(time_s, None, &TrackOptions::default()) {
+            View::Attitude {
+                attitude,
+                sigma_deg,
+                ..
+            } => (attitude.roll_deg, sigma_deg),
+            view => panic!("{view:?}"),
+        }
+    }
+
+    #[test]
+    fn a_roll_goes_on_between_attitudes_and_its_error_says_so() {
+        let (roll_deg, sigma_deg) = seen(&[(1.0, 2.0), (1.1, 4.0)], 1.15);
+        assert!((roll_deg - 5.0).abs() < 1e-9, "{roll_deg}");
+        let expected_deg = (ATTITUDE_SPREAD_DEG_S * 0.05).hypot(1.0);
+        assert!((sigma_deg - expected_deg).abs() < 1e-9, "{sigma_deg}");
+        assert_eq!(seen(&[(1.0, 2.0), (1.1, 4.0)], 1.1), (4.0, 0.0));
+        // Long after the last one no rate holds.
+        let (roll_deg, _) = seen(&[(1.0, 2.0), (1.1, 4.0)], 1.5);
+        assert!((roll_deg - 8.0).abs() < 1e-9, "{roll_deg}");
+    }
+
+    #[test]
+    fn attitudes_that_arrive_together_tell_no_rate() {
+        for apart_s in [0.0, 2e-5, 0.005] {
+            let together = [(0.95, 0.0), (1.0, 0.05), (1.0 + apart_s, -0.05)];
+            let (roll_deg, sigma_deg) = seen(&together, 1.02);
+            assert_eq!(roll_deg, -0.05, "{apart_s}");
+            assert!(sigma_deg < 0.11, "{sigma_deg}");
+        }
+        // A rate that times of arrival overstate is within what is said of it: 20 degrees a second, stamped 20 ms apart.
+        let (roll_deg, sigma_deg) = seen(&[(1.0, 2.0), (1.02, 3.0)], 1.06);
+        assert!(
+            (roll_deg - 3.8).abs() < 2.0 * sigma_deg,
+            "{roll_deg} {sigma_deg}"
+        );
+    }
+
+    #[test]
+    fn a_height_holds_above_the_ground_and_the_sea_for_the_same_time() {
+        let mut sensors = Sensors::default();
+        sensors.take(&Input::Height(Height {
+            time_s: 1.0,
+            agl_m: 100.0,
+            amsl_m: Some(300.0),
+        }));
+        let (holds_s, is_old_s) = (1.0 + Height::HOLD_S, 1.1 + Height::HOLD_S);
+        assert_eq!(
+            sensors.agl_m(holds_s).zip(sensors.amsl_m(holds_s)),
+            Some((100.0, 300.0))
+        );
+        assert_eq!(
+            (sensors.agl_m(is_old_s), sensors.amsl_m(is_old_s)),
+            (None, None)
+        );
     }
 }

@@ -211,3 +211,168 @@ impl Piece {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use grimnet_geo::LonLat;
+    use nalgebra::{DMatrix, DVector};
+
+    use super::*;
+    use crate::{
+        attitude::Attitude,
+        gauss_markov::GaussMarkov,
+        hypothesis::PositionOf,
+        input::{Height, Velocity},
+        observation::tilt_error,
+        options::Vehicle,
+    };
+
+    const HERE: LonLat = LonLat::new(120.7, 24.2);
+    const HEIGHT_AGL_M: f64 = 100.0;
+    const MAP_ERROR_M: f64 = 1.5;
+    const FIX_SIGMA_M: f64 = 0.7;
+    const VELOCITY_SIGMA_M_S: f64 = 0.4;
+    const SPEED_M_S: f64 = 6.0;
+    const FIXES: usize = 40;
+    const INTERVAL_S: f64 = 1.5;
+
+    /// How far a fix is off the path of the reported velocity to one side, metres.
+    fn off_m(number: usize) -> f64 {
+        let time_s = INTERVAL_S * number as f64;
+        3.0 * (0.1 * time_s).sin() + 0.8 * (2.3 * time_s).cos()
+    }
+
+    /// A flight to the north with a constant reported velocity, level, with or without attitude.
+    fn inputs(with_attitude: bool) -> Vec<Input> {
+        let plane = LocalPlane::new(HERE);
+        let mut inputs = Vec::new();
+        for number in 0..FIXES {
+            let time_s = INTERVAL_S * number as f64;
+            inputs.push(Input::Velocity(Velocity {
+                time_s,
+                east_m_s: 0.0,
+                north_m_s: SPEED_M_S,
+                sigma_m_s: VELOCITY_SIGMA_M_S,
+            }));
+            if with_attitude {
+                inputs.push(Input::Attitude(Attitude {
+                    time_s,
+                    yaw_deg: 0.0,
+                    pitch_deg: 0.0,
+                    roll_deg: 0.0,
+                }));
+            }
+            inputs.push(Input::Height(Height {
+                time_s,
+                agl_m: HEIGHT_AGL_M,
+                amsl_m: None,
+            }));
+            let place_m = Vector2::new(off_m(number), SPEED_M_S * time_s + off_m(number + 7));
+            inputs.push(Input::Fix(PositionFix {
+                time_s,
+                lonlat: plane.lonlat_from_en(place_m),
+                covariance_en_m2: [FIX_SIGMA_M.powi(2), 0.0, FIX_SIGMA_M.powi(2)],
+                map_error_m: MAP_ERROR_M,
+                heading_deg: Some(0.0),
+                gsd_m: 0.05,
+                confidence: 0.995,
+            }));
+        }
+        inputs
+    }
+
+    /// Covariance of the integrals up to two times of a Gauss-Markov process that begins with the variance `first`, from its
+    /// autocovariance `sigma^2 exp(-|t - u| / tau)`.
+    fn integrals(process: &GaussMarkov, first: f64, t_s: f64, u_s: f64) -> f64 {
+        let tau = process.correlation_s;
+        let remains = |s: f64| (-s / tau).exp();
+        let stationary = (process.sigma * tau).powi(2)
+            * (2.0 * t_s.min(u_s) / tau - 1.0 + remains(t_s) + remains(u_s)
+                - remains((t_s - u_s).abs()));
+        let carried = tau * tau * (1.0 - remains(t_s)) * (1.0 - remains(u_s));
+        stationary + (first - process.sigma.powi(2)) * carried
+    }
+
+    /// Means of the position along one axis relative to the reported path, and their covariance, given all fixes at once: the first
+    /// position is unknown (generalised least squares), all else is a covariance between two times and no recursion.
+    fn batch(
+        tilt: &GaussMarkov,
+        constant_m2: f64,
+        speed_m_s: f64,
+        measured_m: &DVector<f64>,
+        options: &TrackOptions,
+    ) -> (DVector<f64>, DMatrix<f64>) {
+        let drift = GaussMarkov {
+            sigma: VELOCITY_SIGMA_M_S,
+            correlation_s: options.velocity_correlation_s,
+        };
+        let (free, stated) = (
+            Vehicle::default().speed_sigma_m_s().powi(2),
+            VELOCITY_SIGMA_M_S.powi(2),
+        );
+        let first = free * stated / (free + stated);
+        // The usual speed of zero counts a little beside the first reported velocity.
+        let slower_m_s = speed_m_s * stated / (free + stated);
+        let time_s = |number: usize| INTERVAL_S * number as f64;
+        let path = DMatrix::from_fn(FIXES, FIXES, |i, k| {
+            integrals(&drift, first, time_s(i), time_s(k))
+        });
+        let seen = DMatrix::from_fn(FIXES, FIXES, |i, k| {
+            let apart_s = (time_s(i) - time_s(k)).abs();
+            let lean = (HEIGHT_AGL_M * tilt.sigma).powi(2) * (-apart_s / tilt.correlation_s).exp();
+            let white = if i == k { FIX_SIGMA_M.powi(2) } else { 0.0 };
+            path[(i, k)] + lean + constant_m2 + white
+        });
+        let inverse = seen.try_inverse().unwrap();
+        let known_m = DVector::from_fn(FIXES, |number, _| {
+            let tau = drift.correlation_s;
+            -slower_m_s * tau * (1.0 - (-time_s(number) / tau).exp())
+        });
+        let measured_m = measured_m - &known_m;
+        let ones = DVector::from_element(FIXES, 1.0);
+        let information = (ones.transpose() * &inverse * &ones)[(0, 0)];
+        let first_m = (ones.transpose() * &inverse * &measured_m)[(0, 0)] / information;
+        let gain = &path * &inverse;
+        let mean = known_m + &ones * first_m + &gain * (measured_m - &ones * first_m);
+        let left = &ones - &gain * &ones;
+        let covariance = &path - &gain * path.transpose() + &left * left.transpose() / information;
+        (mean, covariance)
+    }
+
+    #[test]
+    fn it_is_what_a_batch_of_all_fixes_gives() {
+        let options = TrackOptions::default();
+        let boresight_m = HEIGHT_AGL_M * options.boresight_sigma_deg.to_radians();
+        for (with_attitude, position_of, boresight_m2) in [
+            (true, PositionOf::Aircraft, boresight_m.powi(2)),
+            (false, PositionOf::AircraftWithoutAttitude, 0.0),
+        ] {
+            let points = smooth(&inputs(with_attitude), &options).unwrap();
+            assert_eq!(points.len(), FIXES);
+            let tilt = tilt_error(position_of, &options);
+            let constant_m2 = MAP_ERROR_M.powi(2) + boresight_m2;
+            let along = |from: usize, speed_m_s: f64| {
+                let measured_m = DVector::from_fn(FIXES, |number, _| off_m(number + from));
+                batch(&tilt, constant_m2, speed_m_s, &measured_m, &options)
+            };
+            let ((east_m, covariance_m2), (north_m, _)) = (along(0, 0.0), along(7, SPEED_M_S));
+            let plane = LocalPlane::new(HERE);
+            for (number, point) in points.iter().enumerate() {
+                let place = LonLat::new(point.lon_deg, point.lat_deg);
+                let at_m = plane.en_from_lonlat(place);
+                let path_m = SPEED_M_S * point.time_s;
+                let off_m = at_m - Vector2::new(east_m[number], path_m + north_m[number]);
+                assert!(off_m.norm() < 1e-3, "{with_attitude} {number}: {off_m}");
+                let [ee, en, nn] = point.covariance_en_m2;
+                let expected = covariance_m2[(number, number)];
+                for variance in [ee, nn] {
+                    assert!(
+                        (variance / expected - 1.0).abs() < 1e-4,
+                        "{with_attitude} {number}: {variance}, and is {expected}"
+                    );
+                }
+                assert!(en.abs() < 1e-6);
+            }
+        }
+    }
+}

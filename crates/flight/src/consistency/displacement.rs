@@ -5,91 +5,21 @@
 //! telemetry says. Fixes that move away from the reported velocities, evenly and for some time, contradict them.
 
 use std::collections::VecDeque;
-use std::ops::RangeInclusive;
 
-use grimnet_geo::{LonLat, offset_en_m};
+use grimnet_geo::offset_en_m;
 
-/// So many fixes must agree on one path, the latest among them.
-const NEEDED: usize = 4;
-/// One of them at least must be in this part of the time between the first and the last, as a share: fixes that jump to another place
-/// lie at its ends only.
-const MIDDLE: RangeInclusive<f64> = 0.25..=0.75;
-/// So many of the fixes between the first and the last that agree, as a share.
-const SHARE: f64 = 0.75;
-/// They must be of so long a time at least, seconds: a gust tilts the camera and moves the image centre for a moment.
-const LEAST_TIME_S: f64 = 2.5;
+use super::agreement::Leg;
+use super::compared_fix::{ComparedFix, MotionSum, PlacedFix};
+use super::fix_path::{FixPath, InPlane, Moved};
+use super::plane_vector::difference;
+
 /// Fixes are kept for so long, seconds.
 const LONGEST_S: f64 = 20.0;
-/// Fixes are on the path up to this distance, metres: their own error, and a camera that moves by one or two degrees.
-const ON_PATH_M: f64 = 4.0;
-/// So far they must move away from what was reported, and from the track, metres. Fixes that move less stand still.
-const LEAST_MOVED_M: f64 = 12.0;
-/// So far away from what was reported where the attitude is unknown, metres: the tilt of a turn moves the image centre.
-const LEAST_MOVED_OF_CENTRE_M: f64 = 40.0;
-/// So far away from what was reported where no track can be used, metres: it may hold several places, and so explains no fix,
-const LEAST_MOVED_WITHOUT_TRACK_M: f64 = 60.0;
-/// over so long a time, seconds.
-const LEAST_TIME_WITHOUT_TRACK_S: f64 = 4.0;
-/// No small drone is faster, metres per second: of two fixes further apart one is of another place.
-pub(super) const MOST_SPEED_M_S: f64 = 60.0;
-/// The reported velocity must be off by more than so many of its standard deviations.
-const SIGMAS: f64 = 3.0;
-/// A track that accepts the fixes knows of a small error of the velocities. They are then inconsistent only if they are off by more than
-/// so many standard deviations,
-const SIGMAS_WHILE_ACCEPTED: f64 = 5.0;
-/// and this far besides, metres: in a banked turn a fix and the attitude place the aircraft to about ten metres,
-const LEAST_MOVED_WHILE_ACCEPTED_M: f64 = 20.0;
-/// over so long a time, seconds.
-const LEAST_TIME_WHILE_ACCEPTED_S: f64 = 4.0;
-/// Motion between frames of less than this share of the reported displacement says that the camera stands still.
-const STILL_SHARE: f64 = 0.5;
-
-/// A fix, and where it is.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct PlacedFix {
-    /// Seconds.
-    pub time_s: f64,
-    /// Where it is: the aircraft if the attitude is known, else the image centre.
-    pub place: LonLat,
-    /// Whether it is the aircraft.
-    pub is_of_aircraft: bool,
-    /// Where the track is at its time, if that may be used.
-    pub track: Option<LonLat>,
-}
-
-/// A fix, beside it what was reported and measured by its time.
-#[derive(Debug, Clone, Copy)]
-struct Compared {
-    fix: PlacedFix,
-    /// What the reported velocities add up to, metres east and north of any place.
-    reported_en_m: [f64; 2],
-    motions: Option<MotionSum>,
-    /// Whether the track accepted it.
-    is_accepted: bool,
-}
-
-/// How far an aircraft moved, metres east and north.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Moved {
-    /// By the reported velocities.
-    pub reported_en_m: [f64; 2],
-    /// By the fixes. `None` if they stand still.
-    pub measured_en_m: Option<[f64; 2]>,
-}
-
-/// The sum of motions between frames that follow each other over ground.
-#[derive(Debug, Clone, Copy)]
-struct MotionSum {
-    /// Time of the first frame, seconds.
-    from_s: f64,
-    /// Metres towards the top and the right of the photos.
-    moved_m: [f64; 2],
-}
 
 /// The latest fixes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct DisplacementTest {
-    fixes: VecDeque<Compared>,
+    fixes: VecDeque<ComparedFix>,
     /// The motions up to the latest frame, and its time in seconds.
     motions: Option<(f64, MotionSum)>,
 }
@@ -97,11 +27,11 @@ pub(crate) struct DisplacementTest {
 impl DisplacementTest {
     /// Adds the latest fix, and what the reported velocities add up to by its time, metres east and north of any place.
     pub fn add(&mut self, fix: PlacedFix, reported_en_m: [f64; 2]) {
-        self.fixes.retain(|Compared { fix: other, .. }| {
+        self.fixes.retain(|ComparedFix { fix: other, .. }| {
             let since_s = fix.time_s - other.time_s;
             (0.0..=LONGEST_S).contains(&since_s) && other.is_of_aircraft == fix.is_of_aircraft
         });
-        self.fixes.push_back(Compared {
+        self.fixes.push_back(ComparedFix {
             fix,
             reported_en_m,
             motions: None,
@@ -129,7 +59,7 @@ impl DisplacementTest {
             let moved_m = [sum.moved_m[0] + forward_m, sum.moved_m[1] + right_m];
             (to_s, MotionSum { moved_m, ..sum })
         });
-        for Compared { fix, motions, .. } in &mut self.fixes {
+        for ComparedFix { fix, motions, .. } in &mut self.fixes {
             if fix.time_s == to_s {
                 *motions = self.motions.map(|(_, sum)| sum);
             } else if fix.time_s == from_s && before.is_none() && moved_m.is_some() {
@@ -146,101 +76,38 @@ impl DisplacementTest {
     /// How far the fixes and the reported velocities moved, if the latest fixes agree on a path that velocities with this error do not
     /// allow.
     pub fn inconsistency(&self, reported_sigma_m_s: f64) -> Option<Moved> {
-        let last = self.fixes.back()?;
-        let from_last = |place| {
-            let (east_m, north_m) = offset_en_m(last.fix.place, place);
-            [east_m, north_m]
-        };
-        let measured_en_m: Vec<[f64; 2]> = self
+        let origin = self.fixes.back()?.fix.place;
+        let fixes: Vec<InPlane> = self
             .fixes
             .iter()
-            .map(|compared| from_last(compared.fix.place))
+            .map(|compared| InPlane::new(compared, origin))
             .collect();
-        let path = |first: usize| {
-            let (from, from_en_m) = (self.fixes.get(first)?, measured_en_m.get(first)?);
-            let interval_s = last.fix.time_s - from.fix.time_s;
-            let measured = difference([0.0; 2], *from_en_m);
-            let reported = difference(last.reported_en_m, from.reported_en_m);
-            let drift = difference(measured, reported);
-            let stands_still = length(measured) < LEAST_MOVED_M;
-            let is_possible = interval_s >= LEAST_TIME_S
-                && length(measured) < MOST_SPEED_M_S * interval_s
-                && (!stands_still || self.motion_stands_still(first));
-            let between = || self.fixes.iter().zip(&measured_en_m).skip(first);
-            let sigma_m = reported_sigma_m_s * interval_s;
-            let from_track_m = from.fix.track.zip(last.fix.track).map(|(before, now)| {
-                let track = difference(from_last(now), from_last(before));
-                length(difference(measured, track))
-            });
-            let least_moved_m = if last.fix.is_of_aircraft {
-                LEAST_MOVED_M
-            } else {
-                LEAST_MOVED_OF_CENTRE_M
-            };
-            let is_off = length(drift) > (SIGMAS * sigma_m).hypot(least_moved_m)
-                && from_track_m.map_or(
-                    interval_s >= LEAST_TIME_WITHOUT_TRACK_S
-                        && length(drift) > LEAST_MOVED_WITHOUT_TRACK_M,
-                    |moved_m| moved_m > LEAST_MOVED_M,
-                )
-                && !between().any(|(compared, _)| compared.is_accepted);
-            let is_far_off = interval_s >= LEAST_TIME_WHILE_ACCEPTED_S
-                && length(drift) > SIGMAS_WHILE_ACCEPTED * sigma_m + LEAST_MOVED_WHILE_ACCEPTED_M
-                // The image centre of an unknown tilt moves by itself.
-                && (last.fix.is_of_aircraft || stands_still);
-            if !(is_possible && (is_off || is_far_off)) {
-                return None;
-            }
-            // When the fixes on the path were, as a share of the time between the first and the last.
-            let on_path = between().filter_map(|(compared, en_m)| {
-                let share = (compared.fix.time_s - from.fix.time_s) / interval_s;
-                let drifted = difference(
-                    difference(*en_m, *from_en_m),
-                    difference(compared.reported_en_m, from.reported_en_m),
-                );
-                let off_m = length(difference(drifted, drift.map(|whole| share * whole)));
-                (off_m <= ON_PATH_M).then_some(share)
-            });
-            let on_path: Vec<f64> = on_path.collect();
-            let count = on_path.len();
-            let is_even = on_path.iter().any(|share| MIDDLE.contains(share));
-            (is_even && count >= NEEDED && count as f64 >= SHARE * between().count() as f64)
-                .then_some(Moved {
-                    reported_en_m: reported,
-                    measured_en_m: Some(measured).filter(|_| !stands_still),
-                })
-        };
-        (0..self.fixes.len()).find_map(path)
+        (0..fixes.len())
+            .filter_map(|first| FixPath::new(&fixes[first..]))
+            .find(|path| path.contradicts(reported_sigma_m_s))
+            .map(|path| path.moved())
     }
 
-    /// Whether the motions between frames say that the camera stands still since a fix, up to the last but one: a map that looks alike
-    /// along a road holds fixes back as well.
-    fn motion_stands_still(&self, first: usize) -> bool {
-        let before_last = self.fixes.len().saturating_sub(2);
-        let (Some(from), Some(to)) = (self.fixes.get(first), self.fixes.get(before_last)) else {
-            return false;
-        };
-        let reported_m = length(difference(to.reported_en_m, from.reported_en_m));
-        from.motions.zip(to.motions).is_some_and(|(before, now)| {
-            before.from_s == now.from_s
-                && length(difference(now.moved_m, before.moved_m)) < STILL_SHARE * reported_m
+    /// The way between the first and the latest of the fixes that the track accepted, if it accepted the latest.
+    pub fn accepted_leg(&self) -> Option<Leg> {
+        let to = self.fixes.back().filter(|latest| latest.is_accepted)?;
+        let from = self.fixes.iter().find(|fix| fix.is_accepted)?;
+        Some(Leg {
+            time_s: to.fix.time_s,
+            interval_s: to.fix.time_s - from.fix.time_s,
+            measured_en_m: offset_en_m(from.fix.place, to.fix.place).into(),
+            reported_en_m: difference(to.reported_en_m, from.reported_en_m),
+            is_of_aircraft: to.fix.is_of_aircraft,
         })
     }
 }
 
-pub(super) fn difference(a: [f64; 2], b: [f64; 2]) -> [f64; 2] {
-    [a[0] - b[0], a[1] - b[1]]
-}
-
-fn length([east, north]: [f64; 2]) -> f64 {
-    east.hypot(north)
-}
-
 #[cfg(test)]
 mod tests {
-    use grimnet_geo::destination_en_m;
+    use grimnet_geo::{LonLat, destination_en_m};
 
     use super::*;
+    use crate::consistency::fix_path::NEEDED;
 
     const HERE: LonLat = LonLat::new(1.5, 1.0);
     const REPORTED_SIGMA_M_S: f64 = 0.5;

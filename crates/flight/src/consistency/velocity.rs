@@ -9,7 +9,11 @@ use std::collections::VecDeque;
 use grimnet_geo::{LonLat, offset_en_m};
 use grimnet_track::{RelativeMotion, Velocity};
 
-use super::displacement::{DisplacementTest, MOST_SPEED_M_S, Moved, PlacedFix, difference};
+use super::agreement::Agreement;
+use super::compared_fix::PlacedFix;
+use super::displacement::DisplacementTest;
+use super::fix_path::{MOST_SPEED_M_S, Moved};
+use super::plane_vector::difference;
 use super::reported_path::{Reported, ReportedPath};
 
 /// Fixes closer to each other than this say little, metres: tilt alone moves the image centre by tens of metres.
@@ -79,6 +83,9 @@ pub(crate) struct VelocityCheck {
     ratios: VecDeque<(Ratio, f64)>,
     displacement: DisplacementTest,
     warning: Option<VelocityWarning>,
+    /// Whether it is over, while there is one.
+    agreement: Agreement,
+    was_inconsistent: bool,
 }
 
 impl VelocityCheck {
@@ -87,6 +94,7 @@ impl VelocityCheck {
         if self.path.add(reported) {
             self.from = None;
             self.displacement.clear();
+            self.agreement.end_row();
         }
     }
 
@@ -102,16 +110,31 @@ impl VelocityCheck {
             None => self.displacement.clear(),
         }
         self.compare(time_s, fix.place, reported);
-        if self.warning.is_none() {
-            self.warning = self
-                .warning_of_comparisons()
-                .or_else(|| self.warning_of_displacement(reported?));
+        let found = self
+            .warning_of_comparisons()
+            .or_else(|| self.warning_of_displacement(reported?));
+        if found.is_none() {
+            return;
+        }
+        if self.warning.is_some() {
+            self.agreement.end_row();
+        } else {
+            self.warning = found;
+            self.was_inconsistent = true;
+            self.agreement.leave_out();
         }
     }
 
     /// The track accepted the last fix.
     pub fn accepted(&mut self) {
         self.displacement.accepted();
+        if self.warning.is_some()
+            && let Some(leg) = self.displacement.accepted_leg()
+            && let Some(reported) = self.path.at(leg.time_s)
+            && self.agreement.take(&leg, reported.sigma_m_s)
+        {
+            self.warning = None;
+        }
     }
 
     /// Takes in the motion between two frames, after the fix of the second one. `gsd_m` is the ground resolution of its pixels, and a
@@ -132,6 +155,7 @@ impl VelocityCheck {
         self.from = None;
         self.path = ReportedPath::default();
         self.displacement = DisplacementTest::default();
+        self.agreement.end_row();
     }
 
     /// Compares the distance from an earlier fix with what was reported.
@@ -168,9 +192,14 @@ impl VelocityCheck {
         });
     }
 
-    /// What is inconsistent; once it is, it stays so.
+    /// What is inconsistent, until velocities agree with the fixes again.
     pub fn warning(&self) -> Option<VelocityWarning> {
         self.warning
+    }
+
+    /// Whether velocities were inconsistent at any time.
+    pub fn was_inconsistent(&self) -> bool {
+        self.was_inconsistent
     }
 
     fn warning_of_displacement(&self, reported: Reported) -> Option<VelocityWarning> {
@@ -355,7 +384,7 @@ mod tests {
     }
 
     #[test]
-    fn fixes_that_the_track_rejects_show_it_sooner_and_it_stays_so() {
+    fn fixes_that_the_track_rejects_show_it_sooner() {
         // Too little for a factor of 0.35.
         assert!(flown_beside(3.0, 0.5, true).is_some_and(|second| second <= 5));
         assert_eq!(flown_beside(3.0, 0.5, false), None, "of another heading");

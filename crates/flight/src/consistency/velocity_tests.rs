@@ -4,7 +4,7 @@ use grimnet_geo::{LonLat, destination_en_m};
 use grimnet_track::simulation::{Camera, Delivered, Flight, FlightOptions};
 use grimnet_track::{Attitude, Input, PositionFix, TrackOptions, Tracker, Vehicle};
 
-use super::displacement::PlacedFix;
+use super::compared_fix::PlacedFix;
 use super::velocity::VelocityCheck;
 
 /// From when on velocities are spoofed, seconds.
@@ -28,9 +28,9 @@ fn placed(fix: &PositionFix, attitude: Option<Attitude>, tracker: &Tracker) -> P
     }
 }
 
-/// Follows a simulated flight whose velocities are off by so much from [`SPOOFED_FROM_S`] on, metres per second to the north. Gives the
-/// time at which they are inconsistent, seconds.
-fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
+/// Follows a simulated flight whose velocities to the north are off by `spoofed_m_s` of the time, metres per second. Gives the times at
+/// which they are left out and used again in turns, the first `most` of them, seconds.
+fn changes_s(options: FlightOptions, spoofed_m_s: impl Fn(f64) -> f64, most: usize) -> Vec<f64> {
     let flight = Flight::new(options.clone());
     let mut tracker = Tracker::new(TrackOptions {
         vehicle: options.vehicle,
@@ -41,15 +41,18 @@ fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
     let mut check = VelocityCheck::default();
     let mut attitudes: Vec<Attitude> = Vec::new();
     let mut gsd_m = None;
+    let mut changes_s = Vec::new();
     for Delivered { input, .. } in &flight.deliveries {
         let mut input = *input;
+        let was_left_out = check.warning().is_some();
         match &mut input {
             Input::Attitude(attitude) => attitudes.push(*attitude),
             Input::Velocity(velocity) => {
-                if velocity.time_s >= SPOOFED_FROM_S {
-                    velocity.north_m_s += spoofed_m_s;
-                }
+                velocity.north_m_s += spoofed_m_s(velocity.time_s);
                 check.velocity(velocity);
+                if was_left_out {
+                    continue;
+                }
             }
             Input::Motion(motion) => {
                 if let Some(gsd_m) = gsd_m {
@@ -61,8 +64,8 @@ fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
                 let before = attitudes.partition_point(|attitude| attitude.time_s <= fix.time_s);
                 let attitude = before.checked_sub(1).map(|last| attitudes[last]);
                 check.fix(placed(fix, attitude, &tracker), true);
-                if check.warning().is_some() {
-                    return Some(fix.time_s);
+                if check.warning().is_some() && !was_left_out {
+                    tracker.restart();
                 }
             }
             _ => {}
@@ -76,8 +79,26 @@ fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
                 check.accepted();
             }
         }
+        if check.warning().is_some() != was_left_out {
+            changes_s.push(input.time_s());
+            if changes_s.len() == most {
+                break;
+            }
+        }
     }
-    None
+    changes_s
+}
+
+/// When velocities are left out that are off by so much from [`SPOOFED_FROM_S`] on, metres per second.
+fn inconsistent_s(options: FlightOptions, spoofed_m_s: f64) -> Option<f64> {
+    let from_s = |time_s: f64| {
+        if time_s >= SPOOFED_FROM_S {
+            spoofed_m_s
+        } else {
+            0.0
+        }
+    };
+    changes_s(options, from_s, 1).first().copied()
 }
 
 /// Flights whose fixes are of other places now and then.
@@ -194,6 +215,69 @@ fn without_attitude_and_at_one_photo_in_seconds_they_are_noticed_as_well() {
                     "{options:?}: {after_s:?}"
                 );
             }
+        }
+    }
+}
+
+/// From when on velocities of [`wrong_for_a_while_m_s`] are right again, seconds.
+const RIGHT_FROM_S: f64 = SPOOFED_FROM_S + 60.0;
+
+fn wrong_for_a_while_m_s(time_s: f64) -> f64 {
+    if (SPOOFED_FROM_S..RIGHT_FROM_S).contains(&time_s) {
+        6.0
+    } else {
+        0.0
+    }
+}
+
+#[test]
+fn velocities_that_were_wrong_for_a_while_are_used_again() {
+    for camera in [Camera::Fixed, Camera::Gimbal] {
+        for seed in 1..=4 {
+            let options = FlightOptions {
+                seed,
+                camera,
+                duration_s: 600.0,
+                ..FlightOptions::default()
+            };
+            let changes_s = changes_s(options, wrong_for_a_while_m_s, usize::MAX);
+            let [left_out_s, again_s] = changes_s[..] else {
+                panic!("{camera:?}, {seed}: {changes_s:?}");
+            };
+            assert!((SPOOFED_FROM_S..RIGHT_FROM_S).contains(&left_out_s));
+            // A minute of agreement, and the time until the aircraft has turned.
+            let after_s = again_s - RIGHT_FROM_S;
+            assert!(
+                (60.0..240.0).contains(&after_s),
+                "{camera:?}, {seed}: {after_s}"
+            );
+        }
+    }
+}
+
+#[test]
+fn velocities_that_stay_wrong_stay_left_out() {
+    let constant_m_s = |_: f64| 5.0;
+    let slow_m_s = |_: f64| 2.0;
+    let swinging_m_s = |since_s: f64| 6.0 * (since_s / 20.0).sin();
+    let kinds: [&dyn Fn(f64) -> f64; 3] = [&constant_m_s, &slow_m_s, &swinging_m_s];
+    for base in [usual().swap_remove(0)].into_iter().chain(hard()) {
+        for (spoofed_m_s, attitude) in kinds.iter().flat_map(|kind| [(kind, true), (kind, false)]) {
+            let options = FlightOptions {
+                attitude,
+                duration_s: 700.0,
+                ..base.clone()
+            };
+            let since_m_s = |time_s: f64| {
+                let since_s = time_s - SPOOFED_FROM_S;
+                if since_s >= 0.0 {
+                    spoofed_m_s(since_s)
+                } else {
+                    0.0
+                }
+            };
+            let changes_s = changes_s(options, since_m_s, 2);
+            assert!(changes_s.len() < 2, "{attitude}, {base:?}: {changes_s:?}");
         }
     }
 }

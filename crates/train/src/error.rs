@@ -2,7 +2,7 @@
 
 use grimnet_net::NetError;
 use grimnet_output::OutputError;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// An error of this crate.
 #[derive(Debug, thiserror::Error)]
@@ -60,6 +60,17 @@ pub enum TrainError {
         /// What is wrong, and what to do.
         reason: String,
     },
+    /// The output folder holds the checkpoint of another run.
+    #[error(
+        "{}: a new run would replace this checkpoint of an earlier one, after {step} steps; resume it, choose another `out` folder, or allow overwriting",
+        path.display()
+    )]
+    EarlierRun {
+        /// The checkpoint.
+        path: PathBuf,
+        /// Steps of that run.
+        step: u64,
+    },
     /// Keypoint labels are missing or damaged.
     #[error("keypoint labels: {reason}")]
     Labels {
@@ -75,16 +86,14 @@ pub enum TrainError {
         reason: String,
     },
     /// A loss or gradient is not finite.
-    #[error(
-        "step {step}: {what} is not finite; resume from the last checkpoint, {checkpoint}, with a lower learning rate"
-    )]
+    #[error("step {step}: {what} is not finite; {}", advice(checkpoint.as_deref()))]
     NotFinite {
         /// The step.
         step: u64,
         /// Which value.
         what: String,
-        /// Where to resume from.
-        checkpoint: String,
+        /// Where to resume from; `None` before the first checkpoint of the run.
+        checkpoint: Option<PathBuf>,
     },
     /// An error of `grimnet-net`.
     #[error(transparent)]
@@ -95,4 +104,15 @@ pub enum TrainError {
         /// The device's message.
         reason: String,
     },
+}
+
+/// How to go on after a loss that is not finite.
+fn advice(checkpoint: Option<&Path>) -> String {
+    match checkpoint {
+        Some(path) => format!(
+            "resume from the last checkpoint, {}, with a lower learning rate",
+            path.display()
+        ),
+        None => "start the run again with a lower learning rate".to_owned(),
+    }
 }

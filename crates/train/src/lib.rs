@@ -44,5 +44,7 @@ pub use run::labelling::{LabelProgress, label_pictures};
 pub use run::losses::Losses;
 pub use run::optimiser::{Adam, AdamOptions, Moments, StepOptions};
 pub use run::report::Progress;
+pub use run::resume::{checkpoint_path, last_checkpoint};
 pub use run::run_folder::{FLIGHT, MODEL, RunFolder};
-pub use run::trainer::{Trainer, checkpoint_path};
+pub use run::step_table::StepTable;
+pub use run::trainer::Trainer;

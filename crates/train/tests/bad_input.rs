@@ -2,11 +2,11 @@
 
 #![allow(clippy::unwrap_used)]
 
-use grimnet_net::{Model, NetSpec};
+#[path = "bad_input/checkpoints.rs"]
+mod checkpoints;
+
 use grimnet_train::data::{Folder, Layout, PairOptions, Serves};
-use grimnet_train::{
-    Checkpoint, Data, Detector, Device, TrainConfig, TrainError, Trainer, checkpoint_path,
-};
+use grimnet_train::{Data, Device, TrainConfig, TrainError, Trainer};
 use image::{Rgb, RgbImage};
 use std::path::Path;
 
@@ -129,6 +129,17 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
         ("[pairs]\nside_px = 100\n", "side_px"),
         ("world_share = 2.0\n", "world_share"),
         ("minutes = 1\n", "[[data]]"),
+        ("global_from = 1.0\n", "`global_from` is 1; it must be"),
+        ("encoder_rate = -1.0\n", "`encoder_rate` is -1"),
+        ("decay_from = -1.0\n", "decay_from"),
+        ("average_decay = -3.0\n", "average_decay"),
+        ("descriptor_temperature = 0.0\n", "descriptor_temperature"),
+        ("learning_rate = nan\n", "learning_rate"),
+        ("steps = 0\n", "steps"),
+        ("[weights]\nkeypoint = -1.0\n", "weights.keypoint"),
+        ("[triplet]\nhardest = 0\n", "triplet.hardest"),
+        ("[pairs.look]\nseason = 1.5\n", "pairs.look.season"),
+        ("[[data]]\npath = \".\"\nrepeat = 0\n", "data[0].repeat"),
     ] {
         std::fs::write(&path, text).unwrap();
         let error = TrainConfig::open(&path).unwrap_err().to_string();
@@ -137,145 +148,50 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
 }
 
 #[test]
-fn a_checkpoint_of_another_network_is_refused() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut config = TrainConfig {
-        steps: Some(1),
-        ..tiny(folder.path())
-    };
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
-    config.network = "vgg16".into();
-    let error = trainer(&config, true).err().unwrap().to_string();
-    assert!(
-        error.contains("vgg16") && error.contains("checkpoint.safetensors"),
-        "{error}"
-    );
-    // A larger network may grow from it, and one that differs in NetVLAD takes the rest; no smaller one fits.
-    config.start_from = Some(checkpoint_path(&config));
-    assert!(trainer(&config, false).is_ok());
-    config.network = "compact".into();
-    let mut other = NetSpec::compact();
-    other.vlad.clusters = 16;
-    let path = folder.path().join("other.safetensors");
-    Model::random(&other, 1).unwrap().save(&path).unwrap();
-    config.start_from = Some(path);
-    assert!(trainer(&config, false).is_ok());
-    let mut wider = NetSpec::compact();
-    wider.stages[0].widths = vec![32, 32];
-    let path = folder.path().join("wider.safetensors");
-    Model::random(&wider, 1).unwrap().save(&path).unwrap();
-    config.start_from = Some(path);
-    let error = trainer(&config, false).err().unwrap().to_string();
-    assert!(
-        error.contains("another network") && error.contains("wider.safetensors"),
-        "{error}"
-    );
-}
-
-#[test]
-fn resuming_what_never_began_says_so() {
-    let folder = tempfile::tempdir().unwrap();
-    let error = trainer(&tiny(folder.path()), true)
-        .err()
-        .unwrap()
-        .to_string();
-    assert!(error.contains("without resuming"), "{error}");
-}
-
-#[test]
-fn a_damaged_checkpoint_is_named() {
+fn the_steps_after_the_last_report_are_reported_at_the_end() {
     let folder = tempfile::tempdir().unwrap();
     let config = TrainConfig {
-        steps: Some(1),
+        steps: Some(2),
+        report_steps: 50,
         ..tiny(folder.path())
     };
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
+    let mut reported = Vec::new();
+    let mut trainer = trainer(&config, false).unwrap();
+    trainer
+        .run(&mut |progress, _| {
+            reported.push(progress.step);
+            true
+        })
         .unwrap();
-    let path = checkpoint_path(&config);
-    let bytes = std::fs::read(&path).unwrap();
-    // Cut short, it still says what it is: whoever would start from it, or detect with it, learns what is wrong.
-    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    let from = TrainConfig {
-        out: folder.path().join("next"),
-        start_from: Some(path.clone()),
-        ..config.clone()
-    };
-    let start = trainer(&from, false).err().unwrap();
-    let detector = Detector::open(Some(&path), &Device::flex()).err().unwrap();
-    for error in [start, detector] {
-        assert!(
-            matches!(&error, TrainError::Checkpoint { path: named, .. } if *named == path),
-            "{error}"
-        );
-    }
-    for bytes in [&bytes[..bytes.len() / 2], b"", b"short"] {
-        std::fs::write(&path, bytes).unwrap();
-        let error = trainer(&config, true).err().unwrap();
-        assert!(
-            matches!(&error, TrainError::Checkpoint { path: named, .. } if *named == path),
-            "{error}"
-        );
-    }
+    assert_eq!(reported.last(), Some(&2));
 }
 
 #[test]
-fn a_loss_that_is_no_number_names_the_last_good_checkpoint() {
+fn a_picture_belongs_to_one_folder() {
     let folder = tempfile::tempdir().unwrap();
-    let config = tiny(folder.path());
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
-    let good = std::fs::read(checkpoint_path(&config)).unwrap();
-    let wild = TrainConfig {
-        learning_rate: 1e30,
-        warmup_steps: 1,
-        steps: Some(40),
-        ..config.clone()
+    let pictures = pictures(folder.path());
+    let opened = |folders: [Folder; 2]| {
+        Data::open(&TrainConfig {
+            data: folders.into(),
+            alternate: true,
+            ..tiny(folder.path())
+        })
     };
-    let error = trainer(&wild, true)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap_err();
-    let text = error.to_string();
-    assert!(matches!(error, TrainError::NotFinite { .. }), "{text}");
-    assert!(
-        text.contains(&checkpoint_path(&config).display().to_string()),
-        "{text}"
-    );
-    assert_eq!(std::fs::read(checkpoint_path(&config)).unwrap(), good);
-}
-
-/// A run that was ended after two steps and resumed is, number by number, the run that was not; what a kill leaves of a
-/// half-written file is in nobody's way.
-#[test]
-fn a_resumed_run_is_the_run_that_was_never_interrupted() {
-    let folder = tempfile::tempdir().unwrap();
-    let whole = tiny(folder.path());
-    trainer(&whole, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
-    let cut = TrainConfig {
-        out: folder.path().join("cut"),
-        ..whole.clone()
+    let at = |path: &Path, serves| Folder {
+        path: path.to_owned(),
+        serves,
+        ..pictures.clone()
     };
-    trainer(&cut, false)
-        .unwrap()
-        .run(&mut |progress, _| progress.step < 2)
-        .unwrap();
-    std::fs::write(cut.out.join(".tmpHalf"), b"half a checkpoint").unwrap();
-    let mut second = trainer(&cut, true).unwrap();
-    assert_eq!(second.state().position.step, 2);
-    second.run(&mut |_, _| true).unwrap();
-    let values = |config: &TrainConfig| {
-        let state = Checkpoint::open(&checkpoint_path(config), &Device::flex()).unwrap();
-        state.parameters.to_host().unwrap()
-    };
-    assert!(values(&whole) == values(&cut));
+    let path = pictures.path.as_path();
+    let same = path.join("../pictures");
+    for other in [folder.path(), &same] {
+        let error = opened([pictures.clone(), at(other, Serves::Both)]);
+        let error = error.err().unwrap().to_string();
+        assert!(
+            error.contains("[[data]]") && error.contains("pictures"),
+            "{error}"
+        );
+    }
+    let by_task = [Serves::Retrieval, Serves::Matching].map(|serves| at(path, serves));
+    assert!(opened(by_task).is_ok());
 }

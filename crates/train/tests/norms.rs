@@ -4,11 +4,12 @@
 
 use std::path::Path;
 
+use grimnet_net::Card;
 use grimnet_output::OutputPolicy;
 use grimnet_train::data::{PairOptions, WorldOptions};
 use grimnet_train::{
-    Checkpoint, Data, Device, ExportOptions, Exported, Figures, Norms, Parameters, RunFolder,
-    TrainConfig, Trainer, Validator, checkpoint_path, export, with_export_statistics,
+    Checkpoint, Data, Detector, Device, ExportOptions, Exported, Figures, Norms, Parameters,
+    RunFolder, TrainConfig, Trainer, Validator, checkpoint_path, export, with_export_statistics,
 };
 use rstest::rstest;
 
@@ -121,23 +122,49 @@ fn a_network_with_one_normalisation_is_validated_as_it_is_exported() {
     };
     let (data, _) = run(&config);
     let mut state = Checkpoint::open(&checkpoint_path(&config), &Device::flex()).unwrap();
-    let measured = |config: &TrainConfig, state: &Checkpoint| -> Vec<Figures> {
-        let files = RunFolder::open(config, &OutputPolicy::new()).unwrap();
-        let validator = Validator::new(config, &data, &files);
+    let measured = |state: &Checkpoint| -> Vec<Figures> {
+        let files = RunFolder::open(&config, &OutputPolicy::new()).unwrap();
+        let mut validator = Validator::new(&config, &data, &files, 0).unwrap();
         let measured = validator.measure(state).unwrap();
         measured.into_iter().map(|(_, figures)| figures).collect()
     };
-    let validated = measured(&config, &state);
-    let by_domain = TrainConfig {
-        norms: Norms::ByDomain,
-        ..config.clone()
-    };
+    let validated = measured(&state);
+    state.config = None;
     assert_ne!(
-        measured(&by_domain, &state),
+        measured(&state),
         validated,
         "norms of photos were not trained"
     );
     state.average =
         with_export_statistics(&state.average, &data.training, &config, &Device::flex()).unwrap();
-    assert_eq!(measured(&by_domain, &state), validated);
+    assert_eq!(measured(&state), validated);
+}
+
+#[test]
+fn what_uses_the_checkpoint_of_one_normalisation_has_it_for_photos_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        norms: Norms::Joint,
+        average_decay: 0.0,
+        ..short(folder.path())
+    };
+    let (data, trainer) = run(&config);
+    let checkpoint = checkpoint_path(&config);
+    let next = TrainConfig {
+        norms: Norms::ByDomain,
+        out: folder.path().join("next"),
+        start_from: Some(checkpoint.clone()),
+        ..config.clone()
+    };
+    let next = Trainer::new(next, data.training, &Device::flex(), false).unwrap();
+    let start = &next.state().parameters;
+    for part in ["weight", "bias", "mean", "var"] {
+        let [map, photo] = ["sat", "uav"]
+            .map(|domain| values(start, &format!("encoder.0.0.norm.{domain}.{part}")));
+        assert_eq!(map, photo, "{part}");
+    }
+    let detector = Detector::open(Some(&checkpoint), &Device::flex()).unwrap();
+    assert_eq!(detector.hash(), trainer.state().model().unwrap().hash());
+    let untrained = trainer.state().average.to_model(Card::default()).unwrap();
+    assert_ne!(detector.hash(), untrained.hash());
 }

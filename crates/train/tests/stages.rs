@@ -128,9 +128,8 @@ fn shapes_teach_the_keypoint_head_to_look() {
 #[test]
 fn scenes_teach_the_encoder_and_the_joint_stage_starts_from_it() {
     let folder = tempfile::tempdir().unwrap();
-    let data = vec![classes(folder.path())];
     let config = TrainConfig {
-        data: data.clone(),
+        data: vec![classes(folder.path())],
         validate_minutes: 1.0,
         learning_rate: 1e-3,
         pairs: PairOptions {
@@ -148,11 +147,22 @@ fn scenes_teach_the_encoder_and_the_joint_stage_starts_from_it() {
     );
     let state = Checkpoint::open(&checkpoint_path(&config), &Device::flex()).unwrap();
     assert_eq!(state.parameters.scenes(), 2);
-    let folder = RunFolder::open(&config, &OutputPolicy::new()).unwrap();
-    let measured = Validator::new(&config, &Data::open(&config).unwrap(), &folder)
-        .measure(&state)
-        .unwrap();
+    let out = RunFolder::open(&config, &OutputPolicy::new()).unwrap();
+    let data = Data::open(&config).unwrap();
+    let rows = || {
+        let table = std::fs::read_to_string(out.path().join("validation.csv")).unwrap();
+        table.lines().count() - 1
+    };
+    let mut validator = Validator::new(&config, &data, &out, 60).unwrap();
+    let measured = validator.measure_at_end(&state).unwrap().unwrap();
     assert!(!measured.is_empty());
+    assert_eq!(rows(), measured.len());
+    assert!(
+        validator.measure_at_end(&state).unwrap().is_none(),
+        "the same step"
+    );
+    Validator::new(&config, &data, &out, 30).unwrap();
+    assert_eq!(rows(), 0, "step 60 is trained again");
     for (_, figures) in &measured {
         assert!(
             matches!(figures, Figures::Scenes(v) if v.share > 0.7),
@@ -161,7 +171,7 @@ fn scenes_teach_the_encoder_and_the_joint_stage_starts_from_it() {
     }
 
     let joint = TrainConfig {
-        data,
+        data: config.data.clone(),
         start_from: Some(checkpoint_path(&config)),
         global_from: 0.5,
         ..small(Stage::Joint, folder.path(), 4)

@@ -9,6 +9,8 @@ mod labels;
 mod session;
 #[cfg(feature = "train")]
 mod share_bar;
+#[cfg(feature = "train")]
+mod validation_log;
 
 pub use arguments::TrainArgs;
 
@@ -38,6 +40,12 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
                 "label the pictures with: grim train {} --labels",
                 path.display()
             )),
+            Ok(error @ TrainError::EarlierRun { .. }) => {
+                anyhow::Error::from(error).context(format!(
+                    "resume with: grim train {} --resume; or replace that run with --overwrite",
+                    path.display()
+                ))
+            }
             Ok(error) => error.into(),
             Err(error) => error,
         }

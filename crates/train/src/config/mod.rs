@@ -1,10 +1,13 @@
 //! The training configuration, as written in a TOML file.
 
+mod changes;
 mod export_options;
 mod losses;
 mod paper;
+mod ranges;
 mod stage;
 
+pub(crate) use changes::Changes;
 pub use export_options::{ExportOptions, WhiteningChoice};
 pub use losses::{DescriptorLoss, GlobalLoss, Weights};
 pub use stage::Stage;
@@ -61,7 +64,7 @@ pub struct TrainConfig {
     pub adam: AdamOptions,
     /// Steps of linear warm-up of the learning rate.
     pub warmup_steps: u64,
-    /// Share of the run after which the learning rate decays to 0 along a cosine; 1 disables the decay.
+    /// Share of the run after which the learning rate decays to a thousandth along a cosine; 1 disables the decay.
     pub decay_from: f64,
     /// Maximum norm of the gradient of all parameters; longer gradients are scaled down to it. `inf` disables clipping.
     pub clip: f32,
@@ -205,6 +208,7 @@ impl TrainConfig {
                 reason: reason.to_owned(),
             })
         };
+        self.validate_numbers()?;
         let values = self.spec()?.global_len();
         if (1..=values).contains(&self.export.whitening_pairs) {
             return wrong(&format!(
@@ -221,29 +225,13 @@ impl TrainConfig {
         if self.pairs.side_px == 0 || !self.pairs.side_px.is_multiple_of(32) {
             return wrong("`pairs.side_px` must be a multiple of 32");
         }
-        if self.pairs.points == 0 || self.pairs.points > cells / 2 {
-            return wrong("`pairs.points` must be between 1 and half the number of 8 x 8 cells");
-        }
-        if self.pairs_per_step < 2 || self.pairs.group == 0 {
-            return wrong("`pairs_per_step` must be at least 2 and `pairs.group` at least 1");
-        }
-        if !(self.minutes > 0.0 && self.learning_rate > 0.0 && self.clip > 0.0) {
-            return wrong("`minutes`, `learning_rate` and `clip` must be positive");
-        }
-        if !self.adam.is_valid() {
-            return wrong(
-                "`adam.beta1` and `adam.beta2` must be in 0..1 and `adam.epsilon` positive",
-            );
+        if self.pairs.points > cells / 2 {
+            return wrong("`pairs.points` must be at most half the number of 8 x 8 cells");
         }
         if let Some(labels) = &self.labels
-            && (labels.views == 0 || labels.side_px == 0 || !labels.side_px.is_multiple_of(32))
+            && (labels.side_px == 0 || !labels.side_px.is_multiple_of(32))
         {
-            return wrong(
-                "`labels.views` must be at least 1 and `labels.side_px` a multiple of 32",
-            );
-        }
-        if !(0.0..=1.0).contains(&self.world_share) {
-            return wrong("`world_share` must be between 0 and 1");
+            return wrong("`labels.side_px` must be a multiple of 32");
         }
         if self.world_share > 0.0 && (self.world.worlds == 0 || self.world.places == 0) {
             return wrong("`world.worlds` and `world.places` must be at least 1");
@@ -254,6 +242,7 @@ impl TrainConfig {
         if self.stage != Stage::Shapes && self.data.is_empty() && self.world_share < 1.0 {
             return wrong("no `[[data]]` folder is given, and `world_share` is below 1");
         }
+        self.to_table()?;
         self.validate_tasks()
     }
 
@@ -270,6 +259,11 @@ impl TrainConfig {
         if !self.alternate || self.global_from > 0.0 {
             return wrong(
                 "`serves` other than \"both\" needs `alternate = true` and `global_from = 0`",
+            );
+        }
+        if self.weights.global == 0.0 {
+            return wrong(
+                "`serves` other than \"both\" needs `weights.global` above 0: without it no step trains retrieval",
             );
         }
         for task in [Task::Retrieval, Task::Matching] {
@@ -325,5 +319,14 @@ mod tests {
         assert!(!with(&[Serves::Retrieval, Serves::Matching], true, 0.1));
         assert!(!with(&[Serves::Retrieval], true, 0.0));
         assert!(!with(&[Serves::Matching], true, 0.0));
+        let mut without_retrieval = TrainConfig {
+            data: [Serves::Retrieval, Serves::Matching].map(folder).into(),
+            alternate: true,
+            global_from: 0.0,
+            ..TrainConfig::default()
+        };
+        without_retrieval.weights.global = 0.0;
+        let error = without_retrieval.validate().unwrap_err().to_string();
+        assert!(error.contains("weights.global"), "{error}");
     }
 }

@@ -1,6 +1,7 @@
 //! Folders of training data: which files are pictures, for the layouts that publishers use.
 
 use crate::error::TrainError;
+use grimnet_photo::pictures::is_picture;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -218,19 +219,6 @@ fn files_under(folder: &Path, out: &mut Vec<PathBuf>) -> Result<(), TrainError> 
         }
     }
     Ok(())
-}
-
-/// Whether a file is a picture by its extension, and not hidden: macOS writes a hidden `._a.jpg`, which is no picture, beside `a.jpg`
-/// on other file systems.
-fn is_picture(path: &Path) -> bool {
-    let is_hidden = path
-        .file_name()
-        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"."));
-    let extension = path.extension().and_then(|e| e.to_str());
-    !is_hidden
-        && extension.is_some_and(|e| {
-            ["jpg", "jpeg", "png", "tif", "tiff", "webp"].contains(&e.to_ascii_lowercase().as_str())
-        })
 }
 
 #[cfg(test)]

@@ -13,6 +13,7 @@ use crate::measure::whitening::{PrincipalAxes, WhiteningKind};
 use crate::model::parameters::Parameters;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::data::Data;
+use crate::run::resume::checkpoint_path;
 use burn::tensor::Device;
 use grimnet_net::{Card, DataType, ExtractOptions, Model, NetSpec};
 
@@ -88,7 +89,8 @@ impl HeldOutPairs<'_> {
 /// [`ExportOptions::whitening`] asks for: the one with the highest recall, or PCA. `on_progress` gets the share of the work that is done.
 ///
 /// # Errors
-/// Returns an error if values cannot be read from the device, or the network cannot be run.
+/// [`TrainError::Checkpoint`] if NetVLAD was not initialised yet; an error if values cannot be read from the device, or the network
+/// cannot be run.
 pub fn export(
     checkpoint: &Checkpoint,
     config: &TrainConfig,
@@ -96,6 +98,15 @@ pub fn export(
     device: &Device,
     on_progress: &mut dyn FnMut(f64),
 ) -> Result<Exported, TrainError> {
+    if !checkpoint.position.centres_started {
+        return Err(TrainError::Checkpoint {
+            path: checkpoint_path(config),
+            reason: format!(
+                "after {} steps NetVLAD is still random: it is initialised when the share `global_from` = {} of the run is over; resume the run, with more `steps` or `minutes` if it has ended",
+                checkpoint.position.step, config.global_from
+            ),
+        });
+    }
     let options = &config.export;
     let parameters = with_export_statistics(&checkpoint.average, &data.training, config, device)?;
     let card = card_of(checkpoint, config);

@@ -3,12 +3,11 @@
 use crate::config::TrainConfig;
 use crate::data::{Sources, batch_of, usable};
 use crate::error::TrainError;
-use crate::model::input::{Norms, input_of};
+use crate::model::input::input_of;
 use crate::model::network::Network;
-use crate::model::normalisation::Statistics;
+use crate::model::normalisation::{Statistics, share_norms};
 use crate::model::parameters::Parameters;
 use burn::tensor::Device;
-use grimnet_net::Domain;
 
 /// Number of batches that the statistics are computed from.
 const STATISTICS_BATCHES: u64 = 24;
@@ -50,22 +49,4 @@ pub fn with_export_statistics(
     }
     share_norms(&mut parameters, config.norms)?;
     Ok(parameters)
-}
-
-/// With one normalisation for both domains, copies the statistics and parameters of the map domain, the only ones that are trained, to
-/// the photo domain.
-///
-/// # Errors
-/// Returns an error if values cannot be read from the device.
-pub(super) fn share_norms(parameters: &mut Parameters, norms: Norms) -> Result<(), TrainError> {
-    if norms == Norms::ByDomain {
-        return Ok(());
-    }
-    for name in parameters.names() {
-        if let Some((layer, part)) = Domain::Sat.norm_of(&name) {
-            let value = parameters.flat(&name)?;
-            parameters.set(&Domain::Uav.norm_name(layer, part), value)?;
-        }
-    }
-    Ok(())
 }

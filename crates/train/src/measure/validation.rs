@@ -8,6 +8,7 @@ use image::GrayImage;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
+use std::cmp::Ordering;
 
 /// Figures on held-out pairs; shares are 0 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -172,19 +173,21 @@ impl PairOutputs {
         for (i, query) in uav.chunks_exact(length).enumerate() {
             let dot = |row: &[f32]| row.iter().zip(query).map(|(a, b)| a * b).sum::<f32>();
             let similarities: Vec<f32> = gallery.chunks_exact(length).map(dot).collect();
-            // A view that overlaps the place counts as found, too.
+            let own = similarities[i];
+            // A view that overlaps the place counts as found, too, as the view of the place itself does.
+            let is_elsewhere = |j: usize| {
+                let other = pairs.get(j);
+                other.is_none_or(|other| other.place.overlap(&pairs[i].place) < 0.3)
+            };
+            // One that is as similar, or no number, counts against the network: equal descriptors distinguish nothing.
             let rivals = similarities
                 .iter()
                 .enumerate()
-                .filter(|(j, s)| {
-                    **s > similarities[i]
-                        && pairs
-                            .get(*j)
-                            .is_none_or(|other| other.place.overlap(&pairs[i].place) < 0.3)
-                })
+                .filter(|(j, s)| s.partial_cmp(&&own) != Some(Ordering::Less) && is_elsewhere(*j))
                 .count();
             for (sum, within) in out.recall.iter_mut().zip([1, 5]) {
-                *sum += f64::from(u8::from(rivals < within)) / pairs.len() as f64;
+                let is_found = rivals < within && !own.is_nan();
+                *sum += f64::from(u8::from(is_found)) / pairs.len() as f64;
             }
         }
         out
@@ -199,5 +202,54 @@ impl PairOutputs {
             pairs: self.pairs,
             matching: self.matching,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::Place;
+    use image::RgbImage;
+    use nalgebra::Matrix3;
+
+    /// Recall of eight places without distractors, with these descriptors of the map views and the photos.
+    fn recall(sat: [[f32; 2]; 8], uav: [[f32; 2]; 8]) -> [f64; 2] {
+        let pair = |picture| Pair {
+            sat: RgbImage::new(8, 8),
+            uav: RgbImage::new(8, 8),
+            uav_seen: vec![true],
+            sat_labels: vec![0],
+            uav_labels: vec![0],
+            sat_points: Vec::new(),
+            uav_points: Vec::new(),
+            uav_from_sat_px: Matrix3::identity(),
+            mapping: Mapping::Unknown,
+            place: Place {
+                picture,
+                window: [0.0, 0.0, 1.0, 1.0],
+            },
+            scene: None,
+        };
+        let outputs = PairOutputs {
+            pairs: 8,
+            matching: None,
+            globals: [sat.concat(), uav.concat()],
+            length: 2,
+        };
+        let pairs: Vec<Pair> = (0..8).map(pair).collect();
+        outputs.validation(&pairs, &[]).recall
+    }
+
+    #[test]
+    fn descriptors_that_distinguish_nothing_find_nothing() {
+        let turned = std::array::from_fn(|i| {
+            let (sin, cos) = (i as f32).sin_cos();
+            [cos, sin]
+        });
+        assert_eq!(recall(turned, turned), [1.0, 1.0]);
+        let collapsed = [[0.6, 0.8]; 8];
+        assert_eq!(recall(collapsed, collapsed), [0.0, 0.0]);
+        assert_eq!(recall([[f32::NAN; 2]; 8], turned), [0.0, 0.0]);
+        assert_eq!(recall(turned, [[f32::NAN; 2]; 8]), [0.0, 0.0]);
     }
 }

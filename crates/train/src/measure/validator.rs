@@ -4,13 +4,12 @@ use crate::config::{Stage, TrainConfig};
 use crate::data::Pair;
 use crate::error::TrainError;
 use crate::measure::scene_accuracy::{SceneAccuracy, scene_accuracy};
-use crate::measure::statistics::share_norms;
 use crate::measure::validation::{PairOutputs, Validation, pairs_of, validation_options};
-use crate::model::input::Norms;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::data::Data;
 use crate::run::run_folder::{RunFolder, VALIDATION};
-use grimnet_net::{Card, Model};
+use crate::run::step_table::StepTable;
+use grimnet_net::Model;
 use std::fmt;
 use std::time::Instant;
 
@@ -91,17 +90,25 @@ impl fmt::Display for Figures {
 
 /// Measures a run every `validate_minutes` and appends the figures to `validation.csv`.
 pub struct Validator {
-    folder: RunFolder,
+    table: StepTable,
     stage: Stage,
-    norms: Norms,
     minutes: f64,
     held: Vec<(&'static str, Vec<Pair>)>,
     last: Instant,
 }
 
 impl Validator {
-    /// Draws the pairs, which are the same for every run; none if `validate_minutes` is 0.
-    pub fn new(config: &TrainConfig, data: &Data, folder: &RunFolder) -> Self {
+    /// Draws the pairs; none if `validate_minutes` is 0. Those of pictures are the same for every run, those of procedural worlds for
+    /// every run with the same `seed`. The run starts or resumes at `step`.
+    ///
+    /// # Errors
+    /// As [`StepTable::open`].
+    pub fn new(
+        config: &TrainConfig,
+        data: &Data,
+        folder: &RunFolder,
+        step: u64,
+    ) -> Result<Self, TrainError> {
         let (views, count) = match config.stage {
             Stage::Scenes => (config.pairs.clone(), SCENE_PAIRS),
             Stage::Joint | Stage::Shapes => (validation_options(&config.pairs), PAIRS),
@@ -110,16 +117,16 @@ impl Validator {
             .held_out
             .iter()
             .filter(|_| config.validate_minutes > 0.0);
-        Self {
-            folder: folder.clone(),
+        let header = format!("step,held_out,{}", Figures::header(config.stage));
+        Ok(Self {
+            table: StepTable::open(folder, VALIDATION, &header, step)?,
             stage: config.stage,
-            norms: config.norms,
             minutes: config.validate_minutes,
             held: held_out
                 .map(|(name, source)| (*name, pairs_of(source.as_ref(), count, &views, 17)))
                 .collect(),
             last: Instant::now(),
-        }
+        })
     }
 
     /// Measures the averaged parameters if `validate_minutes` have passed.
@@ -138,32 +145,33 @@ impl Validator {
         Ok(Some(found))
     }
 
+    /// Measures the averaged parameters at the end of a run, unless there are rows of this step.
+    ///
+    /// # Errors
+    /// As [`Validator::measure_if_due`].
+    pub fn measure_at_end(
+        &mut self,
+        state: &Checkpoint,
+    ) -> Result<Option<Vec<(String, Figures)>>, TrainError> {
+        if self.held.is_empty() || self.table.has_step(state.position.step) {
+            return Ok(None);
+        }
+        self.measure(state).map(Some)
+    }
+
     /// Measures the averaged parameters and adds a row for each held-out source.
     ///
     /// # Errors
     /// As [`Validator::measure_if_due`].
-    pub fn measure(&self, state: &Checkpoint) -> Result<Vec<(String, Figures)>, TrainError> {
-        let mut text = match fs_err::read_to_string(self.folder.path().join(VALIDATION)) {
-            Ok(text) => text,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
-                format!("step,held_out,{}\n", Figures::header(self.stage))
-            }
-            Err(error) => return Err(error.into()),
-        };
-        let mut average = state.average.clone();
-        share_norms(&mut average, self.norms)?;
-        let model = average.to_model(Card::default())?;
-        let mut out = Vec::new();
+    pub fn measure(&mut self, state: &Checkpoint) -> Result<Vec<(String, Figures)>, TrainError> {
+        let model = state.model()?;
+        let (mut rows, mut out) = (Vec::new(), Vec::new());
         for (name, pairs) in &self.held {
             let figures = self.figures(state, &model, pairs)?;
-            text.push_str(&format!(
-                "{},{name},{}\n",
-                state.position.step,
-                figures.row()
-            ));
+            rows.push(format!("{},{name},{}", state.position.step, figures.row()));
             out.push(((*name).to_owned(), figures));
         }
-        self.folder.write(VALIDATION, text.as_bytes())?;
+        self.table.add(rows)?;
         Ok(out)
     }
 
@@ -174,7 +182,7 @@ impl Validator {
         pairs: &[Pair],
     ) -> Result<Figures, TrainError> {
         Ok(match self.stage {
-            Stage::Scenes => Figures::Scenes(scene_accuracy(&state.average, pairs, self.norms)?),
+            Stage::Scenes => Figures::Scenes(scene_accuracy(&state.average, pairs, state.norms())?),
             Stage::Joint | Stage::Shapes => {
                 Figures::Places(PairOutputs::of(model, pairs, &mut || ())?.validation(pairs, &[]))
             }

@@ -1,7 +1,7 @@
 //! Batch normalisation by domain.
 
 use crate::error::TrainError;
-use crate::model::input::Part;
+use crate::model::input::{Norms, Part};
 use crate::model::parameters::Parameters;
 use crate::ops::{Group, follow_moments, norm_relu};
 use burn::tensor::Tensor;
@@ -83,4 +83,22 @@ pub(super) fn norm_relu_by_domain(
         }
     }
     Ok((y.reshape([n, h, w, c]), running))
+}
+
+/// With one normalisation for both domains, copies the statistics and parameters of the map domain, the only ones that are trained, to
+/// the photo domain.
+///
+/// # Errors
+/// Returns an error if values cannot be read from the device.
+pub(crate) fn share_norms(parameters: &mut Parameters, norms: Norms) -> Result<(), TrainError> {
+    if norms == Norms::ByDomain {
+        return Ok(());
+    }
+    for name in parameters.names() {
+        if let Some((layer, part)) = Domain::Sat.norm_of(&name) {
+            let value = parameters.flat(&name)?;
+            parameters.set(&Domain::Uav.norm_name(layer, part), value)?;
+        }
+    }
+    Ok(())
 }

@@ -1,7 +1,9 @@
 //! Checkpoints: everything needed to resume training, in one safetensors file that is replaced atomically.
 
-use crate::config::Stage;
+use crate::config::{Stage, TrainConfig};
 use crate::error::TrainError;
+use crate::model::input::Norms;
+use crate::model::normalisation::share_norms;
 use crate::model::parameters::{Parameters, host};
 use crate::run::optimiser::{Adam, Moments};
 use burn::tensor::{Device, Tensor, TensorData};
@@ -39,6 +41,8 @@ pub struct Checkpoint {
     pub adam: Adam,
     /// Progress.
     pub position: Position,
+    /// The configuration of the run; `None` in checkpoints of versions that did not record it.
+    pub config: Option<TrainConfig>,
 }
 
 fn bytes_of(values: &[f32]) -> Vec<u8> {
@@ -58,6 +62,31 @@ fn values_of(bytes: &[u8]) -> Vec<f32> {
 const LONGEST_HEADER: u64 = 100_000_000;
 
 impl Checkpoint {
+    /// Which views shared normalisations in training.
+    pub fn norms(&self) -> Norms {
+        let config = self.config.as_ref();
+        config.map_or(Norms::default(), |config| config.norms)
+    }
+
+    /// The network that was trained so far: the averaged parameters. Where one normalisation serves both domains, the photos have that of
+    /// the maps, for their own was not trained.
+    ///
+    /// # Errors
+    /// Returns an error if values cannot be read from the device.
+    pub fn network(&self) -> Result<Parameters, TrainError> {
+        let mut parameters = self.average.clone();
+        share_norms(&mut parameters, self.norms())?;
+        Ok(parameters)
+    }
+
+    /// [`Checkpoint::network`] as a model without card, whitening and classifier.
+    ///
+    /// # Errors
+    /// Returns an error if values cannot be read from the device or are not finite.
+    pub fn model(&self) -> Result<Model, TrainError> {
+        self.network()?.to_model(Card::default())
+    }
+
     /// The bytes of the file.
     ///
     /// # Errors
@@ -82,7 +111,7 @@ impl Checkpoint {
             reason,
         };
         let json = |error: serde_json::Error| wrong(error.to_string());
-        let metadata = HashMap::from([
+        let mut metadata = HashMap::from([
             (
                 "spec".to_owned(),
                 serde_json::to_string(self.parameters.spec()).map_err(json)?,
@@ -98,6 +127,10 @@ impl Checkpoint {
             ),
             ("scenes".to_owned(), self.parameters.scenes().to_string()),
         ]);
+        if let Some(config) = &self.config {
+            // TOML and not JSON, which has no infinite numbers.
+            metadata.insert("config".to_owned(), config.to_table()?.to_string());
+        }
         let views: Vec<(&str, TensorView<'_>)> = buffers
             .iter()
             .map(|(name, bytes)| {
@@ -116,17 +149,28 @@ impl Checkpoint {
     /// # Errors
     /// [`TrainError::Io`].
     pub fn is_checkpoint(path: &Path) -> Result<bool, TrainError> {
+        Ok(Self::position_in(path)?.is_some())
+    }
+
+    /// The progress of the checkpoint in a file, by its header as [`Checkpoint::is_checkpoint`]; `None` if it is no checkpoint.
+    ///
+    /// # Errors
+    /// [`TrainError::Io`].
+    pub fn position_in(path: &Path) -> Result<Option<Position>, TrainError> {
         let mut file = fs_err::File::open(path)?;
         let mut length = [0; 8];
         if file.read_exact(&mut length).is_err() {
-            return Ok(false);
+            return Ok(None);
         }
         // The library reads headers of whole files only.
         let mut header = Vec::new();
         let most = u64::from_le_bytes(length).min(LONGEST_HEADER);
         file.take(most).read_to_end(&mut header)?;
         let described: Option<serde_json::Value> = serde_json::from_slice(&header).ok();
-        Ok(described.is_some_and(|header| header["__metadata__"]["position"].is_string()))
+        Ok(described.and_then(|header| {
+            let position = header["__metadata__"]["position"].as_str()?;
+            serde_json::from_str(position).ok()
+        }))
     }
 
     /// Reads a checkpoint.
@@ -165,6 +209,10 @@ impl Checkpoint {
             Some(text) => serde_json::from_str(text).map_err(|error| wrong(error.to_string()))?,
             None => BTreeMap::new(),
         };
+        let config = metadata.get("config").map(|text| toml::from_str(text));
+        let config = config
+            .transpose()
+            .map_err(|error| wrong(format!("the configuration in it cannot be read: {error}")))?;
         let scenes = metadata.get("scenes").map_or(Ok(0), |n| n.parse());
         let scenes = scenes.map_err(|_| wrong("`scenes` is not a number".into()))?;
         let model = Model::random(&spec, 0)?.with_card(Card::default());
@@ -202,6 +250,7 @@ impl Checkpoint {
             average,
             adam,
             position,
+            config,
         })
     }
 }

@@ -4,6 +4,7 @@ use crate::error::TrainError;
 use crate::run::losses::Losses;
 use crate::run::report::Progress;
 use crate::run::run_folder::{CURVES, CURVES_PLOT, RunFolder};
+use crate::run::step_table::StepTable;
 use std::fmt::Write as _;
 
 /// Columns before and after the losses.
@@ -24,8 +25,9 @@ const POINTS: usize = 300;
 #[derive(Debug)]
 pub struct Curves {
     folder: RunFolder,
+    table: StepTable,
     columns: Vec<String>,
-    /// As many values as columns.
+    /// The values of the table, for the plot.
     rows: Vec<Vec<f64>>,
 }
 
@@ -37,46 +39,26 @@ fn loss_columns() -> impl Iterator<Item = String> {
         .map(|name| name.trim_end_matches(" loss").replace(' ', "_"))
 }
 
-/// The rows of a file up to a step, in the order of `columns`. Missing columns are 0; incomplete lines are skipped.
-fn rows_of(text: &str, columns: &[String], step: u64) -> Vec<Vec<f64>> {
-    let mut lines = text.lines();
-    let header: Vec<&str> = lines.next().unwrap_or_default().split(',').collect();
-    let row = |line: &str| {
-        let values: Vec<f64> = line.split(',').filter_map(|v| v.parse().ok()).collect();
-        let of = |column: &String| {
-            let at = header.iter().position(|name| name == column);
-            at.map_or(0.0, |at| values[at])
-        };
-        let whole = values.len() == header.len();
-        whole.then(|| columns.iter().map(of).collect::<Vec<_>>())
-    };
-    lines
-        .filter_map(row)
-        .filter(|row| row[0] <= step as f64)
-        .collect()
-}
-
 impl Curves {
-    /// The curves in `folder`. Rows of earlier runs up to `step` are kept, later ones are dropped.
+    /// The curves in `folder`, for a run that starts or resumes at `step`; see [`StepTable::open`] for which rows are kept.
     ///
     /// # Errors
-    /// [`TrainError::Io`] if the file cannot be read.
+    /// As [`StepTable::open`].
     pub fn open(folder: &RunFolder, step: u64) -> Result<Self, TrainError> {
-        let path = folder.path().join(CURVES);
         let before = BEFORE.map(str::to_owned).into_iter();
         let columns: Vec<String> = before
             .chain(loss_columns())
             .chain(AFTER.map(str::to_owned))
             .collect();
-        let rows = if step > 0 && path.exists() {
-            rows_of(&fs_err::read_to_string(&path)?, &columns, step)
-        } else {
-            Vec::new()
+        let table = StepTable::open(folder, CURVES, &columns.join(","), step)?;
+        let values = |row: &String| -> Option<Vec<f64>> {
+            row.split(',').map(|value| value.parse().ok()).collect()
         };
         Ok(Self {
+            rows: table.rows().iter().filter_map(values).collect(),
             folder: folder.clone(),
+            table,
             columns,
-            rows,
         })
     }
 
@@ -88,15 +70,10 @@ impl Curves {
         let losses = p.losses.terms().map(|(_, value)| f64::from(value));
         let before = [p.step as f64, p.elapsed_s];
         let after = [p.pairs_per_s, p.learning_rate, f64::from(p.gradient)];
-        self.rows.push([&before[..], &losses, &after].concat());
-        let mut text = self.columns.join(",");
-        text.push('\n');
-        for row in &self.rows {
-            let values: Vec<String> = row.iter().map(|v| format!("{v:.6}")).collect();
-            text.push_str(&values.join(","));
-            text.push('\n');
-        }
-        self.folder.write(CURVES, text.as_bytes())?;
+        let row = [&before[..], &losses, &after].concat();
+        let values: Vec<String> = row.iter().map(|v| format!("{v:.6}")).collect();
+        self.table.add([values.join(",")])?;
+        self.rows.push(row);
         self.folder.write(CURVES_PLOT, self.svg().as_bytes())
     }
 
@@ -207,13 +184,5 @@ mod tests {
         assert_eq!(steps, ["50", "100", "160"]);
         let svg = fs_err::read_to_string(folder.path().join("curves.svg")).unwrap();
         assert_eq!(svg.matches("<polyline").count(), 2);
-    }
-
-    #[test]
-    fn columns_are_found_by_name() {
-        let columns = ["step", "scene", "gradient"].map(str::to_owned);
-        let text = "gradient,step\n0.5,10\n0.25,20\n0.1\n0.1,30\n";
-        let rows = rows_of(text, &columns, 20);
-        assert_eq!(rows, [[10.0, 0.0, 0.5], [20.0, 0.0, 0.25]]);
     }
 }

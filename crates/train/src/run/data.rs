@@ -3,7 +3,7 @@
 use crate::config::{Stage, TrainConfig};
 use crate::data::{
     CrossView, Fold, Folder, HeldOut, LabelCache, Layout, Pictures, Serves, Shapes, Source,
-    Sources, WeightedSource, Worlds,
+    Sources, Task, WeightedSource, Worlds,
 };
 use crate::error::TrainError;
 use crate::run::detector::Detector;
@@ -32,7 +32,7 @@ impl Data {
     /// Lists the pictures of a configuration and plans its worlds.
     ///
     /// # Errors
-    /// Returns an error if a folder cannot be read, does not have its layout, or has too few usable pictures.
+    /// Returns an error if a folder cannot be read, does not have its layout, has too few usable pictures, or lies in another.
     pub fn open(config: &TrainConfig) -> Result<Self, TrainError> {
         let mut out = Self {
             training: Vec::new(),
@@ -47,6 +47,7 @@ impl Data {
             out.held_out.push(("shapes", Arc::new(Shapes)));
             return Ok(out);
         }
+        check_apart(config)?;
         let mut weighted = Vec::new();
         for serves in [Serves::Both, Serves::Retrieval, Serves::Matching] {
             out.add_pictures(config, serves, &mut weighted)?;
@@ -153,6 +154,41 @@ impl Data {
         }
         Ok(())
     }
+}
+
+/// Checks that no two folders have pictures in common. Such a picture would be two places, so that its ground would be a negative of
+/// itself, and it could be trained on through one folder and held out through the other.
+///
+/// # Errors
+/// [`TrainError::Config`] with the folders.
+fn check_apart(config: &TrainConfig) -> Result<(), TrainError> {
+    let folders = || config.data.iter().enumerate();
+    for (i, folder) in folders() {
+        for (_, other) in folders().filter(|(j, _)| *j != i) {
+            // A folder that is not there is reported where it is read.
+            let (Ok(path), Ok(outer)) = (
+                fs_err::canonicalize(&folder.path),
+                fs_err::canonicalize(&other.path),
+            ) else {
+                continue;
+            };
+            let tasks = [folder, other].map(|folder| tasks_of(config, folder));
+            let never_meet = [Task::Retrieval, Task::Matching]
+                .into_iter()
+                .all(|task| !tasks.iter().all(|serves| serves.includes(Some(task))));
+            // One folder may serve the two tasks in two ways: no step has pairs of both, and the held-out pictures are the same.
+            if path.starts_with(&outer) && !(path == outer && never_meet) {
+                return Err(TrainError::Config {
+                    reason: format!(
+                        "the `[[data]]` folder {} is or lies in another, {}: pictures must not belong to two entries; remove one, or name folders beside each other to give them different weights",
+                        folder.path.display(),
+                        other.path.display()
+                    ),
+                });
+            }
+        }
+    }
+    Ok(())
 }
 
 /// The tasks that a folder's pairs train; only the joint stage tells them apart.

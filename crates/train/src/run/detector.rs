@@ -9,7 +9,7 @@ use crate::model::parameters::{Parameters, host};
 use crate::run::checkpoint::Checkpoint;
 use burn::tensor::Device;
 use burn::tensor::activation::softmax;
-use grimnet_net::{Card, Model, ModelHash};
+use grimnet_net::{Model, ModelHash};
 use std::path::Path;
 
 /// Pixels of a cell: its keypoint classes without "no keypoint".
@@ -23,16 +23,16 @@ pub struct Detector {
 }
 
 impl Detector {
-    /// The network of a model file, or the averaged parameters of a checkpoint; the bundled model if `path` is `None`.
+    /// The network of a model file or of a checkpoint; the bundled model if `path` is `None`.
     ///
     /// # Errors
     /// Returns an error if the file cannot be read or is neither.
     pub fn open(path: Option<&Path>, device: &Device) -> Result<Self, TrainError> {
         let model = match path {
             None => Model::bundled()?,
-            Some(path) if Checkpoint::is_checkpoint(path)? => Checkpoint::open(path, device)?
-                .average
-                .to_model(Card::default())?,
+            Some(path) if Checkpoint::is_checkpoint(path)? => {
+                Checkpoint::open(path, device)?.model()?
+            }
             Some(path) => Model::open(path)?,
         };
         let device = device.clone().without_autodiff();

@@ -37,12 +37,6 @@ impl AdamOptions {
             epsilon: 1e-8,
         }
     }
-
-    /// Whether every value is in its range.
-    pub(crate) fn is_valid(&self) -> bool {
-        let decay = 0.0..1.0;
-        decay.contains(&self.beta1) && decay.contains(&self.beta2) && self.epsilon > 0.0
-    }
 }
 
 /// The optimiser's state.

@@ -55,6 +55,11 @@ impl Report {
         self.learning_rate = learning_rate;
     }
 
+    /// Whether there were no steps since the last report.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.steps == 0
+    }
+
     pub(crate) fn is_due(&self, config: &TrainConfig) -> bool {
         self.steps == config.report_steps || self.since.elapsed().as_secs_f64() > LONGEST_SILENCE_S
     }

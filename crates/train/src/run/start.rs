@@ -36,6 +36,7 @@ pub(super) fn initial_state(
                 stage: config.stage,
                 ..Position::default()
             },
+            config: Some(config.clone()),
         },
         lacks_norms: loaded.lacks_norms,
     })
@@ -66,7 +67,7 @@ impl Loaded {
     }
 }
 
-/// Reads `start_from`. A checkpoint gives its averaged parameters. If its
+/// Reads `start_from`. A checkpoint gives its averaged parameters ([`Checkpoint::network`]). If its
 /// network differs in NetVLAD only, NetVLAD stays random; if it is a smaller network, the encoder grows from it and the rest
 /// stays random; other files are read as weights of torchvision's VGG-16.
 fn loaded(
@@ -78,7 +79,7 @@ fn loaded(
     let (found, netvlad_initialised) = if Checkpoint::is_checkpoint(path)? {
         let checkpoint = Checkpoint::open(path, device)?;
         (
-            checkpoint.average.with_classifier(0, device),
+            checkpoint.network()?.with_classifier(0, device),
             checkpoint.position.centres_started,
         )
     } else if let Ok(model) = Model::open(path) {

@@ -8,20 +8,18 @@ use crate::model::input::{Norms, input_of};
 use crate::model::netvlad_init::init_netvlad;
 use crate::model::network::Network;
 use crate::model::normalisation::Statistics;
-use crate::model::parameters::Parameters;
 use crate::model::vlad::unit_rows;
 use crate::run::checkpoint::{CHECKPOINT, Checkpoint};
 use crate::run::losses::Losses;
 use crate::run::objective::{Objective, Tasks};
 use crate::run::optimiser::StepOptions;
 use crate::run::report::{Progress, Report};
+use crate::run::resume::{checkpoint_path, last_checkpoint, scenes_of};
 use crate::run::run_folder::RunFolder;
 use crate::run::schedule::{learning_rate, share_done};
 use crate::run::start::initial_state;
 use burn::tensor::{Device, Tensor};
-use grimnet_net::Model;
 use grimnet_output::OutputPolicy;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
@@ -44,6 +42,8 @@ pub struct Trainer {
     stop: Arc<AtomicBool>,
     /// Opened by [`Trainer::run`] if it is not given.
     folder: Option<RunFolder>,
+    /// Whether the checkpoint in the folder is of this run.
+    has_checkpoint: bool,
 }
 
 impl Trainer {
@@ -58,10 +58,10 @@ impl Trainer {
         resume: bool,
     ) -> Result<Self, TrainError> {
         config.validate()?;
-        let scenes = scenes_of(&config, &sources)?;
         let state = if resume {
-            resumed(&config, scenes, device)?
+            last_checkpoint(&config, &sources, device)?
         } else {
+            let scenes = scenes_of(&config, &sources)?;
             let initial = initial_state(&config, scenes, device)?;
             if initial.lacks_norms {
                 with_identity_norms(initial.checkpoint, &config, &sources, device)?
@@ -77,11 +77,12 @@ impl Trainer {
             sources,
             stop: Arc::default(),
             folder: None,
+            has_checkpoint: resume,
         })
     }
 
     /// Writes checkpoints into this folder, which the caller writes into as well. Without it, [`Trainer::run`] opens the folder of the
-    /// configuration, where only files of earlier runs may be replaced.
+    /// configuration, where only files of earlier runs may be replaced, and no checkpoint of another run.
     #[must_use]
     pub fn with_folder(mut self, folder: RunFolder) -> Self {
         self.folder = Some(folder);
@@ -99,10 +100,11 @@ impl Trainer {
     }
 
     /// Trains until the configured steps or minutes are over, the stop switch is set, or `on_report` returns `false`. Saves a
-    /// checkpoint at intervals and at the end.
+    /// checkpoint at intervals and at the end, where the steps since the last report are reported, too.
     ///
     /// # Errors
-    /// [`TrainError::NotFinite`] if a loss or gradient is not finite; errors of files and of the device.
+    /// [`TrainError::EarlierRun`] if the folder was not given and holds another run; [`TrainError::NotFinite`] if a loss or gradient is not
+    /// finite; errors of files and of the device.
     pub fn run(
         &mut self,
         on_report: &mut dyn FnMut(&Progress, &Checkpoint) -> bool,
@@ -110,7 +112,13 @@ impl Trainer {
         let config = self.config.clone();
         let folder = match &self.folder {
             Some(folder) => folder.clone(),
-            None => RunFolder::open(&config, &OutputPolicy::new())?,
+            None => {
+                let folder = RunFolder::open(&config, &OutputPolicy::new())?;
+                if !self.has_checkpoint {
+                    folder.check_for_new_run()?;
+                }
+                folder
+            }
         };
         let batches = BatchOptions {
             pair: config.pairs.clone(),
@@ -147,7 +155,7 @@ impl Trainer {
             last = Instant::now();
             report.add(&losses, gradient, rate);
             if saved.elapsed().as_secs_f64() > config.checkpoint_minutes * 60.0 {
-                folder.write(CHECKPOINT, &self.state.to_bytes()?)?;
+                self.save(&folder)?;
                 saved = Instant::now();
             }
             if report.is_due(&config) {
@@ -157,7 +165,18 @@ impl Trainer {
                 }
             }
         }
-        folder.write(CHECKPOINT, &self.state.to_bytes()?)
+        self.save(&folder)?;
+        if !report.is_empty() {
+            let progress = report.take(&config, &self.state.position);
+            on_report(&progress, &self.state);
+        }
+        Ok(())
+    }
+
+    fn save(&mut self, folder: &RunFolder) -> Result<(), TrainError> {
+        folder.write(CHECKPOINT, &self.state.to_bytes()?)?;
+        self.has_checkpoint = true;
+        Ok(())
     }
 
     /// One optimisation step.
@@ -197,7 +216,7 @@ impl Trainer {
                 return Err(TrainError::NotFinite {
                     step: self.state.position.step,
                     what: format!("the {what}"),
-                    checkpoint: checkpoint_path(config).display().to_string(),
+                    checkpoint: self.has_checkpoint.then(|| checkpoint_path(config)),
                 });
             }
         }
@@ -272,21 +291,6 @@ impl Trainer {
     }
 }
 
-/// Number of scene classes.
-fn scenes_of(config: &TrainConfig, sources: &Sources) -> Result<usize, TrainError> {
-    if config.stage != Stage::Scenes {
-        return Ok(0);
-    }
-    let counts = sources.iter().map(|one| one.source.scenes());
-    match counts.max() {
-        Some(count) if count > 1 => Ok(count),
-        _ => Err(TrainError::Config {
-            reason: "`stage = \"scenes\"` needs a `[[data]]` folder with `layout = \"classes\"`"
-                .into(),
-        }),
-    }
-}
-
 /// The state with normalisations that do not change the encoder's activations.
 fn with_identity_norms(
     mut state: Checkpoint,
@@ -304,36 +308,4 @@ fn with_identity_norms(
     set_identity_norms(&mut state.parameters, &input)?;
     state.average = state.parameters.clone();
     Ok(state)
-}
-
-/// The state of the checkpoint that a run resumes from.
-fn resumed(config: &TrainConfig, scenes: usize, device: &Device) -> Result<Checkpoint, TrainError> {
-    let path = checkpoint_path(config);
-    let state = Checkpoint::open(&path, device)?;
-    let wanted = Parameters::of_model(&Model::random(&config.spec()?, 0)?, device);
-    let other = |reason: String| Err(TrainError::Checkpoint { path, reason });
-    if state.parameters.spec() != wanted.spec() {
-        let network = &config.network;
-        return other(format!(
-            "it contains another network than `{network}`; set another `out` folder"
-        ));
-    }
-    let (theirs, ours) = (state.position.stage, config.stage);
-    if theirs != ours {
-        return other(format!(
-            "it belongs to the stage `{theirs}`, not `{ours}`; use one `out` folder for each stage, and this file as `start_from` of the next stage"
-        ));
-    }
-    let known = state.parameters.scenes();
-    if known != scenes {
-        return other(format!(
-            "it has {known} scene classes, and the data have {scenes}; use the original data, or start a new run"
-        ));
-    }
-    Ok(state)
-}
-
-/// The checkpoint file of a run.
-pub fn checkpoint_path(config: &TrainConfig) -> PathBuf {
-    config.out.join(CHECKPOINT)
 }

@@ -17,7 +17,7 @@ pub struct TrainArgs {
     /// Training configuration (TOML; see TRAINING.md)
     pub(super) config: Option<PathBuf>,
 
-    /// Resume from the last checkpoint
+    /// Resume from the last checkpoint; without it, a folder that holds a run is refused unless --overwrite is given
     #[arg(long)]
     pub(super) resume: bool,
 

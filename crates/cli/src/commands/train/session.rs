@@ -2,17 +2,17 @@
 
 use std::io::Write as _;
 use std::path::Path;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
 use grimnet_train::{
     Checkpoint, Curves, Data, Device, MODEL, Progress, RunFolder, Stage, TrainConfig, Trainer,
-    Validator, checkpoint_path, export,
+    checkpoint_path, export, last_checkpoint,
 };
 
 use super::arguments::TrainArgs;
-use super::flight_log::FlightLog;
 use super::share_bar::share_bar;
+use super::validation_log::ValidationLog;
 use crate::exit::Exit;
 use crate::interrupt;
 use crate::standard_output::StandardOutput;
@@ -25,6 +25,10 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
     // What cannot be written is refused at once, not after the data were read.
     let policy = arguments.overwrite.policy().protect(path);
     let folder = RunFolder::open(config, &policy)?;
+    let is_new = !arguments.resume && !arguments.export;
+    if is_new && !arguments.overwrite.overwrite {
+        folder.check_for_new_run()?;
+    }
     let data = Data::open(config)?;
     if data.unreadable > 0 {
         tracing::warn!(
@@ -34,7 +38,7 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
     }
     let device = config.device.device()?;
     if arguments.export {
-        let state = Checkpoint::open(&checkpoint_path(config), &device)?;
+        let state = last_checkpoint(config, &data.training, &device)?;
         return finish(&state, config, &data, &device, &folder);
     }
     let mut trainer = Trainer::new(
@@ -46,7 +50,7 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
     .with_folder(folder.clone());
     let stopped = trainer.stop_switch();
     interrupt::stop_on_interrupt(&stopped)?;
-    train(&mut trainer, config, &data, &folder)?;
+    train(&mut trainer, config, &data, &folder, &stopped)?;
     if stopped.load(Ordering::Relaxed) {
         let mut out = std::io::stderr().lock();
         writeln!(
@@ -65,10 +69,10 @@ fn train(
     config: &TrainConfig,
     data: &Data,
     folder: &RunFolder,
+    stopped: &AtomicBool,
 ) -> Result<()> {
     let mut curves = Curves::open(folder, trainer.state().position.step)?;
-    let mut validator = Validator::new(config, data, folder);
-    let mut flight = FlightLog::of(config, folder);
+    let mut validation = ValidationLog::open(config, data, folder, trainer.state())?;
     let bar = share_bar()?;
     let mut failed = None;
     trainer.run(&mut |progress, state| {
@@ -78,23 +82,16 @@ fn train(
         if bar.is_hidden() {
             tracing::info!("{}", line(progress));
         }
-        let noted = curves
-            .add(progress)
-            .and_then(|()| validator.measure_if_due(state));
-        match noted {
-            Ok(Some(measured)) => {
-                for (name, v) in measured {
-                    bar.suspend(|| tracing::info!("{name}: {v}"));
-                }
-                if let Some(Err(error)) = flight.as_mut().map(|flight| flight.add(state)) {
-                    failed = Some(error);
-                }
-            }
-            Ok(None) => {}
-            Err(error) => failed = Some(error.into()),
-        }
+        let noted = curves.add(progress).map_err(Into::into);
+        failed = noted
+            .and_then(|()| validation.add_if_due(state, &bar))
+            .err();
         failed.is_none()
     })?;
+    // Who stops a run does not wait for figures; the next one measures again.
+    if failed.is_none() && !stopped.load(Ordering::Relaxed) {
+        validation.add_at_end(trainer.state(), &bar)?;
+    }
     bar.finish_and_clear();
     failed.map_or(Ok(()), Err)
 }

@@ -6,6 +6,7 @@ pub mod formats;
 pub mod frame_clock;
 pub mod frame_time;
 pub mod frames;
+pub mod handover;
 pub mod jpeg_stream;
 pub mod line;
 pub mod live;

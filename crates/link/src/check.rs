@@ -26,8 +26,6 @@ use crate::{
 };
 
 const WAIT: Duration = Duration::from_millis(20);
-/// How long to wait for the version after the first heartbeat.
-const VERSION: Duration = Duration::from_secs(3);
 
 /// What to check, and where.
 #[derive(Debug, Clone, PartialEq)]
@@ -129,7 +127,6 @@ fn find_autopilot(
     let mut session = Session::new(link_options, clock.now_s());
     let within = Duration::try_from_secs_f64(options.within_s).unwrap_or(Duration::MAX);
     let began = Instant::now();
-    let mut first_heard = None;
     loop {
         let mut events = Vec::new();
         for (header, message) in connection.receive(WAIT, &mut events) {
@@ -145,12 +142,7 @@ fn find_autopilot(
         events.append(&mut session.events);
         events.iter().for_each(&mut *heard);
         match session.autopilot() {
-            Some(autopilot) => {
-                let since = first_heard.get_or_insert_with(Instant::now);
-                if autopilot.version.is_some() || since.elapsed() > VERSION {
-                    return Ok(autopilot);
-                }
-            }
+            Some(autopilot) if session.is_version_settled(clock.now_s()) => return Ok(autopilot),
             None if began.elapsed() > within => {
                 let reason = connection.failure().map(|why| format!(" ({why})"));
                 return Err(LinkError::NoAutopilot {
@@ -159,7 +151,7 @@ fn find_autopilot(
                     reason: reason.unwrap_or_default(),
                 });
             }
-            None => {}
+            Some(_) | None => {}
         }
     }
 }

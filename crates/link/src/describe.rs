@@ -7,6 +7,9 @@ use mavlink::dialects::common::{MavCmd, MavMessage};
 pub(crate) fn describe(message: &MavMessage) -> Option<String> {
     let degrees = |value: i32| f64::from(value) * 1e-7;
     Some(match message {
+        MavMessage::ODOMETRY(data) if data.quality < 0 => {
+            format!("ODOMETRY without a position, quality {}", data.quality)
+        }
         MavMessage::ODOMETRY(data) => format!(
             "ODOMETRY x {:.2} y {:.2} z {:.2} m, {:?}, variance {:.2} {:.2} m2, quality {} %, reset_counter {}",
             data.x,

@@ -46,11 +46,15 @@ pub enum LinkEvent {
         /// Degrees east.
         lon_deg: f64,
     },
-    /// The autopilot refused a position that it was commanded to take.
-    PositionRefused {
-        /// The result that it gave.
+    /// The autopilot refuses the positions that it is commanded to take, from now on.
+    PositionsRefused {
+        /// The result that it gives.
         result: String,
     },
+    /// The autopilot takes the positions again that it refused.
+    PositionsAccepted,
+    /// The camera's attitude is taken from the gimbal with this number from now on.
+    Gimbal(u8),
     /// What would be sent.
     WouldSend(String),
 }
@@ -69,6 +73,8 @@ pub enum NotSending {
     NoRecentFix,
     /// No autopilot is heard.
     NoAutopilot,
+    /// The autopilot has not told its version yet, on which the message and its contents depend.
+    NoVersion,
     /// The autopilot has not told the origin of its metres.
     NoOrigin,
 }
@@ -85,6 +91,7 @@ impl fmt::Display for NotSending {
                 "no recent fix supports the position, which would replace the autopilot's own"
             }
             Self::NoAutopilot => "no autopilot is heard",
+            Self::NoVersion => "the autopilot has not told its version yet",
             Self::NoOrigin => "the autopilot has not told the origin of its local frame",
         })
     }
@@ -120,9 +127,11 @@ impl fmt::Display for LinkEvent {
                 f,
                 "the autopilot had no origin and was told {lat_deg:.7} {lon_deg:.7}"
             ),
-            Self::PositionRefused { result } => {
-                write!(f, "the autopilot refused a position: {result}")
+            Self::PositionsRefused { result } => {
+                write!(f, "the autopilot refuses the positions: {result}")
             }
+            Self::PositionsAccepted => f.write_str("the autopilot takes the positions"),
+            Self::Gimbal(id) => write!(f, "the camera's attitude is that of gimbal {id}"),
             Self::WouldSend(text) => write!(f, "would send {text}"),
         }
     }

@@ -53,5 +53,6 @@ pub use nmea_output::{NmeaOutput, NmeaTarget};
 pub use options::LinkOptions;
 pub use output::Output;
 pub use signing::SigningKey;
-pub use telemetry::mavlink::{CameraMount, TelemetryOptions};
+pub use telemetry::camera_mount::CameraMount;
+pub use telemetry::mavlink::TelemetryOptions;
 pub use telemetry::{Telemetry, TelemetryClock, read_telemetry};

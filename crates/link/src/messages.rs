@@ -21,6 +21,8 @@ pub(crate) const SENSOR_ID: u8 = 1;
 const ANGLE_VARIANCE: f32 = 1.0;
 /// Variance of the height in ODOMETRY for PX4, square metres. It is the autopilot's own.
 const HEIGHT_VARIANCE_M2: f32 = 25.0;
+/// Variance of the position in an ODOMETRY that holds none, square metres: the most that ArduPilot assumes is 100 m.
+const NO_POSITION_VARIANCE_M2: f32 = 1e4;
 /// Error of the autopilot's own height, metres, 1 sigma, for GPS_INPUT.
 const HEIGHT_SIGMA_M: f32 = 5.0;
 /// The time in MAV_CMD_EXTERNAL_POSITION_ESTIMATE wraps here, seconds, as its definition asks: a float holds it to 10 us.
@@ -51,8 +53,7 @@ pub(crate) struct OwnState {
 
 impl Position {
     fn time_us(&self) -> u64 {
-        // Saturates; a time before 1970 is 0.
-        (self.time_s * 1e6).round() as u64
+        microseconds(self.time_s)
     }
 
     fn altitude_amsl_m(&self) -> Option<f64> {
@@ -94,7 +95,7 @@ impl Position {
             x: north_m as f32,
             y: east_m as f32,
             z: self.own.down_m.unwrap_or(0.0) as f32,
-            q: [attitude.w, attitude.i, attitude.j, attitude.k].map(|value| value as f32),
+            q: wxyz(&attitude),
             vx: velocity.x as f32,
             vy: velocity.y as f32,
             vz: velocity.z as f32,
@@ -211,6 +212,47 @@ impl Position {
             yaw: 0,
         }
     }
+}
+
+/// ODOMETRY that holds no position: with quality -1, ArduPilot notes that the source is there and gives its EKF nothing.
+pub(crate) fn odometry_without_position(time_s: f64, own: &OwnState) -> ODOMETRY_DATA {
+    let attitude = own.attitude.unwrap_or_default();
+    let mut covariance = [0.0; 21];
+    for diagonal in [0, 6, 11] {
+        covariance[diagonal] = NO_POSITION_VARIANCE_M2;
+    }
+    for diagonal in [15, 18, 20] {
+        covariance[diagonal] = ANGLE_VARIANCE;
+    }
+    ODOMETRY_DATA {
+        time_usec: microseconds(time_s),
+        x: 0.0,
+        y: 0.0,
+        z: own.down_m.unwrap_or(0.0) as f32,
+        q: wxyz(&attitude),
+        vx: 0.0,
+        vy: 0.0,
+        vz: 0.0,
+        rollspeed: f32::NAN,
+        pitchspeed: f32::NAN,
+        yawspeed: f32::NAN,
+        pose_covariance: covariance,
+        velocity_covariance: covariance,
+        frame_id: MavFrame::MAV_FRAME_LOCAL_FRD,
+        child_frame_id: MavFrame::MAV_FRAME_BODY_FRD,
+        reset_counter: 0,
+        estimator_type: MavEstimatorType::MAV_ESTIMATOR_TYPE_VISION,
+        quality: -1,
+    }
+}
+
+fn wxyz(attitude: &UnitQuaternion<f64>) -> [f32; 4] {
+    [attitude.w, attitude.i, attitude.j, attitude.k].map(|value| value as f32)
+}
+
+/// Microseconds. Saturates; a time before 1970 is 0.
+fn microseconds(time_s: f64) -> u64 {
+    (time_s * 1e6).round() as u64
 }
 
 /// What to write at 0 and 6 of the covariance, with 0 at 11, so that ArduPilot takes the position with `sigma_m`.

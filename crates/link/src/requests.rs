@@ -1,9 +1,14 @@
-//! What is asked of an autopilot: its version, telemetry at useful rates, the origin of its local frame.
+//! What is asked of an autopilot: its version, telemetry at useful rates, the origin of its local frame, a parameter.
 
 // The command that supersedes SET_GPS_GLOBAL_ORIGIN is not read by ArduPilot 4.6 and PX4 1.17.
 #[allow(deprecated)]
 use mavlink::dialects::common::SET_GPS_GLOBAL_ORIGIN_DATA;
-use mavlink::dialects::common::{COMMAND_LONG_DATA, MavCmd, MavMessage, SYSTEM_TIME_DATA};
+use mavlink::{
+    dialects::common::{
+        COMMAND_LONG_DATA, MavCmd, MavMessage, PARAM_REQUEST_READ_DATA, SYSTEM_TIME_DATA,
+    },
+    types::CharArray,
+};
 
 use crate::{
     autopilot::Autopilot,
@@ -28,8 +33,19 @@ const GPS_GLOBAL_ORIGIN: u32 = 49;
 const ALTITUDE: u32 = 141;
 const AUTOPILOT_VERSION: u32 = 148;
 const GIMBAL_DEVICE_ATTITUDE_STATUS: u32 = 285;
-/// An origin that was asked for so often without an answer is not there.
-const ORIGIN_REQUESTS: u32 = 5;
+/// An autopilot that answered so many requests for its origin without telling one has none. A request without an answer was lost.
+const ORIGIN_ANSWERS: u32 = 5;
+
+/// What is known, and so need not be asked.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Known {
+    pub origin: bool,
+    /// The parameter [`QUALITY_PARAMETER`], or that it does not matter.
+    pub quality_min: bool,
+}
+
+/// The parameter of ArduPilot below which quality positions do not go to its EKF.
+pub(crate) const QUALITY_PARAMETER: &str = "VISO_QUAL_MIN";
 
 /// Asks again until it is answered.
 #[derive(Debug)]
@@ -37,8 +53,11 @@ pub(crate) struct Requests {
     streams: Every,
     version: Every,
     origin: Every,
-    /// How often the origin was asked for since it was unknown or told.
-    origin_requests: u32,
+    /// Whether an answer to a request for the origin is awaited.
+    origin_awaited: bool,
+    /// How many requests for the origin were answered without one.
+    without_origin: u32,
+    quality: Every,
 }
 
 impl Requests {
@@ -47,7 +66,9 @@ impl Requests {
             streams: Every::seconds(30.0),
             version: Every::seconds(2.0),
             origin: Every::seconds(1.0),
-            origin_requests: 0,
+            origin_awaited: false,
+            without_origin: 0,
+            quality: Every::seconds(5.0),
         }
     }
 
@@ -60,7 +81,7 @@ impl Requests {
     pub fn poll(
         &mut self,
         autopilot: &Autopilot,
-        origin_known: bool,
+        known: Known,
         now_s: f64,
         outbox: &mut Vec<MavMessage>,
     ) {
@@ -81,15 +102,33 @@ impl Requests {
         }
         if self.origin.is_due(now_s) {
             self.origin
-                .set_seconds(if origin_known { 10.0 } else { 1.0 });
-            if !origin_known {
-                self.origin_requests = self.origin_requests.saturating_add(1);
-            }
+                .set_seconds(if known.origin { 10.0 } else { 1.0 });
+            self.origin_awaited = !known.origin;
             outbox.push(request(GPS_GLOBAL_ORIGIN));
+        }
+        if known.origin {
+            self.without_origin = 0;
+        }
+        if !known.quality_min && self.quality.is_due(now_s) {
+            outbox.push(MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
+                // By name.
+                param_index: -1,
+                target_system: autopilot.system_id,
+                target_component: autopilot.component_id,
+                param_id: CharArray::from(QUALITY_PARAMETER),
+            }));
         }
     }
 
-    /// Tells an autopilot that has no origin, asked several times, that it is where the aircraft is. Gives whether it was told.
+    /// Says that a request for a message was answered, whether it was granted or not.
+    pub fn answered(&mut self) {
+        if std::mem::take(&mut self.origin_awaited) {
+            self.without_origin = self.without_origin.saturating_add(1);
+        }
+    }
+
+    /// Tells an autopilot that has no origin, as it answered several times, that it is where the aircraft is. Gives whether it was
+    /// told.
     #[allow(deprecated, reason = "see the import")]
     pub fn set_origin(
         &mut self,
@@ -97,10 +136,10 @@ impl Requests {
         position: &Position,
         outbox: &mut Vec<MavMessage>,
     ) -> bool {
-        if self.origin_requests < ORIGIN_REQUESTS {
+        if self.without_origin < ORIGIN_ANSWERS {
             return false;
         }
-        self.origin_requests = 0;
+        self.without_origin = 0;
         let time_usec = (position.time_s * 1e6).round() as u64;
         outbox.push(MavMessage::SYSTEM_TIME(SYSTEM_TIME_DATA {
             time_unix_usec: time_usec,

@@ -4,22 +4,23 @@ use grimnet_track::{Input, TrackPoint, TrackState};
 use mavlink::{
     MavHeader,
     dialects::common::{
-        COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavResult,
-        MavState, MavType, TIMESYNC_DATA,
+        COMMAND_ACK_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd,
+        MavMessage, MavModeFlag, MavResult, MavState, MavType, PARAM_VALUE_DATA, TIMESYNC_DATA,
     },
 };
 
 use crate::{
     autopilot::{Autopilot, AutopilotKind, Version},
+    connection::OWN_COMPONENT,
     describe::describe,
     event::{LinkEvent, NotSending},
     every::Every,
     gate::{Jumps, usable},
-    messages::Position,
+    messages::{Position, odometry_without_position},
     options::LinkOptions,
     output::Output,
     projection::Projection,
-    requests::Requests,
+    requests::{Known, QUALITY_PARAMETER, Requests},
     telemetry::mavlink::MavlinkTelemetry,
     time_sync::TimeSync,
 };
@@ -28,6 +29,8 @@ use crate::{
 const SILENT_S: f64 = 5.0;
 /// Our system as long as no autopilot is known.
 const DEFAULT_SYSTEM: u8 = 1;
+/// An autopilot that was asked for its version for so long without an answer does not tell it, seconds.
+const VERSION_S: f64 = 3.0;
 /// If nothing is heard for so long, what would be sent is shown for an assumed autopilot, seconds.
 const ASSUME_AFTER_S: f64 = 3.0;
 
@@ -39,8 +42,13 @@ pub(crate) struct Session {
     autopilot: Option<Autopilot>,
     /// Whether the autopilot is assumed, since none was heard.
     assumed: bool,
+    /// Since when this autopilot is known, and when it was heard last.
+    known_since_s: f64,
     heard_s: f64,
     silent: bool,
+    armed: bool,
+    /// Its parameter [`QUALITY_PARAMETER`].
+    quality_min: Option<f64>,
     time_sync: TimeSync,
     telemetry: MavlinkTelemetry,
     origin: Option<Projection>,
@@ -51,6 +59,8 @@ pub(crate) struct Session {
     jumps: Jumps,
     /// What was said last of sending: the message, or why none.
     said: Option<Result<Output, NotSending>>,
+    /// With which result the autopilot refuses positions.
+    refused: Option<MavResult>,
     sent: u64,
     outbox: Vec<MavMessage>,
     pub inputs: Vec<Input>,
@@ -60,13 +70,16 @@ pub(crate) struct Session {
 impl Session {
     pub fn new(options: LinkOptions, now_s: f64) -> Self {
         Self {
-            telemetry: MavlinkTelemetry::new(options.telemetry),
+            telemetry: MavlinkTelemetry::new(options.telemetry, AutopilotKind::Other),
             options,
             began_s: now_s,
             autopilot: None,
             assumed: false,
+            known_since_s: now_s,
             heard_s: now_s,
             silent: false,
+            armed: false,
+            quality_min: None,
             time_sync: TimeSync::default(),
             origin: None,
             requests: Requests::new(),
@@ -75,6 +88,7 @@ impl Session {
             position: Every::seconds(0.1),
             jumps: Jumps::default(),
             said: None,
+            refused: None,
             sent: 0,
             outbox: Vec::new(),
             inputs: Vec::new(),
@@ -91,6 +105,13 @@ impl Session {
     /// The autopilot, if it is heard.
     pub fn autopilot(&self) -> Option<Autopilot> {
         self.autopilot.filter(|_| !self.silent)
+    }
+
+    /// Whether the autopilot told its version, or does not tell it.
+    pub fn is_version_settled(&self, now_s: f64) -> bool {
+        let in_vain = self.assumed || now_s - self.known_since_s > VERSION_S;
+        self.autopilot
+            .is_some_and(|autopilot| autopilot.version.is_some() || in_vain)
     }
 
     /// How many positions were sent.
@@ -131,6 +152,10 @@ impl Session {
                 });
             }
             MavMessage::COMMAND_ACK(data) => self.take_acknowledgement(data),
+            MavMessage::PARAM_VALUE(data) => self.take_parameter(data),
+            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(data) => {
+                self.take_gimbal(header.component_id, is_own, data, now_s);
+            }
             _ => {
                 let Self {
                     telemetry,
@@ -138,11 +163,27 @@ impl Session {
                     inputs,
                     ..
                 } = self;
-                // Another component counts from a start of its own, which nothing tells: the time of arrival is nearest.
-                let own_s = |boot_s: f64| time_sync.time_s(boot_s).filter(|_| is_own);
-                let time_s = |boot_s: f64| own_s(boot_s).unwrap_or(now_s).min(now_s);
+                let time_s = |boot_s: f64| time_sync.time_s(boot_s).unwrap_or(now_s).min(now_s);
                 telemetry.take(message, now_s, &time_s, inputs);
             }
+        }
+    }
+
+    /// Takes in the attitude of a gimbal. One that the autopilot reports has the autopilot's clock, any other one its own.
+    fn take_gimbal(
+        &mut self,
+        component_id: u8,
+        is_own: bool,
+        data: &GIMBAL_DEVICE_ATTITUDE_STATUS_DATA,
+        now_s: f64,
+    ) {
+        let boot_s = f64::from(data.time_boot_ms) * 1e-3;
+        let own_time_s = is_own.then(|| self.time_sync.time_s(boot_s).unwrap_or(now_s).min(now_s));
+        let before = self.telemetry.gimbal();
+        self.telemetry
+            .take_gimbal(component_id, data, own_time_s, now_s, &mut self.inputs);
+        if let Some(id) = self.telemetry.gimbal().filter(|_| before.is_none()) {
+            self.events.push(LinkEvent::Gimbal(id));
         }
     }
 
@@ -167,6 +208,7 @@ impl Session {
         if !same {
             self.autopilot = Some(heard);
             self.assumed = false;
+            self.known_since_s = now_s;
             self.began_again();
         }
         if !same || self.silent {
@@ -177,12 +219,20 @@ impl Session {
         }
         self.silent = false;
         self.heard_s = now_s;
+        self.armed = heartbeat
+            .base_mode
+            .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED);
     }
 
     /// Forgets what the autopilot said before its clock began.
     fn began_again(&mut self) {
         self.time_sync = TimeSync::default();
-        self.telemetry = MavlinkTelemetry::new(self.options.telemetry);
+        let kind = self
+            .autopilot
+            .map_or(AutopilotKind::Other, |autopilot| autopilot.kind);
+        self.telemetry = MavlinkTelemetry::new(self.options.telemetry, kind);
+        self.quality_min = None;
+        self.refused = None;
         self.origin = None;
         self.requests = Requests::new();
         self.jumps.interrupt();
@@ -235,11 +285,33 @@ impl Session {
     }
 
     fn take_acknowledgement(&mut self, data: &COMMAND_ACK_DATA) {
-        if data.command == MavCmd::MAV_CMD_EXTERNAL_POSITION_ESTIMATE
-            && data.result != MavResult::MAV_RESULT_ACCEPTED
-        {
-            let result = format!("{:?}", data.result);
-            self.events.push(LinkEvent::PositionRefused { result });
+        // 0: an autopilot that does not say whom it answers.
+        if ![0, OWN_COMPONENT].contains(&data.target_component) {
+            return;
+        }
+        match data.command {
+            MavCmd::MAV_CMD_REQUEST_MESSAGE => self.requests.answered(),
+            MavCmd::MAV_CMD_EXTERNAL_POSITION_ESTIMATE => self.take_refusal(data.result),
+            _ => {}
+        }
+    }
+
+    /// Tells whether positions are refused when that changes: they are sent, and may be refused, every second.
+    fn take_refusal(&mut self, result: MavResult) {
+        let refused = Some(result).filter(|result| *result != MavResult::MAV_RESULT_ACCEPTED);
+        if refused != std::mem::replace(&mut self.refused, refused) {
+            self.events
+                .push(refused.map_or(LinkEvent::PositionsAccepted, |result| {
+                    LinkEvent::PositionsRefused {
+                        result: format!("{result:?}"),
+                    }
+                }));
+        }
+    }
+
+    fn take_parameter(&mut self, data: &PARAM_VALUE_DATA) {
+        if data.param_id.to_str() == Ok(QUALITY_PARAMETER) {
+            self.quality_min = Some(f64::from(data.param_value));
         }
     }
 
@@ -262,9 +334,12 @@ impl Session {
                     target_component: autopilot.component_id,
                 }));
             }
-            let origin_known = self.origin.is_some();
+            let known = Known {
+                origin: self.origin.is_some(),
+                quality_min: self.quality_min.is_some() || !self.reads_quality(&autopilot),
+            };
             self.requests
-                .poll(&autopilot, origin_known, now_s, &mut self.outbox);
+                .poll(&autopilot, known, now_s, &mut self.outbox);
         }
         self.poll_position(now_s, point_at);
         let messages = std::mem::take(&mut self.outbox);
@@ -303,6 +378,7 @@ impl Session {
         let result = self.next_position(now_s, point_at);
         if result.is_err() {
             self.jumps.interrupt();
+            self.tell_no_position(now_s);
         }
         if self.said != Some(result) {
             self.said = Some(result);
@@ -310,6 +386,36 @@ impl Session {
                 Ok(output) => LinkEvent::Sending(output),
                 Err(reason) => LinkEvent::NotSending(reason),
             });
+        }
+    }
+
+    /// The message that carries positions to an autopilot.
+    fn output(&self, autopilot: &Autopilot) -> Output {
+        self.options
+            .output
+            .unwrap_or_else(|| Output::for_autopilot(autopilot))
+    }
+
+    /// Whether the autopilot compares the quality in the message with [`QUALITY_PARAMETER`], if it has that parameter.
+    fn reads_quality(&self, autopilot: &Autopilot) -> bool {
+        autopilot.kind == AutopilotKind::ArduPilot && self.output(autopilot) == Output::Odometry
+    }
+
+    /// Tells a disarmed ArduPilot that there is no position: while it hears nothing it refuses to be armed (`VisOdom: not
+    /// healthy`), whatever its source of positions. On the ground a camera sees no position yet.
+    ///
+    /// Only one with [`QUALITY_PARAMETER`] at 0 or more is told: any other one would take the message for a position at the origin.
+    /// In flight nothing is sent, so that the autopilot shows that the source is gone.
+    fn tell_no_position(&mut self, now_s: f64) {
+        let is_safe = self.quality_min.is_some_and(|least| least >= 0.0);
+        if let Some(autopilot) = self.autopilot()
+            && self.reads_quality(&autopilot)
+            && is_safe
+            && !self.armed
+        {
+            let own = self.telemetry.own_state(now_s);
+            self.outbox
+                .push(MavMessage::ODOMETRY(odometry_without_position(now_s, &own)));
         }
     }
 
@@ -321,10 +427,10 @@ impl Session {
     ) -> Result<Output, NotSending> {
         let (state, estimate) = usable(point_at(now_s).as_ref(), self.options.max_radius95_m)?;
         let autopilot = self.autopilot().ok_or(NotSending::NoAutopilot)?;
-        let output = self
-            .options
-            .output
-            .unwrap_or_else(|| Output::for_autopilot(&autopilot));
+        if !self.is_version_settled(now_s) {
+            return Err(NotSending::NoVersion);
+        }
+        let output = self.output(&autopilot);
         // It replaces the autopilot's position, however uncertain it is; the others are weighed by their variance.
         if output == Output::PositionEstimate && state != TrackState::Tracking {
             return Err(NotSending::NoRecentFix);

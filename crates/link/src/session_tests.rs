@@ -4,11 +4,15 @@ use grimnet_track::{Estimate, Input, PositionOf, TrackPoint, TrackState};
 use mavlink::{
     MavHeader,
     dialects::common::{
-        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA,
-        GPS_GLOBAL_ORIGIN_DATA, GimbalDeviceFlags, HEARTBEAT_DATA, MavAutopilot, MavFrame,
-        MavMessage, MavType, ODOMETRY_DATA, TIMESYNC_DATA,
+        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA,
+        GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_GLOBAL_ORIGIN_DATA,
+        GimbalDeviceFlags, HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavCmd, MavFrame,
+        MavMessage, MavModeFlag, MavParamType, MavResult, MavType, ODOMETRY_DATA, PARAM_VALUE_DATA,
+        TIMESYNC_DATA,
     },
+    types::CharArray,
 };
+use nalgebra::UnitQuaternion;
 
 use crate::{
     autopilot::AutopilotKind,
@@ -17,6 +21,7 @@ use crate::{
     options::LinkOptions,
     output::Output,
     session::Session,
+    telemetry::camera_mount::CameraMount,
 };
 
 const HEADER: MavHeader = MavHeader {
@@ -32,6 +37,9 @@ struct Flight {
     now_s: f64,
     /// The autopilot's clock is this far from [`START_S`].
     restarted_s: f64,
+    /// What the autopilot says of its version, if it does.
+    version: Option<(u32, u32)>,
+    mode: MavModeFlag,
     sent: Vec<MavMessage>,
     events: Vec<LinkEvent>,
     point: Option<TrackPoint>,
@@ -45,6 +53,8 @@ impl Flight {
             session: Session::new(options, 1000.0),
             now_s: 1000.0,
             restarted_s: START_S,
+            version: Some((4, 6)),
+            mode: MavModeFlag::empty(),
             sent: Vec::new(),
             events: Vec::new(),
             point: Some(TrackPoint {
@@ -59,13 +69,20 @@ impl Flight {
         self.session.receive(&HEADER, message, self.now_s);
     }
 
-    /// A second, in which the autopilot says its heartbeat and 20 attitudes, 20 ms late.
+    /// A second, in which the autopilot says its heartbeat, its version and 20 attitudes, 20 ms late.
     fn second(&mut self, autopilot: MavAutopilot) {
         self.says(&MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             autopilot,
             mavtype: MavType::MAV_TYPE_FIXED_WING,
+            base_mode: self.mode,
             ..HEARTBEAT_DATA::default()
         }));
+        if let Some((major, minor)) = self.version {
+            self.says(&MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
+                flight_sw_version: major << 24 | minor << 16 | 255,
+                ..AUTOPILOT_VERSION_DATA::default()
+            }));
+        }
         for _ in 0..20 {
             let boot_s = self.now_s - 0.02 - self.restarted_s;
             self.says(&MavMessage::ATTITUDE(ATTITUDE_DATA {
@@ -95,11 +112,65 @@ impl Flight {
         }));
     }
 
-    fn says_version(&mut self, major: u32, minor: u32) {
-        self.says(&MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
-            flight_sw_version: major << 24 | minor << 16 | 255,
-            ..AUTOPILOT_VERSION_DATA::default()
+    fn says_quality_min(&mut self, percent: f32) {
+        self.says(&MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_value: percent,
+            param_count: 1,
+            param_index: 0,
+            param_id: CharArray::from("VISO_QUAL_MIN"),
+            param_type: MavParamType::MAV_PARAM_TYPE_INT8,
         }));
+    }
+
+    fn answers(&mut self, command: MavCmd, result: MavResult) {
+        self.says(&MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command,
+            result,
+            ..COMMAND_ACK_DATA::default()
+        }));
+    }
+
+    /// What the autopilot says of an aircraft at an altitude, 100 m above where it started, that flies north.
+    fn says_global_position(&mut self, lat: i32, alt_mm: i32, north_cm_s: i16) {
+        let boot_s = self.now_s - self.restarted_s;
+        self.says(&MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+            time_boot_ms: (boot_s * 1e3) as u32,
+            lat,
+            alt: alt_mm,
+            relative_alt: 100_000,
+            vx: north_cm_s,
+            ..GLOBAL_POSITION_INT_DATA::default()
+        }));
+    }
+
+    /// The yaws of the camera that are taken in when a component reports a gimbal that looks down, turned so far from north.
+    fn gimbal_yaws_deg(&mut self, component_id: u8, number: u8, yaw_deg: f32) -> Vec<f64> {
+        let yaw = f64::from(yaw_deg).to_radians();
+        let attitude = UnitQuaternion::from_euler_angles(0.0, -std::f64::consts::FRAC_PI_2, yaw);
+        self.session.inputs.clear();
+        let header = MavHeader {
+            component_id,
+            ..HEADER
+        };
+        let status =
+            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
+                time_boot_ms: (self.now_s * 1e3) as u32 % 1_000_000,
+                q: [attitude.w, attitude.i, attitude.j, attitude.k].map(|value| value as f32),
+                flags: GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME,
+                gimbal_device_id: number,
+                ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
+            });
+        self.session.receive(&header, &status, self.now_s);
+        self.yaws_deg()
+    }
+
+    /// The yaws of the camera that were taken in since the inputs were cleared, to the degree.
+    fn yaws_deg(&self) -> Vec<f64> {
+        let yaw_deg = |input: &Input| match input {
+            Input::Attitude(attitude) => Some(attitude.yaw_deg.round()),
+            _ => None,
+        };
+        self.session.inputs.iter().filter_map(yaw_deg).collect()
     }
 
     fn set_state(&mut self, state: TrackState) {
@@ -128,6 +199,7 @@ fn positions_are_for_the_time_of_sending_at_the_rate_of_the_autopilot() {
         (PX4, (1, 17), 20, MavFrame::MAV_FRAME_LOCAL_NED),
     ] {
         let mut flight = Flight::new(|_| {});
+        flight.version = Some(version);
         flight.second(autopilot);
         assert!(
             flight
@@ -136,7 +208,6 @@ fn positions_are_for_the_time_of_sending_at_the_rate_of_the_autopilot() {
         );
         assert!(flight.odometry().is_empty());
         flight.says_origin();
-        flight.says_version(version.0, version.1);
         flight.second(autopilot);
         flight.odometry();
         let began_s = flight.now_s;
@@ -224,8 +295,7 @@ fn a_jump_is_told() {
 #[test]
 fn px4_from_1_18_is_sent_its_own_message() {
     let mut flight = Flight::new(|_| {});
-    flight.second(PX4);
-    flight.says_version(1, 18);
+    flight.version = Some((1, 18));
     flight.second(PX4);
     assert!(
         flight
@@ -330,16 +400,103 @@ fn an_autopilot_without_an_origin_is_told_one_by_a_position_that_fixes_support()
             .iter()
             .any(|message| matches!(message, MavMessage::SET_GPS_GLOBAL_ORIGIN(_)))
     };
+    // It grants the requests, and has none to tell.
+    let seconds = |flight: &mut Flight| {
+        for _ in 0..10 {
+            flight.second(ARDUPILOT);
+            let granted = MavResult::MAV_RESULT_ACCEPTED;
+            flight.answers(MavCmd::MAV_CMD_REQUEST_MESSAGE, granted);
+        }
+    };
     let mut flight = Flight::new(|_| {});
     flight.set_state(TrackState::Coasting);
-    (0..10).for_each(|_| flight.second(ARDUPILOT));
+    seconds(&mut flight);
     assert!(!told(&flight));
     flight.set_state(TrackState::Tracking);
     flight.second(ARDUPILOT);
     assert!(told(&flight));
     let mut never = Flight::new(|options| options.set_origin = false);
-    (0..10).for_each(|_| never.second(ARDUPILOT));
+    seconds(&mut never);
     assert!(!told(&never));
+}
+
+#[test]
+#[allow(deprecated, reason = "SET_GPS_GLOBAL_ORIGIN is what autopilots read")]
+fn no_origin_is_told_while_the_requests_for_it_are_lost() {
+    let origins = |flight: &Flight| {
+        let is_origin =
+            |message: &&MavMessage| matches!(message, MavMessage::SET_GPS_GLOBAL_ORIGIN(_));
+        flight.sent.iter().filter(is_origin).count()
+    };
+    let denied = MavResult::MAV_RESULT_DENIED;
+    let mut flight = Flight::new(|_| {});
+    for _ in 0..30 {
+        flight.second(ARDUPILOT);
+        // What it answers to others, and to other requests, says nothing of ours.
+        flight.answers(MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL, denied);
+        flight.says(&MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            target_system: 255,
+            target_component: 190,
+            ..COMMAND_ACK_DATA::default()
+        }));
+    }
+    assert_eq!(origins(&flight), 0);
+    for _ in 0..4 {
+        // Twice for one request counts once.
+        flight.answers(MavCmd::MAV_CMD_REQUEST_MESSAGE, denied);
+        flight.answers(MavCmd::MAV_CMD_REQUEST_MESSAGE, denied);
+        flight.second(ARDUPILOT);
+    }
+    assert_eq!(origins(&flight), 0);
+    flight.answers(MavCmd::MAV_CMD_REQUEST_MESSAGE, denied);
+    flight.second(ARDUPILOT);
+    assert_eq!(origins(&flight), 1);
+}
+
+#[test]
+#[allow(deprecated, reason = "SET_GPS_GLOBAL_ORIGIN is what autopilots read")]
+fn the_origin_is_on_the_ground_and_never_below_an_altitude_that_is_not_known() {
+    // Latitude and altitude that the autopilot states: an altitude alone, both, neither.
+    for (lat, alt_mm, expected_mm) in [
+        (0, 150_000, 0),
+        (242_600_000, 150_000, 30_000),
+        (242_600_000, 0, 0),
+        (0, 0, 0),
+    ] {
+        let mut flight = Flight::new(|_| {});
+        let estimate = flight.point.as_mut().unwrap().estimate.as_mut().unwrap();
+        estimate.altitude_amsl_m = None;
+        for _ in 0..8 {
+            flight.second(ARDUPILOT);
+            flight.says_global_position(lat, alt_mm, 0);
+            flight.step(0.01);
+            flight.answers(
+                MavCmd::MAV_CMD_REQUEST_MESSAGE,
+                MavResult::MAV_RESULT_ACCEPTED,
+            );
+        }
+        let altitudes: Vec<i32> = flight
+            .sent
+            .iter()
+            .filter_map(|message| match message {
+                MavMessage::SET_GPS_GLOBAL_ORIGIN(data) => Some(data.altitude),
+                _ => None,
+            })
+            .collect();
+        assert_eq!(altitudes, [expected_mm], "{lat} {alt_mm}");
+        let amsl_m: Vec<Option<f64>> = flight
+            .session
+            .inputs
+            .iter()
+            .filter_map(|input| match input {
+                Input::Height(height) => Some(height.amsl_m),
+                _ => None,
+            })
+            .collect();
+        let known = (expected_mm != 0).then_some(150.0);
+        assert!(!amsl_m.is_empty() && amsl_m.iter().all(|value| *value == known));
+    }
 }
 
 #[test]
@@ -447,35 +604,221 @@ fn a_dry_run_tells_and_sends_nothing() {
 }
 
 #[test]
-fn a_gimbal_with_a_clock_of_its_own_counts_by_its_arrival() {
-    let mut flight = Flight::new(|_| {});
-    flight.second(ARDUPILOT);
-    for (component_id, is_own) in [(1, true), (154, false)] {
+fn gimbal_messages_that_come_together_keep_their_times() {
+    for (component_id, gimbal_start_s) in [(1, START_S), (154, 700.0)] {
+        let mut flight = Flight::new(|_| {});
+        flight.second(ARDUPILOT);
         flight.session.inputs.clear();
         let header = MavHeader {
             component_id,
             ..HEADER
         };
-        let status =
-            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
-                time_boot_ms: 50_000,
-                q: [1.0, 0.0, 0.0, 0.0],
-                flags: GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME,
-                ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
-            });
-        flight.session.receive(&header, &status, flight.now_s);
-        let [Input::Attitude(attitude)] = flight.session.inputs[..] else {
-            panic!("{:?}", flight.session.inputs);
-        };
-        let expected_s = if is_own {
-            START_S + 50.0 + 0.02
-        } else {
-            flight.now_s
-        };
-        assert!(
-            (attitude.time_s - expected_s).abs() < 1e-3,
-            "{component_id}: {} {expected_s}",
-            attitude.time_s
-        );
+        let first_s = flight.now_s;
+        for step in 0..20 {
+            let true_s = first_s + f64::from(step) * 0.05;
+            let status =
+                MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(GIMBAL_DEVICE_ATTITUDE_STATUS_DATA {
+                    time_boot_ms: ((true_s - gimbal_start_s) * 1e3).round() as u32,
+                    q: [1.0, 0.0, 0.0, 0.0],
+                    flags: GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME,
+                    ..GIMBAL_DEVICE_ATTITUDE_STATUS_DATA::default()
+                });
+            // Read two by two, 20 ms late.
+            let now_s = first_s + f64::from(step / 2 * 2 + 1) * 0.05 + 0.02;
+            flight.session.receive(&header, &status, now_s);
+        }
+        let times: Vec<f64> = flight.session.inputs.iter().map(Input::time_s).collect();
+        assert_eq!(times.len(), 20);
+        for (step, time_s) in times.iter().enumerate().skip(2) {
+            let expected_s = first_s + step as f64 * 0.05 + 0.02;
+            assert!((time_s - expected_s).abs() < 1e-3, "{time_s} {expected_s}");
+        }
     }
+}
+
+#[test]
+fn the_gimbal_of_another_camera_is_not_taken_for_the_cameras() {
+    let north_of = |mount| {
+        let mut flight = Flight::new(|options| options.telemetry.camera_mount = mount);
+        flight.second(ARDUPILOT);
+        flight
+    };
+    // The first one that reports, and no other one afterwards.
+    let mut first = north_of(CameraMount::GimbalIfReported);
+    assert_eq!(first.gimbal_yaws_deg(154, 0, 40.0), [40.0]);
+    assert!(first.gimbal_yaws_deg(171, 0, 90.0).is_empty());
+    assert!(first.gimbal_yaws_deg(1, 1, 90.0).is_empty());
+    first.step(0.05);
+    let told = |flight: &Flight| {
+        let is_gimbal = |event: &&LinkEvent| matches!(event, LinkEvent::Gimbal(_));
+        flight.events.iter().filter(is_gimbal).cloned().collect()
+    };
+    let gimbals: Vec<LinkEvent> = told(&first);
+    assert_eq!(gimbals, [LinkEvent::Gimbal(154)]);
+    // Silent, it still carries the camera: the aircraft's attitude is not the camera's.
+    first.session.inputs.clear();
+    (0..3).for_each(|_| first.second(ARDUPILOT));
+    assert!(first.yaws_deg().is_empty());
+    assert_eq!(first.gimbal_yaws_deg(154, 0, 41.0), [41.0]);
+    // Named by its component, or by its number at the autopilot.
+    let mut named = north_of(CameraMount::Gimbal(2));
+    assert!(named.yaws_deg().is_empty());
+    assert!(named.gimbal_yaws_deg(1, 1, 90.0).is_empty());
+    assert!(named.gimbal_yaws_deg(154, 0, 90.0).is_empty());
+    assert_eq!(named.gimbal_yaws_deg(1, 2, 40.0), [40.0]);
+    // A fixed camera beside gimbals, and one of which nothing is known.
+    for (mount, is_aircrafts) in [(CameraMount::Fixed, true), (CameraMount::Unknown, false)] {
+        let mut flight = north_of(mount);
+        assert_eq!(!flight.yaws_deg().is_empty(), is_aircrafts);
+        assert!(flight.gimbal_yaws_deg(154, 0, 90.0).is_empty());
+        flight.session.inputs.clear();
+        flight.second(ARDUPILOT);
+        assert_eq!(flight.yaws_deg().len(), if is_aircrafts { 20 } else { 0 });
+        let gimbals: Vec<LinkEvent> = told(&flight);
+        assert_eq!(gimbals, []);
+    }
+}
+
+#[test]
+fn a_velocity_for_which_the_autopilot_does_not_vouch_is_not_taken() {
+    let velocities = |flight: &mut Flight| {
+        let inputs = std::mem::take(&mut flight.session.inputs);
+        let north_m_s = |input: &Input| match input {
+            Input::Velocity(velocity) => Some(velocity.north_m_s),
+            _ => None,
+        };
+        inputs.iter().filter_map(north_m_s).collect::<Vec<f64>>()
+    };
+    let generic = MavAutopilot::MAV_AUTOPILOT_GENERIC;
+    for (autopilot, expected) in [(ARDUPILOT, None), (PX4, None), (generic, Some(0.03))] {
+        let mut flight = Flight::new(|_| {});
+        flight.second(autopilot);
+        flight.says(&MavMessage::LOCAL_POSITION_NED(LOCAL_POSITION_NED_DATA {
+            time_boot_ms: 101_000,
+            vx: 10.0,
+            ..LOCAL_POSITION_NED_DATA::default()
+        }));
+        assert_eq!(velocities(&mut flight), [10.0]);
+        // GNSS is lost: what comes further states a velocity near 0.
+        (0..3).for_each(|_| flight.second(autopilot));
+        flight.says_global_position(242_600_000, 150_000, 3);
+        assert_eq!(velocities(&mut flight), Vec::from_iter(expected));
+    }
+}
+
+#[test]
+fn a_disarmed_ardupilot_that_reads_the_quality_hears_of_the_source_before_there_is_a_position() {
+    let asked = |flight: &Flight| {
+        let is_request = |message: &MavMessage| {
+            matches!(message, MavMessage::PARAM_REQUEST_READ(data)
+                if data.param_id.to_str() == Ok("VISO_QUAL_MIN"))
+        };
+        flight.sent.iter().any(is_request)
+    };
+    let mut flight = Flight::new(|_| {});
+    flight.set_state(TrackState::Searching);
+    flight.second(ARDUPILOT);
+    assert!(asked(&flight));
+    // It may be a version that does not know the quality, and takes what it hears for a position.
+    (0..10).for_each(|_| flight.second(ARDUPILOT));
+    assert!(flight.odometry().is_empty());
+    flight.says_quality_min(-1.0);
+    flight.second(ARDUPILOT);
+    assert!(flight.odometry().is_empty());
+    flight.says_quality_min(0.0);
+    for _ in 0..2 {
+        flight.second(ARDUPILOT);
+        let sent = flight.odometry();
+        // At least one in 300 ms, or it is not healthy.
+        assert!(sent.len().abs_diff(10) <= 1, "{}", sent.len());
+        for data in sent {
+            assert_eq!(data.quality, -1);
+            assert_eq!(data.frame_id, MavFrame::MAV_FRAME_LOCAL_FRD);
+            assert_eq!(data.child_frame_id, MavFrame::MAV_FRAME_BODY_FRD);
+            assert!(
+                data.q
+                    .iter()
+                    .chain(&data.pose_covariance)
+                    .all(|value| value.is_finite())
+            );
+        }
+    }
+    assert!(!asked(&flight));
+    assert_eq!((flight.session.sent(), flight.session.sending()), (0, None));
+    // In flight the silence says that the source is gone.
+    flight.mode = MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED;
+    flight.second(ARDUPILOT);
+    assert!(flight.odometry().is_empty());
+    // A position takes its place.
+    flight.mode = MavModeFlag::empty();
+    flight.says_origin();
+    flight.set_state(TrackState::Tracking);
+    flight.second(ARDUPILOT);
+    assert!(flight.odometry().iter().all(|data| data.quality > 0));
+    assert!(flight.session.sent() > 5);
+}
+
+#[test]
+fn no_position_is_told_to_autopilots_that_do_not_need_it() {
+    for (autopilot, output) in [(PX4, None), (ARDUPILOT, Some(Output::PositionEstimate))] {
+        let mut flight = Flight::new(|options| options.output = output);
+        flight.version = Some((1, 17));
+        flight.set_state(TrackState::Searching);
+        flight.second(autopilot);
+        flight.says_quality_min(0.0);
+        (0..10).for_each(|_| flight.second(autopilot));
+        let requests = |message: &MavMessage| matches!(message, MavMessage::PARAM_REQUEST_READ(_));
+        assert!(!flight.sent.iter().any(requests));
+        assert!(flight.odometry().is_empty());
+    }
+}
+
+#[test]
+fn positions_wait_for_the_version_but_not_forever() {
+    let of_version = |version| {
+        let mut flight = Flight::new(|_| {});
+        flight.version = None;
+        flight.second(PX4);
+        flight.says_origin();
+        flight.second(PX4);
+        assert!(flight.odometry().is_empty());
+        let why = LinkEvent::NotSending(NotSending::NoVersion);
+        assert!(flight.events.contains(&why));
+        flight.version = version;
+        (0..2).for_each(|_| flight.second(PX4));
+        flight.session.sending()
+    };
+    assert_eq!(of_version(Some((1, 17))), Some(Output::Odometry));
+    assert_eq!(
+        of_version(Some((1, 18))),
+        Some(Output::GlobalPositionSensor)
+    );
+    assert_eq!(of_version(None), Some(Output::Odometry));
+}
+
+#[test]
+fn refusals_are_told_when_they_change() {
+    let mut flight = Flight::new(|options| options.output = Some(Output::PositionEstimate));
+    let accepted = MavResult::MAV_RESULT_ACCEPTED;
+    let failed = MavResult::MAV_RESULT_FAILED;
+    let denied = MavResult::MAV_RESULT_DENIED;
+    for result in [accepted, failed, failed, failed, denied, accepted, accepted] {
+        flight.second(ARDUPILOT);
+        flight.answers(MavCmd::MAV_CMD_EXTERNAL_POSITION_ESTIMATE, result);
+    }
+    flight.step(0.05);
+    let told: Vec<String> = flight
+        .events
+        .iter()
+        .map(ToString::to_string)
+        .filter(|line| line.contains("the positions"))
+        .collect();
+    assert_eq!(
+        told,
+        [
+            "the autopilot refuses the positions: MAV_RESULT_FAILED",
+            "the autopilot refuses the positions: MAV_RESULT_DENIED",
+            "the autopilot takes the positions",
+        ]
+    );
 }

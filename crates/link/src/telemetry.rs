@@ -1,8 +1,10 @@
 //! Attitude, height and velocity from elsewhere, as inputs of the filter.
 
+pub(crate) mod camera_mount;
 mod csv;
 mod dji_srt;
 mod file;
+mod gimbal;
 mod klv;
 mod klv_value;
 pub(crate) mod mavlink;

@@ -48,6 +48,8 @@ numbers! {
     duration_s: "a number of seconds, above 0 and at most 86400" if |v| v > 0.0 && v <= 86_400.0;
     /// A difference of times in seconds, at most a day.
     seconds: "a number of seconds, from -86400 to 86400" if |v| v.abs() <= 86_400.0;
+    /// How late something comes, in seconds, half a minute at most.
+    latency_s: "a number of seconds, from 0 to 30" if |v| (0.0..=30.0).contains(&v);
     /// A duration in minutes, above zero, ten hours at most.
     minutes: "a number of minutes, above 0 and at most 600" if |v| v > 0.0 && v <= 600.0;
     /// A frame rate, at most 30 frames a second.

@@ -41,6 +41,7 @@ Examples:
   grim track --pack town.grim DJI_0001.MP4 --fps 2 --hfov 73
   camera | grim track --pack town.grim - --fps 5 --record recorded
   grim track --pack town.grim incoming/ --follow --mavlink serial:/dev/ttyAMA0:921600
+  grim track --pack town.grim rtsp://10.0.0.2/stream --hfov 73 --mavlink udpin:0.0.0.0:14550 --frame-latency 0.3
   grim track --replay recorded
 
 Exit status: 0 the aircraft was found, 1 it was not, or some frames could not be used, or a replay gave another track, 2 wrong \
@@ -62,18 +63,18 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         bail!("expected a map pack, --pack AREA.grim");
     };
     let source = Source::of(arguments)?;
-    if arguments.frames.clock_offset != 0.0 && matches!(source, Source::Video(_)) {
-        bail!(
-            "--clock-offset is added to the times of photos, and those of a video count from its beginning; --telemetry-delay moves \
-             the times of recorded telemetry"
-        );
-    }
+    source.check_times(arguments)?;
     let telemetry_file = telemetry_file(arguments, &source);
     let policy = policy(arguments, pack, &source).protect_all(&telemetry_file);
     let output = &arguments.output;
     check_outputs(arguments, &policy)?;
+    if let (Some(_), Some(epoch)) = (&arguments.link.nmea, source.known_epoch(&arguments.frames)) {
+        check_time_of_day(epoch)?;
+    }
     let mut telemetry = telemetry(arguments, &source, telemetry_file)?;
-    let live = Live::new(arguments.link.live_options()?, source.is_live());
+    let live_options = arguments
+        .link
+        .live_options(arguments.frames.frame_latency)?;
     let truth = output.truth.as_deref().map(Truth::read).transpose()?;
     inputs::check_regular(pack)?;
     let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
@@ -94,6 +95,8 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     };
     let stream = open_output(arguments, &policy)?;
     let nmea = open_nmea(arguments, &policy)?;
+    // Before the first frame is waited for.
+    let live = Live::start(&live_options, source.is_live())?;
     let mut frames = source.open(arguments, needed, &policy)?;
     if let (Some(telemetry), Some(ends_s)) = (&mut telemetry, frames.ends_s()) {
         telemetry.compare_with_video(ends_s);
@@ -259,11 +262,17 @@ fn telemetry(
     file: Option<PathBuf>,
 ) -> Result<Option<RecordedTelemetry>> {
     let delay_s = arguments.link.telemetry_delay;
-    match (file, source.video()) {
-        (Some(path), _) => RecordedTelemetry::read(&path, delay_s).map(Some),
-        (None, Some(video)) => Ok(RecordedTelemetry::within_video(video, delay_s)),
-        (None, None) => Ok(None),
+    let telemetry = match (file, source.video()) {
+        (Some(path), _) => Some(RecordedTelemetry::read(&path, delay_s)?),
+        (None, Some(video)) => RecordedTelemetry::within_video(video, delay_s),
+        (None, None) => None,
+    };
+    if telemetry.is_none() && delay_s != 0.0 {
+        bail!(
+            "--telemetry-delay moves the times of recorded telemetry, and there is none; expected --telemetry FILE"
+        );
     }
+    Ok(telemetry)
 }
 
 /// Follows all frames and writes the track, smoothed at the end if that is asked for. Gives whether it was interrupted.

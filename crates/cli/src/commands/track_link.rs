@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 use clap::Args;
-use grimnet_link::{Address, LinkOptions, NmeaTarget};
+use grimnet_link::{Address, CameraMount, LinkOptions, NmeaTarget};
 
 use super::link_options::{LinkChoice, address};
 use crate::formats::TextTarget;
@@ -27,8 +27,13 @@ pub struct TrackLinkArgs {
     #[command(flatten)]
     pub message: LinkChoice,
 
+    /// Camera whose attitude the autopilot's telemetry gives: gimbal (the first that reports, else as fixed), gimbal:ID (the
+    /// one with this MAVLink component or number), fixed (looks down, the picture's top to the nose), unknown (attitude is not used)
+    #[arg(long, value_name = "MOUNT", requires = "mavlink", default_value_t, help_heading = LINK)]
+    pub mavlink_camera: CameraMount,
+
     /// Error of the autopilot's velocity, metres per second (1 sigma per axis); 0: velocities are not used
-    #[arg(long, value_name = "M_S", requires = "mavlink", default_value_t = 0.5, value_parser = values::sigma_m, allow_hyphen_values = true, help_heading = LINK)]
+    #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = values::sigma_m, allow_hyphen_values = true, help_heading = LINK)]
     pub mavlink_velocity_sigma: f64,
 
     /// Print what would be sent to the autopilot, and send nothing
@@ -50,11 +55,11 @@ pub struct TrackLinkArgs {
 }
 
 impl TrackLinkArgs {
-    /// What runs beside the flight.
+    /// What runs beside the flight, whose frames are so old when they come if they have a clock of their own.
     ///
     /// # Errors
     /// A key that cannot be read.
-    pub fn live_options(&self) -> Result<LiveOptions> {
+    pub fn live_options(&self, frame_latency_s: Option<f64>) -> Result<LiveOptions> {
         let mavlink = match &self.mavlink {
             Some(address) => {
                 let mut options = LinkOptions::new(address.clone());
@@ -62,6 +67,7 @@ impl TrackLinkArgs {
                 options.system_id = self.message.mavlink_system;
                 options.signing = self.message.key()?;
                 options.dry_run = self.dry_run;
+                options.telemetry.camera_mount = self.mavlink_camera;
                 let sigma_m_s = self.mavlink_velocity_sigma;
                 options.telemetry.velocity_sigma_m_s = (sigma_m_s > 0.0).then_some(sigma_m_s);
                 Some(options)
@@ -72,7 +78,16 @@ impl TrackLinkArgs {
             Some(NmeaTarget::Address(address)) => Some(address.clone()),
             _ => None,
         };
-        Ok(LiveOptions { mavlink, nmea })
+        Ok(LiveOptions {
+            mavlink,
+            nmea,
+            frame_latency_s,
+        })
+    }
+
+    /// Whether positions go to an autopilot or a receiver during the flight.
+    pub fn is_connected(&self) -> bool {
+        self.mavlink.is_some() || matches!(self.nmea, Some(NmeaTarget::Address(_)))
     }
 
     /// The file or standard output that takes NMEA sentences.

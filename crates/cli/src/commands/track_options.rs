@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{ArgGroup, Args};
+use clap::{Arg, ArgGroup, Args};
 use grimnet_flight::{FlightOptions, Known};
 use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, NeededPixels, Options, Prior};
 use grimnet_photo::ViewPrior;
@@ -24,6 +24,28 @@ const KNOWN: &str = "What you know about the flight";
 /// Heading of the options about output.
 const OUTPUT: &str = "Output";
 
+/// Options that --replay reads; all others are refused beside it.
+const REPLAY_OPTIONS: [&str; 4] = ["replay", "format", "out", "overwrite"];
+/// What the options begin with that say something of the link of --mavlink.
+const OF_MAVLINK: &str = "mavlink_";
+
+/// Refuses an option where it would have no effect.
+fn refuse_without_effect(option: Arg) -> Arg {
+    let name = option.get_id().as_str();
+    let is_replayed = REPLAY_OPTIONS.contains(&name);
+    let is_of_mavlink = name.starts_with(OF_MAVLINK);
+    let option = if is_replayed {
+        option
+    } else {
+        option.conflicts_with("replay")
+    };
+    if is_of_mavlink {
+        option.requires("mavlink")
+    } else {
+        option
+    }
+}
+
 /// What kind of aircraft carries the camera.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, clap::ValueEnum)]
 pub enum VehicleChoice {
@@ -36,12 +58,14 @@ pub enum VehicleChoice {
 
 /// Arguments of `grim track`.
 #[derive(Debug, Args)]
+#[command(mut_args(refuse_without_effect))]
 pub struct TrackArgs {
     /// Photos, folders of photos or patterns; a video; `-` for standard input
     ///
     /// Photos are taken in order of time. Standard input holds JPEG pictures one after the other, or lines with the names of
     /// photo files. MP4 and MOV videos (H.264, H.265) are decoded here, other videos and addresses such as rtsp:// by an `ffmpeg`
-    /// process.
+    /// process. Of an address, which is a live stream, and of standard input beside --mavlink or --nmea ADDRESS, the newest frame is
+    /// taken where frames come faster than they are processed.
     #[arg(required_unless_present = "replay")]
     pub source: Vec<PathBuf>,
 
@@ -94,6 +118,14 @@ pub struct FrameArgs {
     /// Seconds to add to the times that photos tell, where the camera's clock is behind; negative where it is ahead
     #[arg(long, value_name = "S", default_value_t = 0.0, conflicts_with = "fps", value_parser = values::seconds, allow_hyphen_values = true, help_heading = FRAMES)]
     pub clock_offset: f64,
+
+    /// How old live frames are when they come, seconds, if their times are not of this computer's clock: of a stream, with --fps, or
+    /// of a camera whose clock cannot be set
+    ///
+    /// For --mavlink and --nmea: an error of it makes positions wrong by the way that is flown in the error. Without it, 0 is taken
+    /// for frames without dates, with a warning.
+    #[arg(long, value_name = "S", value_parser = values::latency_s, allow_hyphen_values = true, help_heading = FRAMES)]
+    pub frame_latency: Option<f64>,
 
     /// Frames per second: of photos that are numbered in order and have no times; of a video, how many are taken [default: 2]
     #[arg(long, value_name = "N", value_parser = values::rate_per_s, allow_hyphen_values = true, help_heading = FRAMES)]
@@ -214,21 +246,21 @@ pub struct OutputArgs {
     pub overwrite: OverwriteChoice,
 
     /// For recorded flights: write the track at the end, each point with what came before and after it (RTS smoother)
-    #[arg(long, conflicts_with_all = ["follow", "replay"], help_heading = OUTPUT)]
+    #[arg(long, conflicts_with = "follow", help_heading = OUTPUT)]
     pub smooth: bool,
 
     /// True positions by photo, to state how far the track is from them
     ///
     /// A table with a column `photo`, and `gps_lat`,`gps_lon` (aircraft) or `lat_deg`,`lon_deg` (image centre).
-    #[arg(long, value_name = "TRUTH.csv", conflicts_with = "replay", help_heading = OUTPUT)]
+    #[arg(long, value_name = "TRUTH.csv", help_heading = OUTPUT)]
     pub truth: Option<PathBuf>,
 
     /// Write a page with a map of the track, its ellipses and, with --truth, its error over time into this folder
-    #[arg(long, value_name = "DIR", conflicts_with = "replay", value_parser = values::output_folder(), help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", value_parser = values::output_folder(), help_heading = OUTPUT)]
     pub report: Option<PathBuf>,
 
     /// Write the track with its map as one HTML file with a slider, which opens without any server
-    #[arg(long, value_name = "FILE.html", conflicts_with = "replay", value_parser = values::output_file(), help_heading = OUTPUT)]
+    #[arg(long, value_name = "FILE.html", value_parser = values::output_file(), help_heading = OUTPUT)]
     pub session: Option<PathBuf>,
 
     /// The map, as background of --report and --session
@@ -239,13 +271,13 @@ pub struct OutputArgs {
     pub place: MapPlace,
 
     /// Record the flight into this folder: all inputs, times and answers
-    #[arg(long, value_name = "DIR", conflicts_with = "replay", value_parser = values::output_folder(), help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR", value_parser = values::output_folder(), help_heading = OUTPUT)]
     pub record: Option<PathBuf>,
 
     /// Run a recorded flight again, without its photos, and say whether the track is the same
     ///
     /// A folder of --record, whose newest recording is taken, finished (flight.jsonl) or interrupted (flight.jsonl.partial); or
     /// the file of a recording.
-    #[arg(long, value_name = "DIR|FILE", conflicts_with_all = ["source", "pack"], help_heading = OUTPUT)]
+    #[arg(long, value_name = "DIR|FILE", help_heading = OUTPUT)]
     pub replay: Option<PathBuf>,
 }

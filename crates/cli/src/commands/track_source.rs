@@ -6,16 +6,20 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 
-use grimnet_eval::pictures::picture_files;
 use grimnet_locate::NeededPixels;
 use grimnet_output::OutputPolicy;
+use grimnet_photo::pictures::picture_files;
 
-use super::track_options::TrackArgs;
+use super::track_options::{FrameArgs, TrackArgs};
 use crate::tracking::following::Following;
+use crate::tracking::frame_time::Epoch;
 use crate::tracking::frames::Frames;
+use crate::tracking::handover::Keep;
 use crate::tracking::photo_list::PhotoList;
 use crate::tracking::standard_input::StreamedFrames;
-use crate::tracking::video::{DEFAULT_FRAMES_PER_S, is_video, open_video};
+use crate::tracking::video::{
+    DEFAULT_FRAMES_PER_S, is_live_address, is_video, open_stream, open_video,
+};
 use crate::{inputs, photos};
 
 /// Where frames come from, as the command line names it.
@@ -24,8 +28,10 @@ pub enum Source {
     Photos(Vec<PathBuf>),
     /// A folder that photos are written into.
     Folder(PathBuf),
-    /// A video file.
+    /// A recorded video.
     Video(PathBuf),
+    /// The address of a live stream.
+    Stream(PathBuf),
     /// JPEGs one after another.
     StandardInput,
 }
@@ -45,6 +51,7 @@ impl Source {
         }
         match source {
             [only] if only == Path::new("-") => Ok(Self::StandardInput),
+            [only] if is_live_address(only) => Ok(Self::Stream(only.clone())),
             [only] if is_video(only) => Ok(Self::Video(only.clone())),
             several if several.iter().any(|path| is_video(path)) => {
                 bail!("expected one video, or photos; not several sources together")
@@ -55,10 +62,53 @@ impl Source {
 
     /// Whether frames come while the aircraft flies.
     pub fn is_live(&self) -> bool {
-        matches!(self, Self::Folder(_) | Self::StandardInput)
+        matches!(
+            self,
+            Self::Folder(_) | Self::Stream(_) | Self::StandardInput
+        )
     }
 
-    /// The video.
+    /// What the times of the frames count from, if that is known before the first one.
+    pub fn known_epoch(&self, frames: &FrameArgs) -> Option<Epoch> {
+        let is_video = matches!(self, Self::Video(_) | Self::Stream(_));
+        (is_video || frames.fps.is_some()).then_some(Epoch::Start)
+    }
+
+    /// Checks that what is said of the frames' times has an effect.
+    ///
+    /// # Errors
+    /// It has none.
+    pub fn check_times(&self, arguments: &TrackArgs) -> Result<()> {
+        let frames = &arguments.frames;
+        match self {
+            Self::Video(_) if frames.clock_offset != 0.0 => bail!(
+                "--clock-offset is added to the times of photos, and those of a video count from its beginning; --telemetry-delay \
+                 moves the times of recorded telemetry"
+            ),
+            Self::Stream(_) if frames.clock_offset != 0.0 => bail!(
+                "--clock-offset is added to the times of photos, and those of a live stream count from its first frame; \
+                 --frame-latency says how old frames are when they come"
+            ),
+            _ => {}
+        }
+        if frames.frame_latency.is_none() {
+            return Ok(());
+        }
+        if !self.is_live() {
+            bail!(
+                "--frame-latency says how old frames are when they come while the aircraft flies, and these are recorded; expected the \
+                 address of a stream, `-`, or --follow"
+            );
+        }
+        if !arguments.link.is_connected() {
+            bail!(
+                "--frame-latency moves the positions that are sent during the flight; expected --mavlink, or --nmea with an address"
+            );
+        }
+        Ok(())
+    }
+
+    /// The recorded video.
     pub fn video(&self) -> Option<&Path> {
         match self {
             Self::Video(path) => Some(path),
@@ -73,7 +123,7 @@ impl Source {
             // Whether it can be read is said when it is opened.
             Self::Folder(folder) => picture_files(folder).unwrap_or_default(),
             Self::Video(path) => vec![path.clone()],
-            Self::StandardInput => Vec::new(),
+            Self::Stream(_) | Self::StandardInput => Vec::new(),
         }
     }
 
@@ -108,11 +158,21 @@ impl Source {
                 let frames_per_s = frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S);
                 open_video(&path, frames_per_s, options.limits)?
             }
-            Self::StandardInput => Box::new(StreamedFrames::new(
-                BufReader::new(std::io::stdin()),
-                options,
-                policy.clone(),
-            )?),
+            Self::Stream(address) => {
+                let frames_per_s = frames.fps.unwrap_or(DEFAULT_FRAMES_PER_S);
+                open_stream(&address, frames_per_s, options.limits)?
+            }
+            Self::StandardInput => {
+                // Without a link it may be a recorded flight, of which nothing may be lost.
+                let keep = if arguments.link.is_connected() {
+                    Keep::Newest
+                } else {
+                    Keep::All
+                };
+                let input = BufReader::new(std::io::stdin());
+                let policy = policy.clone();
+                Box::new(StreamedFrames::new(input, options, policy, keep)?)
+            }
         })
     }
 }

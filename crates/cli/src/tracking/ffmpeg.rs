@@ -11,6 +11,7 @@ use grimnet_photo::PhotoLimits;
 
 use super::frame_time::Epoch;
 use super::frames::{Frame, FrameOptions, Frames};
+use super::handover::Keep;
 use super::standard_input::StreamedFrames;
 
 /// The filter that stretches pictures to square pixels, as those of [`grimnet_video`] are; square ones stay as they are.
@@ -25,11 +26,12 @@ pub struct FfmpegVideo {
 }
 
 impl FfmpegVideo {
-    /// Starts decoding; `frames_per_s` frames are taken of each second.
+    /// Starts decoding; `frames_per_s` frames are taken of each second, and `keep` says what becomes of one that waits while others
+    /// come.
     ///
     /// # Errors
     /// There is no `ffmpeg` on the PATH.
-    pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits) -> Result<Self> {
+    pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits, keep: Keep) -> Result<Self> {
         let name = source.display().to_string();
         let mut ffmpeg = Command::new("ffmpeg")
             .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-i"])
@@ -56,10 +58,11 @@ impl FfmpegVideo {
             limits,
             ..FrameOptions::default()
         };
+        // Pictures alone come from there, no names of files.
+        let policy = OutputPolicy::new();
         Ok(Self {
             ffmpeg,
-            // Pictures alone come from there, no names of files.
-            frames: StreamedFrames::new(BufReader::new(output), options, OutputPolicy::new())?,
+            frames: StreamedFrames::new(BufReader::new(output), options, policy, keep)?,
             name,
             given: 0,
         })
@@ -88,6 +91,10 @@ impl Frames for FfmpegVideo {
 
     fn epoch(&self) -> Epoch {
         Epoch::Start
+    }
+
+    fn dropped(&self) -> usize {
+        self.frames.dropped()
     }
 }
 

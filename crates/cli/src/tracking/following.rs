@@ -6,8 +6,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant, SystemTime};
 
 use anyhow::{Result, bail};
-use grimnet_eval::pictures::is_picture;
 use grimnet_output::OutputPolicy;
+use grimnet_photo::pictures::is_picture;
 
 use super::frame_time::Epoch;
 use super::frames::{Frame, FrameOptions, Frames, frame_from_file};

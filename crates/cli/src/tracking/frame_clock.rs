@@ -7,7 +7,8 @@ use std::collections::VecDeque;
 
 use super::frame_time::Epoch;
 
-/// The first photo of a clock that differs by more from the system's is taken for one of a flight that is played again, seconds.
+/// The date of a first photo that differs by more from the system's is of another time: of a clock that was never set, or of a flight
+/// that is played again, seconds.
 const SAME_CLOCK_S: f64 = 60.0;
 /// A photo that comes earlier than its own time by more than this has another clock, seconds.
 const MAX_EARLY_S: f64 = 0.1;
@@ -34,8 +35,10 @@ pub struct Now {
 enum Base {
     /// The system's.
     System,
-    /// One of its own, which showed the time of the first frame when that was taken in.
+    /// One of its own, set by the first frame when that was taken in.
     FirstFrame,
+    /// As that, because the dates of the frames are of another time than the system's, and nobody said that it is right so.
+    OtherTime,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -58,20 +61,24 @@ impl Agreement {
 pub struct FrameClock {
     /// Whether the frames come while the aircraft flies.
     is_live: bool,
+    /// How old frames of a clock of their own are when they come, seconds. `None` if nobody said that they have one.
+    latency_s: Option<f64>,
     base: Option<Base>,
     ahead_s: f64,
     frames: usize,
-    /// How old the last frames were when they came, seconds.
+    /// How old the last frames were when they came, beyond the latency, seconds.
     ages_s: VecDeque<f64>,
     agreement: Agreement,
     reported: Agreement,
 }
 
 impl FrameClock {
-    /// Before the first frame. Frames of a flight that is over are played again from the moment of the first one.
-    pub fn new(is_live: bool) -> Self {
+    /// Before the first frame. Frames of a flight that is over are played again from the moment of the first one. Live frames with a
+    /// `latency_s` have a clock of their own.
+    pub fn new(is_live: bool, latency_s: Option<f64>) -> Self {
         Self {
             is_live,
+            latency_s,
             base: None,
             ahead_s: 0.0,
             frames: 0,
@@ -81,14 +88,14 @@ impl FrameClock {
         }
     }
 
-    /// What to add to a time of the links to get one of the frames, seconds.
-    pub fn ahead_s(&self) -> f64 {
-        self.ahead_s
+    /// What to add to a time of the links to get one of the frames, seconds. `None` before the first frame.
+    pub fn ahead_s(&self) -> Option<f64> {
+        self.base.map(|_| self.ahead_s)
     }
 
     /// Whether positions may be asked for the present moment.
     pub fn agrees(&self) -> bool {
-        self.agreement == Agreement::Agrees
+        self.base != Some(Base::OtherTime) && self.agreement == Agreement::Agrees
     }
 
     /// Takes in the time of a frame, and that of the newest one that waits. Gives the line to be logged.
@@ -106,9 +113,9 @@ impl FrameClock {
             // It may have been set since the links' clock began.
             self.ahead_s = now.system_s - now.link_s;
         }
-        let mut age_s = now.link_s + self.ahead_s - newest_s;
+        let mut age_s = now.link_s + self.ahead_s - newest_s - self.latency_s.unwrap_or(0.0);
         self.frames += 1;
-        if self.base == Some(Base::FirstFrame) && self.frames <= COMPARED && age_s < 0.0 {
+        if self.base != Some(Base::System) && self.frames <= COMPARED && age_s < 0.0 {
             // The first frame had waited.
             self.ahead_s -= age_s;
             self.ages_s.clear();
@@ -129,12 +136,15 @@ impl FrameClock {
         } else {
             Agreement::Agrees
         };
+        if self.base == Some(Base::OtherTime) {
+            return base_text;
+        }
         base_text.or_else(|| self.agreement_text())
     }
 
     /// Chooses the frames' clock, again where a later frame has the system's after all.
     fn choose_base(&mut self, newest_s: f64, epoch: Epoch, now: Now) -> Option<String> {
-        let is_dated = self.is_live && epoch == Epoch::Unix;
+        let is_dated = self.is_live && epoch == Epoch::Unix && self.latency_s.is_none();
         let has_system_clock = is_dated && (now.system_s - newest_s).abs() <= SAME_CLOCK_S;
         match self.base {
             None if has_system_clock => {
@@ -142,19 +152,16 @@ impl FrameClock {
                 None
             }
             None => {
+                self.ahead_s = newest_s + self.latency_s.unwrap_or(0.0) - now.link_s;
+                if is_dated {
+                    self.base = Some(Base::OtherTime);
+                    return Some(other_time_text(now.system_s - newest_s));
+                }
                 self.base = Some(Base::FirstFrame);
-                self.ahead_s = newest_s - now.link_s;
-                let age_s = now.system_s - newest_s;
-                let side = if age_s < 0.0 { "newer" } else { "older" };
-                is_dated.then(|| {
-                    format!(
-                        "the newest photo is {:.0} s {side} than this computer's clock says: the flight is taken for a recorded one that \
-                         is played again. If it is not, set the clocks or their time zones, or give --clock-offset {age_s:.1}",
-                        age_s.abs()
-                    )
-                })
+                let is_unknown = self.is_live && self.latency_s.is_none();
+                is_unknown.then(|| UNKNOWN_LATENCY.to_owned())
             }
-            Some(Base::FirstFrame) if has_system_clock => {
+            Some(Base::OtherTime) if has_system_clock => {
                 self.base = Some(Base::System);
                 self.ages_s.clear();
                 Some(
@@ -199,6 +206,22 @@ impl FrameClock {
     }
 }
 
+/// What is reported where nobody said how old frames are when they come.
+const UNKNOWN_LATENCY: &str = "the times of the frames are not of this computer's clock, so that each frame is taken for exposed when \
+    it comes: the time that it takes to come, often some tenths of a second, makes positions wrong by the way that is flown in it, which \
+    the stated radius does not contain. Measure it and give --frame-latency S (docs/autopilot.md, \"One clock\")";
+
+/// What is reported where the newest photo is so many seconds old by its date.
+fn other_time_text(age_s: f64) -> String {
+    let side = if age_s < 0.0 { "newer" } else { "older" };
+    format!(
+        "the newest photo is {:.0} s {side} than this computer's clock says, so that positions would be wrong: none is given until that \
+         changes. Set the clocks or their time zones, or give --clock-offset {age_s:.1}; for a camera whose clock cannot be set, or a \
+         flight that is played again, give --frame-latency S",
+        age_s.abs()
+    )
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -233,7 +256,7 @@ mod tests {
             ),
             (5.0, "5.0 s old when they come", "--clock-offset 5.0"),
         ] {
-            let mut clock = FrameClock::new(true);
+            let mut clock = FrameClock::new(true, None);
             let lines = fly(&mut clock, 0..30, age_s);
             assert_eq!(lines.len(), 1, "{lines:?}");
             assert!(lines[0].contains(expected), "{lines:?}");
@@ -251,44 +274,45 @@ mod tests {
 
     #[test]
     fn one_clock_is_silent_also_where_single_photos_wait() {
-        let mut clock = FrameClock::new(true);
+        let mut clock = FrameClock::new(true, None);
         assert!(fly(&mut clock, 0..1, 40.0).is_empty());
         assert!(!clock.agrees(), "an old photo gives no position");
         assert!(fly(&mut clock, 1..20, 0.2).is_empty());
         assert!(fly(&mut clock, 20..24, 6.0).is_empty());
         assert!(clock.agrees());
-        assert_eq!(clock.ahead_s(), 0.0);
+        assert_eq!(clock.ahead_s(), Some(0.0));
     }
 
     #[test]
     fn an_old_photo_does_not_set_the_clock() {
         // The newest photo that is there has the system's clock.
-        let mut clock = FrameClock::new(true);
+        let mut clock = FrameClock::new(true, None);
         let newest_s = Some(BEGAN_S - 0.3);
         let lines = clock.frame(BEGAN_S - 180.0, Epoch::Unix, newest_s, at(BEGAN_S));
-        assert_eq!((lines, clock.ahead_s()), (None, 0.0));
+        assert_eq!((lines, clock.ahead_s()), (None, Some(0.0)));
         // The old one is alone.
-        let mut clock = FrameClock::new(true);
+        let mut clock = FrameClock::new(true, None);
         let lines = clock.frame(BEGAN_S - 180.0, Epoch::Unix, None, at(BEGAN_S));
         assert!(lines.unwrap().contains("180 s older"));
-        assert_eq!(clock.ahead_s(), -180.0);
+        assert_eq!(clock.ahead_s(), Some(-180.0));
+        assert!(!clock.agrees());
         let lines = fly(&mut clock, 1..30, 0.2);
         assert_eq!(lines.len(), 1, "{lines:?}");
         assert!(lines[0].contains("from now on"), "{lines:?}");
-        assert_eq!(clock.ahead_s(), 0.0);
+        assert_eq!(clock.ahead_s(), Some(0.0));
         assert!(clock.agrees());
     }
 
     #[test]
     fn the_systems_clock_may_be_set_during_the_flight() {
-        let mut clock = FrameClock::new(true);
+        let mut clock = FrameClock::new(true, None);
         fly(&mut clock, 0..5, 0.2);
         let now = Now {
             link_s: BEGAN_S + 5.0,
             system_s: BEGAN_S + 1000.0,
         };
         let lines = clock.frame(BEGAN_S + 999.8, Epoch::Unix, None, now);
-        assert_eq!((lines, clock.ahead_s()), (None, 995.0));
+        assert_eq!((lines, clock.ahead_s()), (None, Some(995.0)));
         assert!(clock.agrees());
     }
 
@@ -296,7 +320,7 @@ mod tests {
     fn seconds_since_the_first_frame_that_drift_are_reported() {
         // One frame a second, with times that go twice as fast, or half as fast.
         for (speed, expected) in [(2.0, "earlier than"), (0.5, "later than")] {
-            let mut clock = FrameClock::new(true);
+            let mut clock = FrameClock::new(true, Some(0.3));
             let lines: Vec<String> = (0..60)
                 .filter_map(|second| {
                     let now = at(BEGAN_S + f64::from(second));
@@ -311,19 +335,68 @@ mod tests {
 
     #[test]
     fn a_first_frame_that_waited_is_no_other_clock() {
-        let mut clock = FrameClock::new(true);
+        let mut clock = FrameClock::new(true, Some(0.0));
         for (time_s, came_s) in [(0.0, 2.0), (0.5, 2.1), (1.0, 2.2), (1.5, 2.3), (2.0, 2.4)] {
             let lines = clock.frame(time_s, Epoch::Start, None, at(came_s));
             assert_eq!(lines, None);
             assert!(clock.agrees());
         }
-        assert!((clock.ahead_s() + 0.4).abs() < 1e-9, "{}", clock.ahead_s());
+        let ahead_s = clock.ahead_s().unwrap();
+        assert!((ahead_s + 0.4).abs() < 1e-9, "{ahead_s}");
     }
 
     #[test]
     fn recorded_photos_begin_now_however_young_they_are() {
-        let mut clock = FrameClock::new(false);
+        let mut clock = FrameClock::new(false, None);
+        assert_eq!(clock.ahead_s(), None);
         let lines = clock.frame(BEGAN_S - 30.0, Epoch::Unix, None, at(BEGAN_S));
-        assert_eq!((lines, clock.ahead_s()), (None, -30.0));
+        assert_eq!((lines, clock.ahead_s()), (None, Some(-30.0)));
+        assert!(clock.agrees());
+    }
+
+    #[test]
+    fn an_unknown_latency_of_live_frames_is_told_once() {
+        let mut clock = FrameClock::new(true, None);
+        let lines: Vec<String> = (0..30)
+            .filter_map(|second| {
+                let now = at(BEGAN_S + f64::from(second));
+                clock.frame(f64::from(second), Epoch::Start, None, now)
+            })
+            .collect();
+        assert_eq!(lines.len(), 1, "{lines:?}");
+        assert!(lines[0].contains("--frame-latency S"), "{lines:?}");
+        assert!(clock.agrees());
+    }
+
+    /// At the moment at which a frame comes, the frames' clock shows more than the frame's time by the latency.
+    #[test]
+    fn a_stated_latency_is_the_age_at_which_frames_come() {
+        let mut clock = FrameClock::new(true, Some(0.5));
+        for (time_s, came_s) in [(0.0, 100.2), (1.0, 101.0), (2.0, 102.3)] {
+            let lines = clock.frame(time_s, Epoch::Start, None, at(came_s));
+            assert_eq!(lines, None);
+            assert!(clock.agrees());
+        }
+        // The second one came first after its exposure.
+        let ahead_s = clock.ahead_s().unwrap();
+        assert!((101.0 + ahead_s - 1.5).abs() < 1e-9, "{ahead_s}");
+    }
+
+    /// Such as one whose time zone is wrong.
+    #[test]
+    fn dates_of_another_time_give_positions_only_with_a_latency() {
+        for (latency_s, agrees) in [(None, false), (Some(0.2), true)] {
+            let mut clock = FrameClock::new(true, latency_s);
+            let lines = fly(&mut clock, 0..30, 8.0 * 3600.0);
+            assert_eq!(clock.agrees(), agrees);
+            assert_eq!(lines.is_empty(), agrees, "{lines:?}");
+            let expected = -8.0 * 3600.0 + latency_s.unwrap_or(0.0);
+            let ahead_s = clock.ahead_s().unwrap();
+            assert!((ahead_s - expected).abs() < 1e-6, "{ahead_s}");
+            if !agrees {
+                assert_eq!(lines.len(), 1, "{lines:?}");
+                assert!(lines[0].contains("--clock-offset 28800.0"), "{lines:?}");
+            }
+        }
     }
 }

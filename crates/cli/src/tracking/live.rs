@@ -1,9 +1,9 @@
 //! What runs beside a flight: the link to an autopilot, and sentences for a receiver.
 
+use std::collections::VecDeque;
 use std::io::Write as _;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
 
@@ -18,6 +18,9 @@ use super::frame_time::Epoch;
 
 /// How often telemetry is taken from the link.
 const PERIOD: Duration = Duration::from_millis(10);
+/// Telemetry older than this is forgotten while no frame has come, seconds: it says nothing of the first one, and a wait on the ground
+/// may be long.
+const KEPT_BEFORE_FRAMES_S: f64 = 5.0;
 /// Positions with a 95 % radius above this are not written as sentences, metres.
 pub const MAX_NMEA_RADIUS95_M: f64 = 150.0;
 
@@ -28,6 +31,8 @@ pub struct LiveOptions {
     pub mavlink: Option<LinkOptions>,
     /// The receiver of NMEA sentences.
     pub nmea: Option<Address>,
+    /// How old frames of a clock of their own are when they come, seconds. `None` if nobody said that they have one.
+    pub frame_latency_s: Option<f64>,
 }
 
 impl LiveOptions {
@@ -36,22 +41,26 @@ impl LiveOptions {
     }
 }
 
-/// What the links ask.
+/// What the links ask, and what they gave.
 #[derive(Debug, Default)]
 struct Published {
     /// The filter of the last frame, with the telemetry that came since. `None` while there is no position.
     tracker: Option<Tracker>,
     /// The telemetry that the flight goes without.
     left_out: LeftOut,
-    /// The frames' clock, which is the filter's, is so far ahead of the links', seconds.
-    ahead_s: f64,
+    /// The frames' clock, which is the filter's, is so far ahead of the links', seconds. `None` before the first frame.
+    ahead_s: Option<f64>,
+    /// Telemetry that the flight did not take in yet, at times of the links' clock, in order of arrival.
+    telemetry: VecDeque<Input>,
 }
 
 type Shared = Arc<Mutex<Published>>;
 
-/// The links of a flight. They start with its first frame and end when this is dropped.
+/// The links of a flight. They are open until this is dropped: before the first frame, so that a wrong cable shows on the ground, and
+/// so that attitude and height are known when it comes.
 pub struct Live {
-    options: LiveOptions,
+    /// Whether sentences are sent, which carry the time of day.
+    has_nmea: bool,
     /// Whether the frames come while the aircraft flies.
     is_live: bool,
     frame_clock: FrameClock,
@@ -62,32 +71,41 @@ pub struct Live {
 
 struct Running {
     clock: LinkClock,
-    telemetry: Receiver<Input>,
     stop: Arc<AtomicBool>,
     thread: Option<JoinHandle<()>>,
 }
 
 impl Live {
-    /// Links that have not started yet, for frames that come while the aircraft flies or of a flight that is over.
-    pub fn new(options: LiveOptions, is_live: bool) -> Self {
-        Self {
-            options,
+    /// Starts the links, for frames that come while the aircraft flies or of a flight that is over.
+    ///
+    /// # Errors
+    /// No thread can be started.
+    pub fn start(options: &LiveOptions, is_live: bool) -> Result<Self> {
+        let shared = Shared::default();
+        let running = if options.is_empty() {
+            None
+        } else {
+            Some(Running::start(options, &shared)?)
+        };
+        Ok(Self {
+            has_nmea: options.nmea.is_some(),
             is_live,
-            frame_clock: FrameClock::new(is_live),
+            frame_clock: FrameClock::new(is_live, options.frame_latency_s),
             warned_of_coarse: false,
-            shared: Shared::default(),
-            running: None,
-        }
+            shared,
+            running,
+        })
     }
 
     /// For a flight that is over: waits until the links' clock reaches the time of a frame, or until `stop`. The first frame sets
     /// that clock.
     pub fn wait_until(&self, frame_s: f64, stop: &AtomicBool) {
-        let Some(running) = self.running.as_ref().filter(|_| !self.is_live) else {
+        let running = self.running.as_ref().filter(|_| !self.is_live);
+        let (Some(running), Some(ahead_s)) = (running, self.frame_clock.ahead_s()) else {
             return;
         };
         loop {
-            let early_s = frame_s - (running.clock.now_s() + self.frame_clock.ahead_s());
+            let early_s = frame_s - (running.clock.now_s() + ahead_s);
             if early_s <= 0.0 || stop.load(Ordering::Relaxed) {
                 return;
             }
@@ -95,11 +113,11 @@ impl Live {
         }
     }
 
-    /// Says that a frame is taken in; the first one starts the links. `newest_s` is the time of the newest frame that waits,
+    /// Says that a frame is taken in. `newest_s` is the time of the newest frame that waits,
     /// `is_coarse` whether the frames' times are known to a second only. While the clocks do not agree, there is no position.
     ///
     /// # Errors
-    /// No thread can be started; sentences, which carry the time of day, without one.
+    /// Sentences, which carry the time of day, without one.
     pub fn frame(
         &mut self,
         frame_s: f64,
@@ -107,15 +125,14 @@ impl Live {
         newest_s: Option<f64>,
         is_coarse: bool,
     ) -> Result<()> {
-        if self.options.is_empty() {
+        let Some(running) = &self.running else {
             return Ok(());
-        }
-        let clock = match &self.running {
-            Some(running) => running.clock,
-            None => LinkClock::unix(),
         };
+        if self.has_nmea {
+            check_time_of_day(epoch)?;
+        }
         let now = Now {
-            link_s: clock.now_s(),
+            link_s: running.clock.now_s(),
             system_s: LinkClock::unix().now_s(),
         };
         if let Some(text) = self.frame_clock.frame(frame_s, epoch, newest_s, now) {
@@ -127,35 +144,47 @@ impl Live {
                  stated radius does not contain: write EXIF SubSecTimeOriginal, or names with milliseconds (docs/flight.md)"
             );
         }
-        {
-            let mut published = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-            published.ahead_s = self.frame_clock.ahead_s();
-            if !self.frame_clock.agrees() {
-                published.tracker = None;
-            }
+        let mut published = lock(&self.shared);
+        published.ahead_s = self.frame_clock.ahead_s();
+        if !self.frame_clock.agrees() {
+            published.tracker = None;
         }
-        self.start(clock, epoch)
+        Ok(())
     }
 
-    /// Starts the links at the first frame.
-    fn start(&mut self, clock: LinkClock, epoch: Epoch) -> Result<()> {
-        if self.running.is_some() {
-            return Ok(());
+    /// Telemetry that came since the last call, in order of arrival, at the times of the frames' clock.
+    pub fn telemetry(&self) -> Vec<Input> {
+        lock(&self.shared).take_telemetry()
+    }
+
+    /// Makes the track of `flight` the one that the links ask, if the clocks agree.
+    pub fn publish(&self, flight: &Flight) {
+        self.publish_track(flight.tracker(), flight.left_out_now());
+    }
+
+    fn publish_track(&self, tracker: &Tracker, left_out: LeftOut) {
+        if self.running.is_some() && self.frame_clock.agrees() {
+            let mut published = lock(&self.shared);
+            published.tracker = Some(tracker.clone());
+            published.left_out = left_out;
         }
-        if self.options.nmea.is_some() {
-            check_time_of_day(epoch)?;
-        }
-        let shared = Arc::clone(&self.shared);
+    }
+}
+
+impl Running {
+    fn start(options: &LiveOptions, shared: &Shared) -> Result<Self> {
+        let clock = LinkClock::unix();
+        let asked = Arc::clone(shared);
         let point_at: PointAt = Arc::new(move |time_s| {
-            let published = shared.lock().unwrap_or_else(PoisonError::into_inner);
-            let frame_s = time_s + published.ahead_s;
+            let published = lock(&asked);
+            let frame_s = time_s + published.ahead_s?;
             published.tracker.as_ref()?.point_at(frame_s)
         });
-        let mavlink = match &self.options.mavlink {
+        let mavlink = match &options.mavlink {
             Some(options) => Some(Link::start(options.clone(), clock, Arc::clone(&point_at))?),
             None => None,
         };
-        let nmea = match &self.options.nmea {
+        let nmea = match &options.nmea {
             Some(address) => Some(NmeaOutput::start(
                 address.clone(),
                 MAX_NMEA_RADIUS95_M,
@@ -164,10 +193,9 @@ impl Live {
             )?),
             None => None,
         };
-        let (sender, telemetry) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
-        let shared = Arc::clone(&self.shared);
+        let shared = Arc::clone(shared);
         let thread = thread::Builder::new()
             .name("telemetry".to_owned())
             .spawn(move || {
@@ -175,51 +203,31 @@ impl Live {
                 let mut is_last = false;
                 while !is_last {
                     is_last = stopped.load(Ordering::Relaxed);
-                    turn(mavlink.as_ref(), nmea.as_ref(), &shared, &sender);
+                    turn(mavlink.as_ref(), nmea.as_ref(), &shared);
                     thread::sleep(PERIOD);
                 }
             })
             .context("cannot start a thread")?;
-        self.running = Some(Running {
+        Ok(Self {
             clock,
-            telemetry,
             stop,
             thread: Some(thread),
-        });
-        Ok(())
+        })
     }
+}
 
-    /// Telemetry that came since the last call, in order of arrival.
-    pub fn telemetry(&self) -> Vec<Input> {
-        self.running
-            .as_ref()
-            .map_or(Vec::new(), |running| running.telemetry.try_iter().collect())
-    }
-
-    /// Makes the track of `flight` the one that the links ask, if the clocks agree.
-    pub fn publish(&self, flight: &Flight) {
-        self.publish_track(flight.tracker(), flight.left_out());
-    }
-
-    fn publish_track(&self, tracker: &Tracker, left_out: LeftOut) {
-        if self.running.is_some() && self.frame_clock.agrees() {
-            let mut published = self.shared.lock().unwrap_or_else(PoisonError::into_inner);
-            published.tracker = Some(tracker.clone());
-            published.left_out = left_out;
+impl Drop for Running {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        if let Some(thread) = self.thread.take() {
+            // A panic there has nothing left to break.
+            let _ = thread.join();
         }
     }
 }
 
-impl Drop for Live {
-    fn drop(&mut self) {
-        if let Some(running) = &mut self.running {
-            running.stop.store(true, Ordering::Relaxed);
-            if let Some(thread) = running.thread.take() {
-                // A panic there has nothing left to break.
-                let _ = thread.join();
-            }
-        }
-    }
+fn lock(shared: &Shared) -> MutexGuard<'_, Published> {
+    shared.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Checks that frames have the time of day, which NMEA sentences carry.
@@ -236,33 +244,41 @@ pub fn check_time_of_day(epoch: Epoch) -> Result<()> {
     Ok(())
 }
 
-/// Takes in telemetry that came between two frames, at the time of the frames' clock, unless the flight goes without it. Gives what
-/// the flight takes in with the next frame.
-fn take(published: &mut Published, input: Input) -> Input {
-    let input = input.moved_in_time(published.ahead_s);
-    let is_left_out = published.left_out.contains(&input);
-    if let Some(tracker) = published.tracker.as_mut().filter(|_| !is_left_out) {
-        // What the filter refuses is reported by the session, which gets the same.
-        let _ = tracker.push(input);
+impl Published {
+    /// Takes in telemetry that came between two frames: keeps it for the flight, and moves the track that the links ask, unless the
+    /// flight goes without it.
+    fn take(&mut self, input: Input) {
+        self.telemetry.push_back(input);
+        let Some(ahead_s) = self.ahead_s else {
+            let is_old = |kept: &Input| kept.time_s() < input.time_s() - KEPT_BEFORE_FRAMES_S;
+            while self.telemetry.front().is_some_and(is_old) {
+                self.telemetry.pop_front();
+            }
+            return;
+        };
+        let input = input.moved_in_time(ahead_s);
+        let is_left_out = self.left_out.contains(&input);
+        if let Some(tracker) = self.tracker.as_mut().filter(|_| !is_left_out) {
+            // What the filter refuses is reported by the session, which gets the same.
+            let _ = tracker.push(input);
+        }
     }
-    input
+
+    /// The telemetry that the flight did not take in yet, at times of the frames' clock. None before the first frame.
+    fn take_telemetry(&mut self) -> Vec<Input> {
+        let Some(ahead_s) = self.ahead_s else {
+            return Vec::new();
+        };
+        let taken = self.telemetry.drain(..);
+        taken.map(|input| input.moved_in_time(ahead_s)).collect()
+    }
 }
 
 /// Takes telemetry and events from the links.
-fn turn(
-    mavlink: Option<&Link>,
-    nmea: Option<&NmeaOutput>,
-    shared: &Shared,
-    sender: &Sender<Input>,
-) {
+fn turn(mavlink: Option<&Link>, nmea: Option<&NmeaOutput>, shared: &Shared) {
     if let Some(link) = mavlink {
         for input in link.inputs() {
-            let input = take(
-                &mut shared.lock().unwrap_or_else(PoisonError::into_inner),
-                input,
-            );
-            // Nobody listens at the end of the flight.
-            let _ = sender.send(input);
+            lock(shared).take(input);
         }
         link.events().for_each(|event| tell(&event));
     }
@@ -286,14 +302,27 @@ mod tests {
 
     fn sentences(is_live: bool) -> Live {
         let options = LiveOptions {
-            mavlink: None,
             nmea: Some("udpout:127.0.0.1:9".parse().unwrap()),
+            ..LiveOptions::default()
         };
-        Live::new(options, is_live)
+        Live::start(&options, is_live).unwrap()
     }
 
     fn tracker() -> Tracker {
         Tracker::new(TrackOptions::default()).unwrap()
+    }
+
+    fn velocity(time_s: f64) -> Input {
+        Input::Velocity(Velocity {
+            time_s,
+            east_m_s: 12.0,
+            north_m_s: 0.0,
+            sigma_m_s: 0.5,
+        })
+    }
+
+    fn times_s(inputs: Vec<Input>) -> Vec<f64> {
+        inputs.iter().map(Input::time_s).collect()
     }
 
     fn has_tracker(live: &Live) -> bool {
@@ -314,25 +343,34 @@ mod tests {
     /// What the fixes contradict does not move the positions between two frames either.
     #[test]
     fn telemetry_that_the_flight_goes_without_is_not_in_the_published_track() {
-        let velocity = Input::Velocity(Velocity {
-            time_s: 1.0,
-            east_m_s: 12.0,
-            north_m_s: 0.0,
-            sigma_m_s: 0.5,
-        });
+        let velocity = velocity(1.0);
         let mut published = Published {
             tracker: Some(tracker()),
-            ahead_s: 2.0,
+            ahead_s: Some(2.0),
             ..Published::default()
         };
         let before = published.tracker.clone();
         published.left_out.velocity = true;
-        assert_eq!(take(&mut published, velocity).time_s(), 3.0);
+        published.take(velocity);
+        assert_eq!(times_s(published.take_telemetry()), [3.0]);
         let of = |tracker: &Option<Tracker>| format!("{tracker:?}");
         assert_eq!(of(&published.tracker), of(&before));
         published.left_out = LeftOut::default();
-        take(&mut published, velocity);
+        published.take(velocity);
         assert_ne!(of(&published.tracker), of(&before));
+    }
+
+    /// The first frame gets its attitude and height, and nothing grows while the aircraft waits on the ground.
+    #[test]
+    fn telemetry_before_the_first_frame_waits_for_its_clock() {
+        let mut published = Published::default();
+        for time_s in [0.0, 94.0, 96.0, 100.0] {
+            published.take(velocity(time_s));
+        }
+        assert!(published.take_telemetry().is_empty());
+        published.ahead_s = Some(-90.0);
+        assert_eq!(times_s(published.take_telemetry()), [6.0, 10.0]);
+        assert!(published.take_telemetry().is_empty());
     }
 
     #[test]
@@ -346,7 +384,7 @@ mod tests {
         live.wait_until(1000.3, &go_on);
         let waited_s = clock.now_s() - began_s;
         assert!(waited_s > 0.2, "{waited_s}");
-        assert!(clock.now_s() + live.frame_clock.ahead_s() >= 1000.3);
+        assert!(clock.now_s() + live.frame_clock.ahead_s().unwrap() >= 1000.3);
         // Ctrl-C ends the waiting.
         live.wait_until(9e9, &AtomicBool::new(true));
         // Frames that come during the flight are not waited for.

@@ -37,6 +37,8 @@ pub struct Session {
     counts: Counts,
     /// What there was a warning of, so that there is only one.
     warned: HashSet<&'static str>,
+    /// Whether it was warned of velocities that are left out now.
+    is_velocity_wrong: bool,
     /// The last step of a clock that there was a warning of.
     clock_step: Option<ClockWarning>,
 }
@@ -85,6 +87,7 @@ impl Session {
             inputs: keep_inputs.then(Vec::new),
             counts: Counts::default(),
             warned: HashSet::new(),
+            is_velocity_wrong: false,
             clock_step: None,
         }
     }
@@ -194,11 +197,17 @@ impl Session {
         self.recorder.map_or(Ok(()), Recorder::finish)
     }
 
-    /// Warns of what the fixes contradict, once of each kind, and of each step of a clock.
+    /// Warns of what the fixes contradict, once of each kind, of each step of a clock, and of velocities each time that they are left
+    /// out; they alone return.
     fn show_warnings(&mut self) {
+        let was_velocity_wrong = std::mem::take(&mut self.is_velocity_wrong);
         for warning in self.flight.warnings() {
             let is_new = match warning {
                 Warning::Clock(step) => self.clock_step.replace(step) != Some(step),
+                Warning::Velocity(_) => {
+                    self.is_velocity_wrong = true;
+                    !was_velocity_wrong
+                }
                 _ => self.warned.insert(warning.about()),
             };
             match warning {
@@ -210,6 +219,11 @@ impl Session {
                 }
                 _ => tracing::warn!("{warning}"),
             }
+        }
+        if was_velocity_wrong && !self.is_velocity_wrong {
+            tracing::warn!(
+                "the reported velocities agree with the fixes again, and are used again"
+            );
         }
     }
 

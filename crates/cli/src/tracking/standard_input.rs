@@ -1,9 +1,9 @@
-//! Frames on standard input: JPEG pictures one after the other, or lines with the names of photo files.
+//! Frames of a stream, such as standard input: JPEG pictures one after the other, or lines with the names of photo files.
 
 use std::io::{self, BufRead, Read as _};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::RecvTimeoutError;
 use std::thread;
 use std::time::Duration;
 
@@ -15,6 +15,7 @@ use super::frame_time::Epoch;
 use super::frames::{
     Frame, FrameOptions, Frames, frame_from_bytes, frame_from_file, reason_without_time,
 };
+use super::handover::{Giver, Keep, Taker, handover};
 use super::jpeg_stream::JpegStream;
 use grimnet_answer::printable;
 
@@ -30,24 +31,30 @@ const MOST_NAME_BYTES: u64 = 64 << 10;
 /// See the module. The first byte says which of the two it is.
 pub struct StreamedFrames {
     /// From a thread that reads: a camera may be silent for long.
-    input: Receiver<io::Result<Streamed>>,
+    input: Taker<io::Result<Streamed>>,
     options: FrameOptions,
     /// Gets every file that is named as an input.
     policy: OutputPolicy,
     epoch: Option<Epoch>,
     is_coarse: bool,
-    number: usize,
     without_time: usize,
 }
 
+/// A frame as it comes.
+struct Streamed {
+    /// Counted from 0, with those that are dropped.
+    number: usize,
+    content: Content,
+}
+
 /// What a stream holds.
-enum Streamed {
+enum Content {
     Picture(Vec<u8>),
     Name(PathBuf),
 }
 
 impl StreamedFrames {
-    /// Waits for the first byte.
+    /// Waits for the first byte. `keep` says what becomes of a frame that waits while others come.
     ///
     /// # Errors
     /// Nothing can be read, or no thread can be started.
@@ -55,20 +62,20 @@ impl StreamedFrames {
         mut input: impl BufRead + Send + 'static,
         options: FrameOptions,
         policy: OutputPolicy,
+        keep: Keep,
     ) -> Result<Self> {
         let first = input.fill_buf().context(CANNOT_READ)?;
         let holds_pictures = first.first() == Some(&JPEG_BEGIN);
-        // One picture is read while another is searched; what comes then waits in the pipe.
-        let (sender, receiver) = sync_channel(0);
+        // Where all are kept, what comes while one waits and another is searched stays in the pipe.
+        let (giver, taker) = handover();
         let read = move || {
             if holds_pictures {
                 let mut stream = JpegStream::new(input);
-                send_all(
-                    || Ok(stream.next_picture()?.map(Streamed::Picture)),
-                    &sender,
-                );
+                let next = || Ok(stream.next_picture()?.map(Content::Picture));
+                give_all(next, &giver, keep);
             } else {
-                send_all(|| Ok(next_name(&mut input)?.map(Streamed::Name)), &sender);
+                let next = || Ok(next_name(&mut input)?.map(Content::Name));
+                give_all(next, &giver, keep);
             }
         };
         thread::Builder::new()
@@ -76,49 +83,58 @@ impl StreamedFrames {
             .spawn(read)
             .context("cannot start a thread")?;
         Ok(Self {
-            input: receiver,
+            input: taker,
             options,
             policy,
             epoch: None,
             is_coarse: false,
-            number: 0,
             without_time: 0,
         })
     }
 
-    /// The next frame, with the metadata that may tell its time. `None` at the end, and at once after `stop`.
-    fn read(&mut self, stop: &AtomicBool) -> Result<Option<(Frame, Metadata)>> {
-        let next = loop {
-            match self.input.recv_timeout(PATIENCE) {
+    /// The next frame, with its number and the metadata that may tell its time. `None` at the end, and at once after `stop`.
+    fn read(&mut self, stop: &AtomicBool) -> Result<Option<(usize, Frame, Metadata)>> {
+        let Streamed { number, content } = loop {
+            match self.input.take(PATIENCE) {
                 Ok(next) => break next.context(CANNOT_READ)?,
                 Err(RecvTimeoutError::Timeout) if !stop.load(Ordering::Relaxed) => {}
                 Err(_) => return Ok(None),
             }
         };
         let options = &self.options;
-        Ok(Some(match next {
-            Streamed::Picture(bytes) => {
-                let name = format!("frame_{:06}.jpg", self.number);
+        let (frame, metadata) = match content {
+            Content::Picture(bytes) => {
+                let name = format!("frame_{number:06}.jpg");
                 let metadata = Metadata::from_bytes(&bytes);
                 (frame_from_bytes(name, 0.0, &bytes, options), metadata)
             }
-            Streamed::Name(path) => {
+            Content::Name(path) => {
                 self.policy.add_inputs([&path]);
                 let frame = frame_from_file(&path, 0.0, options);
                 (frame, options.metadata_of(&path))
             }
-        }))
+        };
+        Ok(Some((number, frame, metadata)))
     }
 }
 
-/// Sends what `next` gives until its end, an error, or nobody listens.
-fn send_all<T>(
-    mut next: impl FnMut() -> io::Result<Option<T>>,
-    sender: &SyncSender<io::Result<T>>,
+/// Hands over what `next` gives until its end, an error, or nobody takes it.
+fn give_all(
+    mut next: impl FnMut() -> io::Result<Option<Content>>,
+    giver: &Giver<io::Result<Streamed>>,
+    keep: Keep,
 ) {
-    while let Some(sent) = next().transpose() {
-        let is_last = sent.is_err();
-        if sender.send(sent).is_err() || is_last {
+    for number in 0.. {
+        let given = match next() {
+            Ok(None) => return,
+            Ok(Some(content)) => giver.give(Ok(Streamed { number, content }), keep),
+            // The frame before it is still of use.
+            Err(error) => {
+                giver.give(Err(error), Keep::All);
+                return;
+            }
+        };
+        if !given {
             return;
         }
     }
@@ -143,12 +159,10 @@ fn next_name(input: &mut impl BufRead) -> io::Result<Option<PathBuf>> {
 impl Frames for StreamedFrames {
     fn next(&mut self, stop: &AtomicBool) -> Result<Option<Frame>> {
         while !stop.load(Ordering::Relaxed) {
-            let Some((mut frame, metadata)) = self.read(stop)? else {
+            let Some((number, mut frame, metadata)) = self.read(stop)? else {
                 break;
             };
-            let time = self.options.time_of(self.number, &frame.name, &metadata);
-            self.number += 1;
-            match time {
+            match self.options.time_of(number, &frame.name, &metadata) {
                 Some(time) if *self.epoch.get_or_insert(time.epoch) == time.epoch => {
                     frame.time_s = time.time_s;
                     self.is_coarse |= !time.has_fraction;
@@ -173,6 +187,10 @@ impl Frames for StreamedFrames {
         self.is_coarse
     }
 
+    fn dropped(&self) -> usize {
+        self.input.dropped()
+    }
+
     fn without_time(&self) -> usize {
         self.without_time
     }
@@ -187,7 +205,7 @@ mod tests {
         let options = FrameOptions::default();
         let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
         let policy = OutputPolicy::new();
-        let mut frames = StreamedFrames::new(text.as_bytes(), options, policy).unwrap();
+        let mut frames = StreamedFrames::new(text.as_bytes(), options, policy, Keep::All).unwrap();
         let stop = AtomicBool::new(false);
         let mut next = || frames.next(&stop).unwrap();
         let first = next().unwrap();
@@ -213,7 +231,8 @@ mod tests {
     fn a_silent_camera_does_not_keep_it_from_stopping() {
         let options = FrameOptions::default();
         let input = io::BufReader::new((&b"n"[..]).chain(Silent));
-        let mut frames = StreamedFrames::new(input, options, OutputPolicy::new()).unwrap();
+        let policy = OutputPolicy::new();
+        let mut frames = StreamedFrames::new(input, options, policy, Keep::All).unwrap();
         let stop = std::sync::Arc::new(AtomicBool::new(false));
         let later = stop.clone();
         thread::spawn(move || {

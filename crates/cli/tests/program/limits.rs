@@ -61,11 +61,13 @@ fn photos_of_an_evaluation_have_the_limit() {
     let eval = |arguments: &[&str]| {
         let mut command = grim();
         command.arg("eval").arg("--map").arg(demo().join("map.tif"));
-        command.args(["--heading", "exif", "--out"]).arg(&out);
-        command.args(arguments).args(ONE_MIB);
+        command.args(arguments).arg("--out").arg(&out);
+        command.args(ONE_MIB);
         command
     };
-    eval(&[data.to_str().unwrap()]).assert().success();
+    eval(&[data.to_str().unwrap(), "--heading", "exif"])
+        .assert()
+        .success();
     let failed = fs::read_to_string(out.join("failed.jsonl")).unwrap();
     assert!(failed.contains(REFUSAL), "{failed}");
     eval(&["--elsewhere", pictures.to_str().unwrap()])

@@ -9,6 +9,7 @@ mod faults;
 mod guide;
 mod interruptions;
 mod limits;
+mod live;
 mod maps;
 mod outputs;
 mod reference_pages;

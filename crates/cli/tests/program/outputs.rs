@@ -460,6 +460,18 @@ fn a_training_run_spares_files_of_others() {
         fs::remove_file(run.join(name)).unwrap();
     }
     train(&[]).success();
+    // A run is not replaced by another, and its model is not that of another configuration.
+    let checkpoint = fs::read(run.join("checkpoint.safetensors")).unwrap();
+    train(&[])
+        .code(2)
+        .stderr(contains("--resume").and(contains("--overwrite")));
+    assert_eq!(
+        fs::read(run.join("checkpoint.safetensors")).unwrap(),
+        checkpoint
+    );
+    crate::faults::training::write_config(&config, 2, 1);
+    train(&["--export"]).code(2).stderr(contains("seed"));
+    crate::faults::training::write_config(&config, 1, 1);
     // Its own files are replaced, and what was edited in the meantime is not.
     train(&["--resume"]).success();
     fs::write(run.join("curves.csv"), "my notes").unwrap();

@@ -32,7 +32,7 @@ const ODOMETRY: [Rule; 5] = [
         0.0,
         40.0,
         0.0,
-        "the quality is 50 % and less while no recent photo supports the position",
+        "the quality is 50 % and less while no recent photo supports the position; without this parameter, or below 0, the autopilot cannot be armed before there is a position",
     )
     .advice(),
     Rule::value(&["VISO_SCALE"], 1.0, "our metres are metres"),

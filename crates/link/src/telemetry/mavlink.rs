@@ -2,12 +2,16 @@
 
 use grimnet_track::{Attitude, Height, Input, Velocity};
 use mavlink::dialects::common::{
-    ALTITUDE_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GimbalDeviceFlags,
+    ALTITUDE_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA,
     LOCAL_POSITION_NED_DATA, MavMessage,
 };
 use nalgebra::{Quaternion, UnitQuaternion};
 
-use crate::messages::OwnState;
+use super::{
+    camera_mount::CameraMount,
+    gimbal::{GimbalClock, gimbal_id, is_relative_to_north},
+};
+use crate::{autopilot::AutopilotKind, messages::OwnState};
 
 /// For so long after a better message the worse one of the same kind is not taken, seconds.
 const PREFER_S: f64 = 1.0;
@@ -15,17 +19,6 @@ const PREFER_S: f64 = 1.0;
 const HOLD_S: f64 = 1.0;
 /// Heights above ground below this are those of an aircraft that stands, metres.
 const LOWEST_M: f64 = 1.0;
-
-/// How the camera is mounted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[non_exhaustive]
-pub enum CameraMount {
-    /// On a gimbal if the autopilot reports one, else as [`Self::Fixed`].
-    #[default]
-    GimbalIfReported,
-    /// Fixed to the aircraft, looking down, the picture's top to the nose.
-    Fixed,
-}
 
 /// What is read of an autopilot's telemetry, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -54,13 +47,16 @@ fn recent<T: Copy>(stamped: Stamped<T>, now_s: f64, hold_s: f64) -> Option<T> {
         .map(|(_, value)| value)
 }
 
-/// Turns messages of an autopilot into inputs.
-#[derive(Debug, Default)]
+/// Turns messages of an autopilot and its gimbals into inputs.
+#[derive(Debug)]
 pub(crate) struct MavlinkTelemetry {
     options: TelemetryOptions,
+    kind: AutopilotKind,
     attitude: Stamped<UnitQuaternion<f64>>,
     attitude_angles: Stamped<()>,
-    gimbal: Stamped<()>,
+    /// The gimbal that carries the camera, once it reported.
+    gimbal: Option<u8>,
+    gimbal_clock: GimbalClock,
     local: Stamped<(f64, f64)>,
     relative_m: Stamped<f64>,
     amsl_m: Stamped<f64>,
@@ -68,11 +64,24 @@ pub(crate) struct MavlinkTelemetry {
 }
 
 impl MavlinkTelemetry {
-    pub fn new(options: TelemetryOptions) -> Self {
+    pub fn new(options: TelemetryOptions, kind: AutopilotKind) -> Self {
         Self {
             options,
-            ..Self::default()
+            kind,
+            attitude: None,
+            attitude_angles: None,
+            gimbal: None,
+            gimbal_clock: GimbalClock::default(),
+            local: None,
+            relative_m: None,
+            amsl_m: None,
+            above_ground: None,
         }
+    }
+
+    /// The number of the gimbal that carries the camera. `None` until it reports.
+    pub fn gimbal(&self) -> Option<u8> {
+        self.gimbal
     }
 
     /// What the autopilot says of itself at present.
@@ -89,7 +98,7 @@ impl MavlinkTelemetry {
         }
     }
 
-    /// Takes in a message that came at `now_s`. `time_s` turns seconds since the autopilot's start into the link's clock.
+    /// Takes in a message of the autopilot that came at `now_s`. `time_s` turns seconds since the autopilot's start into the link's clock.
     pub fn take(
         &mut self,
         message: &MavMessage,
@@ -114,9 +123,6 @@ impl MavlinkTelemetry {
                     self.take_attitude(boot(data.time_boot_ms), attitude, now_s, inputs);
                 }
             }
-            MavMessage::GIMBAL_DEVICE_ATTITUDE_STATUS(data) => {
-                self.take_gimbal(data, boot(data.time_boot_ms), now_s, inputs);
-            }
             MavMessage::LOCAL_POSITION_NED(data) => {
                 self.take_local_position(data, boot(data.time_boot_ms), now_s, inputs);
             }
@@ -136,37 +142,39 @@ impl MavlinkTelemetry {
         inputs: &mut Vec<Input>,
     ) {
         self.attitude = Some((now_s, attitude));
-        let on_gimbal = self.options.camera_mount == CameraMount::GimbalIfReported
-            && recent(self.gimbal, now_s, PREFER_S).is_some();
-        if !on_gimbal {
+        // A gimbal that falls silent still carries the camera.
+        let is_cameras = match self.options.camera_mount {
+            CameraMount::GimbalIfReported => self.gimbal.is_none(),
+            CameraMount::Fixed => true,
+            CameraMount::Gimbal(_) | CameraMount::Unknown => false,
+        };
+        if is_cameras {
             inputs.push(Input::Attitude(Attitude::looking_down(time_s, &attitude)));
         }
     }
 
-    fn take_gimbal(
+    /// Takes in what component `component_id` says of a gimbal. `own_time_s` is the time of it if that is on the autopilot's clock.
+    pub fn take_gimbal(
         &mut self,
+        component_id: u8,
         data: &GIMBAL_DEVICE_ATTITUDE_STATUS_DATA,
-        time_s: f64,
+        own_time_s: Option<f64>,
         now_s: f64,
         inputs: &mut Vec<Input>,
     ) {
-        if self.options.camera_mount == CameraMount::Fixed {
-            return;
-        }
-        let Some(gimbal) = rotation(data.q) else {
+        let id = gimbal_id(component_id, data);
+        let is_cameras = match self.options.camera_mount {
+            CameraMount::GimbalIfReported => self.gimbal.is_none_or(|first| first == id),
+            CameraMount::Gimbal(wanted) => wanted == id,
+            CameraMount::Fixed | CameraMount::Unknown => false,
+        };
+        let Some(gimbal) = rotation(data.q).filter(|_| is_cameras) else {
             return;
         };
-        // Without either flag of the newer definition, a locked yaw is one relative to north.
-        let relative_to_north = data
-            .flags
-            .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_EARTH_FRAME)
-            || (!data
-                .flags
-                .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME)
-                && data
-                    .flags
-                    .contains(GimbalDeviceFlags::GIMBAL_DEVICE_FLAGS_YAW_LOCK));
-        let to_north = if relative_to_north {
+        self.gimbal = Some(id);
+        let time_s =
+            own_time_s.unwrap_or_else(|| self.gimbal_clock.time_s(data.time_boot_ms, now_s));
+        let to_north = if is_relative_to_north(data.flags) {
             UnitQuaternion::identity()
         } else {
             let Some(vehicle) = recent(self.attitude, now_s, HOLD_S) else {
@@ -174,7 +182,6 @@ impl MavlinkTelemetry {
             };
             UnitQuaternion::from_euler_angles(0.0, 0.0, vehicle.euler_angles().2)
         };
-        self.gimbal = Some((now_s, ()));
         let attitude: Attitude = Attitude::of_camera(time_s, &(to_north * gimbal));
         inputs.push(Input::Attitude(attitude));
     }
@@ -203,23 +210,32 @@ impl MavlinkTelemetry {
         now_s: f64,
         inputs: &mut Vec<Input>,
     ) {
-        let amsl_m = f64::from(data.alt) * 1e-3;
+        // Without a position, ArduPilot states 0 or a height above where it started.
+        let has_amsl = data.alt != 0 && (data.lat, data.lon) != (0, 0);
+        let amsl_m = has_amsl.then(|| f64::from(data.alt) * 1e-3);
         let relative_m = f64::from(data.relative_alt) * 1e-3;
-        self.amsl_m = Some((now_s, amsl_m));
+        self.amsl_m = amsl_m.map(|amsl_m| (now_s, amsl_m)).or(self.amsl_m);
         self.relative_m = Some((now_s, relative_m));
         if relative_m >= LOWEST_M && recent(self.above_ground, now_s, PREFER_S).is_none() {
             inputs.push(Input::Height(Height {
                 time_s,
                 agl_m: relative_m,
-                amsl_m: Some(amsl_m),
+                amsl_m,
             }));
         }
-        // All zero is what an autopilot sends that does not know its velocity.
-        let known = [data.vx, data.vy, data.vz] != [0; 3];
-        if known && recent(self.local, now_s, PREFER_S).is_none() {
+        if self.vouches_for_velocity(data) && recent(self.local, now_s, PREFER_S).is_none() {
             let (north, east) = (f64::from(data.vx) * 1e-2, f64::from(data.vy) * 1e-2);
             self.take_velocity(time_s, east, north, inputs);
         }
+    }
+
+    /// Whether the velocity in GLOBAL_POSITION_INT is one that the autopilot knows.
+    ///
+    /// ArduPilot and PX4 send LOCAL_POSITION_NED only while they know the velocity, and go on with GLOBAL_POSITION_INT without it:
+    /// then the velocity in it is about 0 however fast the aircraft flies.
+    fn vouches_for_velocity(&self, data: &GLOBAL_POSITION_INT_DATA) -> bool {
+        // All zero is what other autopilots send that do not know their velocity.
+        self.kind == AutopilotKind::Other && [data.vx, data.vy, data.vz] != [0; 3]
     }
 
     /// ALTITUDE has no time since the start that all autopilots agree on; heights change slowly.

@@ -207,6 +207,8 @@ impl StandIn {
             }),
             MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
                 time_boot_ms,
+                lat: 242_500_000,
+                lon: 1_207_000_000,
                 alt: 150_000,
                 relative_alt: 100_000,
                 ..GLOBAL_POSITION_INT_DATA::default()

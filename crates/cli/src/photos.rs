@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
-use grimnet_eval::pictures::{EXTENSIONS, is_hidden, may_be_file, picture_files};
+use grimnet_photo::pictures::{EXTENSIONS, is_hidden, may_be_file, picture_files};
 
 /// Expands arguments to photos: a file to itself, a folder to the pictures directly in it (sorted), a
 /// pattern with `*`, `?` or `[` to the files that it matches (sorted).

@@ -16,8 +16,8 @@ use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use crate::evaluation::Method;
-use crate::pictures::file_name;
 use crate::scene::TRUE_HEADING_SIGMA_DEG;
+use grimnet_photo::pictures::file_name;
 
 /// Widths of the footprints that are drawn, as shares of the map's width.
 pub const WIDTH_SHARES: [f64; 2] = [0.1, 2.0];

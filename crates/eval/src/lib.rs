@@ -12,7 +12,6 @@ pub mod elsewhere;
 pub mod elsewhere_summary;
 pub mod evaluation;
 pub mod metrics;
-pub mod pictures;
 pub mod report;
 pub mod retrieval;
 pub mod scene;

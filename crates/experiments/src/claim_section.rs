@@ -212,18 +212,24 @@ fn footprint_shares(page: &mut String, runs: &[(&String, &Value)]) {
     for (name, run) in runs.iter().filter(|(_, run)| of_photos(run)) {
         let shares = &run["footprint"];
         put(format_args!(
-            "| {}: {} | {} | {} | {} to {}, {} places | {} | {} |\n",
+            "| {}: {} | {} | {} | {} to {}, {} | {} | {} |\n",
             name.replace('_', " "),
             shares["answerable"],
             shares["answerable_fixes"],
             shares["right"],
             percent(shares["right_share_interval"][0].as_f64()),
             percent(shares["right_share_interval"][1].as_f64()),
-            shares["places"],
+            counted(&shares["places"], "place"),
             shares["wrong"],
             shares["undecided"],
         ));
     }
+}
+
+/// A number with its noun.
+fn counted(number: &Value, noun: &str) -> String {
+    let ending = if number.as_u64() == Some(1) { "" } else { "s" };
+    format!("{number} {noun}{ending}")
 }
 
 /// How often fixes of a stated confidence are right.
@@ -234,7 +240,7 @@ fn reliability(page: &mut String, runs: &[(&String, &Value)]) {
             put(
                 &mut rows,
                 format_args!(
-                    "| {} | {} to {} | {} | {} | {} | {} to {} |\n",
+                    "| {} | {} to {} | {} | {} | {} | {} to {}, {} |\n",
                     name.replace('_', " "),
                     percent(bin["from"].as_f64()),
                     percent(bin["to"].as_f64()),
@@ -243,6 +249,7 @@ fn reliability(page: &mut String, runs: &[(&String, &Value)]) {
                     bin["right"],
                     percent(bin["right_share_interval"][0].as_f64()),
                     percent(bin["right_share_interval"][1].as_f64()),
+                    counted(&bin["places"], "place"),
                 ),
             );
         }
@@ -251,7 +258,7 @@ fn reliability(page: &mut String, runs: &[(&String, &Value)]) {
         put(
             page,
             format_args!(
-                "\n| | stated confidence | fixes | mean | right | 95 % interval |\n|---|---|---:|---:|---:|---:|\n{rows}"
+                "\n| | stated confidence | fixes | mean | right | 95 % interval, by place |\n|---|---|---:|---:|---:|---:|\n{rows}"
             ),
         );
     }
@@ -301,7 +308,7 @@ fn elsewhere(page: &mut String, summary: &Value) {
     put(
         page,
         format_args!(
-            "\n| photos that are not on the map | trials | fixes | 95 % interval |\n|---|---:|---:|---:|\n"
+            "\n| photos that are not on the map | trials | fixes | 95 % interval, by picture |\n|---|---:|---:|---:|\n"
         ),
     );
     for group in std::iter::once(&summary["all"]).chain(groups.flatten()) {
@@ -310,12 +317,13 @@ fn elsewhere(page: &mut String, summary: &Value) {
         put(
             page,
             format_args!(
-                "| {} | {} | {} | {:.2} % to {:.2} % |\n",
+                "| {} | {} | {} | {:.2} % to {:.2} %, {} |\n",
                 group["name"].as_str().unwrap_or("-"),
                 group["trials"],
                 group["fixes"],
                 limit(0),
                 limit(1),
+                counted(&group["pictures"], "picture"),
             ),
         );
     }

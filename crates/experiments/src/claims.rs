@@ -147,10 +147,10 @@ mod tests {
             "footprint":{"answerable":8,"answerable_fixes":7,"right":6,"right_share_interval":[0.4,0.9],"places":3,
                 "wrong":1,"undecided":0},
             "reliability":{"bins":[{"from":0.9,"to":0.97,"fixes":7,"mean_confidence":0.95,"right":6,
-                "right_share_interval":[0.5,0.99]}]}}}"#;
+                "right_share_interval":[0.5,0.99],"places":1}]}}}"#;
         fs_err::write(claim.join("summary.json"), summary).unwrap();
-        let tried = r#"{"all":{"name":"all trials","trials":900,"fixes":1,"share_interval":[0.0002,0.0063]},
-            "by_source":[{"name":"coast","trials":900,"fixes":1,"share_interval":[0.0002,0.0063]}]}"#;
+        let tried = r#"{"all":{"name":"all trials","trials":900,"fixes":1,"share_interval":[0.0002,0.0063],"pictures":9},
+            "by_source":[{"name":"coast","trials":900,"fixes":1,"share_interval":[0.0002,0.0063],"pictures":9}]}"#;
         fs_err::write(claim.join("elsewhere.json"), tried).unwrap();
         let ranks = r#"[{"run":"heading known","gallery_tiles":4100,"covers":{"frames":10,"at":[1,5],
             "by_descriptor":[0.5,0.6],"by_vote":[0.7,0.8],"matched":0.9},"near":{}}]"#;
@@ -163,7 +163,7 @@ mod tests {
             assert!(page.contains(row), "{page}");
         }
         for name in ["all trials", "coast"] {
-            let row = format!("| {name} | 900 | 1 | 0.02 % to 0.63 % |");
+            let row = format!("| {name} | 900 | 1 | 0.02 % to 0.63 %, 9 pictures |");
             assert!(page.contains(&row), "{page}");
         }
         assert!(page.contains("behind Better (within 5 m) |"), "{page}");
@@ -171,7 +171,7 @@ mod tests {
         assert!(page.contains("| 9 of 10 |"), "{page}");
         let shares = "| heading known: 8 | 7 | 6 | 40 % to 90 %, 3 places | 1 | 0 |";
         assert!(page.contains(shares), "{page}");
-        let bin = "| heading known | 90 % to 97 % | 7 | 95 % | 6 | 50 % to 99 % |";
+        let bin = "| heading known | 90 % to 97 % | 7 | 95 % | 6 | 50 % to 99 %, 1 place |";
         assert!(page.contains(bin), "{page}");
         fs_err::write(claim.join("summary.json"), "{").unwrap();
         let error = super::page(folder.path()).unwrap_err().to_string();

@@ -6,11 +6,11 @@
 
 use std::path::{Path, PathBuf};
 
-use grimnet_eval::pictures::{EXTENSIONS, picture_files};
 use grimnet_geo::{
     GeoError, Georeference, LevelFrame, LevelPx, MapOptions, Raster, RasterPatch, WindowPx,
     open_map,
 };
+use grimnet_photo::pictures::{EXTENSIONS, picture_files};
 use image::{GrayImage, RgbImage};
 
 /// Foreign pictures are cut to whole multiples of this many level pixels: the side of the pack's feature cells, so that tiles

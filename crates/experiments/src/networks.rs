@@ -1,7 +1,6 @@
 //! The networks of an experiment that trains: variants of one configuration, each trained once, kept, and resumed after an
 //! interruption.
 
-use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -9,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use grimnet_net::Model;
 use grimnet_output::OutputPolicy;
 use grimnet_train::{
-    Data, Device, ExportOptions, MODEL, Progress, RunFolder, TrainConfig, TrainError, Trainer,
-    checkpoint_path, export,
+    Data, Device, ExportOptions, Losses, MODEL, Progress, RunFolder, TrainConfig, TrainError,
+    Trainer, Weights, checkpoint_path, export,
 };
 
 /// Validation pairs for the model card of an exported network; the experiment itself measures on scenes.
@@ -21,6 +20,9 @@ const KEY_DIGITS: usize = 8;
 
 /// File of how much the loss still fell at the end.
 const LAST_FALL: &str = "last-fall.json";
+
+/// File of the total loss of each step.
+const TOTALS: &str = "total-losses.json";
 
 /// Why a network cannot be trained or opened.
 #[derive(Debug, thiserror::Error)]
@@ -59,7 +61,7 @@ impl From<TrainError> for NetworksError {
 pub struct Trained {
     /// The network.
     pub model: Model,
-    /// By how much the sum of the losses fell from the last but one to the last tenth of the training, as a share of it; `None` if
+    /// By how much the total loss, the weighted sum that is trained on, fell from the last but one to the last tenth of the training, as a share of it; `None` if
     /// it was not watched, or too short.
     pub last_fall: Option<f64>,
 }
@@ -79,15 +81,36 @@ const PLATEAU_FALL: f64 = 0.01;
 const MIN_TENTH_STEPS: usize = 20;
 
 /// See [`Trained::last_fall`].
-fn last_fall_of(curve: &[f64]) -> Option<f64> {
-    let tenth = curve.len() / 10;
+fn last_fall_of(totals: &[(u64, f64)]) -> Option<f64> {
+    let tenth = totals.len() / 10;
     if tenth < MIN_TENTH_STEPS {
         return None;
     }
-    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
-    let last = &curve[curve.len() - tenth..];
-    let before = mean(&curve[curve.len() - 2 * tenth..curve.len() - tenth]);
+    let mean =
+        |part: &[(u64, f64)]| part.iter().map(|(_, total)| total).sum::<f64>() / part.len() as f64;
+    let last = &totals[totals.len() - tenth..];
+    let before = mean(&totals[totals.len() - 2 * tenth..totals.len() - tenth]);
     Some((before - mean(last)) / before)
+}
+
+/// The total loss (paper, section 3.6); the experiments have no other terms.
+fn total_of(losses: &Losses, weights: &Weights) -> f64 {
+    f64::from(
+        weights.global * losses.global
+            + weights.keypoint * losses.keypoint
+            + weights.descriptor * losses.descriptor
+            + weights.homography * losses.homography,
+    )
+}
+
+/// The steps and total losses that an interrupted training wrote, up to the step that it resumes from.
+fn earlier_totals(path: &Path, step: u64) -> Vec<(u64, f64)> {
+    let written: Option<Vec<(u64, f64)>> = fs_err::read(path)
+        .ok()
+        .and_then(|text| serde_json::from_slice(&text).ok());
+    let mut totals = written.unwrap_or_default();
+    totals.retain(|(earlier, _)| *earlier <= step);
+    totals
 }
 
 /// Called after every step with the network's name.
@@ -172,11 +195,10 @@ impl Networks {
             });
         }
         let device = config.device.device()?;
-        let curve = RefCell::new(Vec::new());
         let folder = RunFolder::open(&config, &OutputPolicy::new())?;
-        let trainer = self.trained(name, &config, &device, &curve, &folder)?;
+        let (trainer, totals) = self.trained(name, &config, &device, &folder)?;
         let exported = export(trainer.state(), &config, &self.data, &device, &mut |_| ())?;
-        let fall = last_fall_of(&curve.into_inner());
+        let fall = last_fall_of(&totals);
         let text = format!("{}\n", serde_json::json!(fall));
         folder.write(LAST_FALL, text.as_bytes())?;
         folder.write_model(&exported.model)?;
@@ -191,9 +213,8 @@ impl Networks {
         name: &str,
         config: &TrainConfig,
         device: &Device,
-        curve: &RefCell<Vec<f64>>,
         folder: &RunFolder,
-    ) -> Result<Trainer, NetworksError> {
+    ) -> Result<(Trainer, Vec<(u64, f64)>), NetworksError> {
         let resume = checkpoint_path(config).is_file();
         let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?
             .with_folder(folder.clone());
@@ -203,15 +224,18 @@ impl Networks {
                 trainer.state().position.step
             );
         }
+        let mut totals = earlier_totals(&config.out.join(TOTALS), trainer.state().position.step);
+        let mut written = Ok(());
         let stopped = || self.stop.load(Ordering::Relaxed);
         if !stopped() {
             trainer.run(&mut |progress, _| {
-                let sum: f32 = progress.losses.terms().iter().map(|(_, value)| value).sum();
-                curve.borrow_mut().push(f64::from(sum));
+                totals.push((progress.step, total_of(&progress.losses, &config.weights)));
+                written = folder.write(TOTALS, serde_json::json!(totals).to_string().as_bytes());
                 (self.on_progress)(name, progress);
-                !stopped()
+                written.is_ok() && !stopped()
             })?;
         }
+        written?;
         if stopped() {
             return Err(NetworksError::Stopped {
                 name: name.to_owned(),
@@ -219,7 +243,7 @@ impl Networks {
                 folder: self.folder.clone(),
             });
         }
-        Ok(trainer)
+        Ok((trainer, totals))
     }
 
     /// Folder of a variant: its name and a hash of its configuration, so that another budget is another network.

@@ -39,6 +39,7 @@ mod nadir_angles;
 mod padded_image;
 mod photo;
 mod photo_file;
+pub mod pictures;
 mod points;
 mod query;
 mod read_metadata;

@@ -10,12 +10,12 @@ use grimnet_eval::calibration::real::{PlacesUsed, RealScene};
 use grimnet_eval::calibration::{self, observation, scenes, trial};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
-use grimnet_eval::pictures::{file_name, picture_files_below};
 use grimnet_eval::scene::Scene;
 use grimnet_geo::MapOptions;
 use grimnet_net::{Calibration, FittedOn, Model};
 use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_photo::PhotoLimits;
+use grimnet_photo::pictures::{file_name, picture_files_below};
 
 use super::data_set_map::open_map;
 use super::elsewhere::{source, width_m};

@@ -4,14 +4,14 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
-use clap::Args;
+use clap::{ArgGroup, Args};
 use grimnet_eval::elsewhere::{self, ElsewhereTrial, Source};
 use grimnet_eval::elsewhere_summary::{ElsewhereSummary, Group};
-use grimnet_eval::pictures::{file_name, picture_files_below};
 use grimnet_geo::{MapPx, Raster};
 use grimnet_locate::Localizer;
 use grimnet_output::OutputFolder;
 use grimnet_photo::PhotoLimits;
+use grimnet_photo::pictures::{file_name, picture_files_below};
 
 use crate::exit::Exit;
 use crate::standard_output::StandardOutput;
@@ -23,8 +23,12 @@ pub const FILES: [&str; 2] = ["elsewhere.json", "elsewhere.csv"];
 /// Heading of these options in the help.
 const ELSEWHERE: &str = "Photos that are not on the map";
 
+/// Group of the options that name folders of pictures: other options need one of them, or cannot be used with them.
+pub const ELSEWHERE_FOLDERS: &str = "elsewhere_folders";
+
 /// Which pictures are localised on a map that does not show them.
 #[derive(Debug, Clone, Args)]
+#[command(group = ArgGroup::new(ELSEWHERE_FOLDERS).args(["elsewhere", "elsewhere_trained"]).multiple(true))]
 pub struct ElsewhereOptions {
     /// Localise the pictures in these folders, which must not show any place of the map, and count fixes
     ///
@@ -38,15 +42,15 @@ pub struct ElsewhereOptions {
     pub elsewhere_trained: Vec<PathBuf>,
 
     /// Trials per folder
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = values::count, help_heading = ELSEWHERE)]
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = values::count, requires = ELSEWHERE_FOLDERS, help_heading = ELSEWHERE)]
     pub elsewhere_trials: usize,
 
     /// Give neither a ground width nor a heading, and ignore the pictures' metadata: the hardest search, and the slowest
-    #[arg(long, help_heading = ELSEWHERE)]
+    #[arg(long, requires = ELSEWHERE_FOLDERS, help_heading = ELSEWHERE)]
     pub elsewhere_nothing_given: bool,
 
     /// Seed of ground widths and headings
-    #[arg(long, value_name = "N", default_value_t = 1, help_heading = ELSEWHERE)]
+    #[arg(long, value_name = "N", default_value_t = 1, requires = ELSEWHERE_FOLDERS, help_heading = ELSEWHERE)]
     pub elsewhere_seed: u64,
 }
 
@@ -141,8 +145,8 @@ fn print(summary: &ElsewhereSummary) -> Result<()> {
     let mut out = StandardOutput;
     writeln!(
         out,
-        "{:<78}{:>8}{:>8}{:>12}{:>18}",
-        "photos that are not on the map", "trials", "fixes", "share", "95 % interval"
+        "{:<78}{:>8}{:>10}{:>8}{:>12}{:>18}",
+        "photos that are not on the map", "trials", "pictures", "fixes", "share", "95 % interval"
     )?;
     let groups = [
         &summary.by_training,
@@ -162,9 +166,10 @@ fn print(summary: &ElsewhereSummary) -> Result<()> {
 fn line(group: &Group) -> String {
     let [low, high] = group.share_interval.map(|share| 100.0 * share);
     format!(
-        "{:<78}{:>8}{:>8}{:>12}{:>18}",
+        "{:<78}{:>8}{:>10}{:>8}{:>12}{:>18}",
         group.name,
         group.trials,
+        group.pictures,
         group.fixes,
         format!("{:.2} %", 100.0 * group.share),
         format!("{low:.2}-{high:.2} %")

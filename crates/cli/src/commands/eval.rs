@@ -141,10 +141,9 @@ fn check_options(arguments: &EvalArgs) -> Result<()> {
             "--adapt flight takes its statistics from the photos of a data set: it cannot be used with --elsewhere or --track"
         );
     }
-    if is_elsewhere && (arguments.footprint_width.is_some() || arguments.truth_error.is_some()) {
-        bail!(
-            "--elsewhere draws the ground widths itself and has no true positions: leave out --footprint-width and --truth-error"
-        );
+    let is_rendered_track = arguments.track.is_asked() && arguments.world.is_some();
+    if is_rendered_track && arguments.footprint_width.is_some() {
+        bail!("--track flies over --world at heights of its own: leave out --footprint-width");
     }
     Ok(())
 }
@@ -373,6 +372,8 @@ fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -
         truth_error_m: arguments.truth_error,
         footprint_width_m: arguments.footprint_width,
         min_confidence: arguments.min_confidence,
+        adapt: arguments.adapt.to_string(),
+        gsd_m: arguments.retrieval.gsd,
         pack_bytes_per_km2: fs_err::metadata(pack_path)?.len() as f64
             / area_km2(scene.map.as_ref()).context("cannot measure the area of the map")?,
         peak_memory_mib: None,

@@ -4,6 +4,7 @@ use clap::Args;
 use grimnet_eval::metrics::recall::PAPER_RADIUS_PX;
 use grimnet_pack::Levels;
 
+use super::elsewhere::ELSEWHERE_FOLDERS;
 use crate::values;
 
 /// Heading of these options in the help.
@@ -23,6 +24,7 @@ pub struct RetrievalOptions {
         default_value_t = PAPER_RADIUS_PX,
         value_parser = values::length_px,
         allow_hyphen_values = true,
+        conflicts_with_all = [ELSEWHERE_FOLDERS, "track"],
         help_heading = RETRIEVAL
     )]
     pub recall_radius: f64,

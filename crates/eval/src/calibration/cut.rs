@@ -8,7 +8,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::normal::normal;
-use crate::pictures::picture_files;
+use grimnet_photo::pictures::picture_files;
 
 /// Least side of a picture from which photos are cut, pixels.
 const MIN_SIDE_PX: u32 = 640;

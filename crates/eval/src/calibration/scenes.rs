@@ -16,8 +16,8 @@ use rand_chacha::ChaCha8Rng;
 use super::cut::Cut;
 pub use super::cut::{Mosaic, MosaicError};
 use super::normal::normal;
-use crate::pictures::file_name;
 use crate::scene::{PhotoSource, Scene, Shot, Truth};
+use grimnet_photo::pictures::file_name;
 
 /// Why a scene cannot be made.
 #[derive(Debug, thiserror::Error)]

@@ -11,8 +11,8 @@ use super::anyvisloc::{self, AnyVisLocError};
 use super::msdi;
 use super::truth::{self, TruthError, TruthFrame};
 use super::visloc::{self, VislocError};
-use crate::pictures::{EXTENSIONS, file_name, picture_files};
 use crate::scene::{PhotoSource, Scene, Shot, TRUE_HEADING_SIGMA_DEG, Truth};
+use grimnet_photo::pictures::{EXTENSIONS, file_name, picture_files};
 
 /// Which data set to read, and how.
 #[derive(Debug, Clone)]

@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use super::footprint::is_right;
 use super::frame::Frame;
-use super::statistics::wilson_interval;
+use super::places::places;
+use super::statistics::{grouped_share_interval, mean};
 
 /// Limits of the bins of confidence: fine near one, where fixes are given.
 const LIMITS: [f64; 12] = [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 1.0];
@@ -24,8 +25,10 @@ pub struct Bin {
     pub mean_confidence: f64,
     /// Share of right fixes.
     pub right_share: f64,
-    /// 95 % interval of `right_share` (Wilson 1927).
+    /// 95 % interval of `right_share`, by place as in [`FootprintSummary`](super::FootprintSummary).
     pub right_share_interval: [f64; 2],
+    /// Places that the fixes are of.
+    pub places: usize,
 }
 
 /// How the stated confidences of a run agree with how often its fixes are right.
@@ -46,10 +49,15 @@ impl Reliability {
     /// Reliability of the fixes of a run; `None` if none has a confidence.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Option<Self> {
-        let fixes: Vec<(f64, bool)> = frames
+        let fixes: Vec<Stated<'_>> = frames
             .iter()
             .filter(|frame| frame.fixed)
-            .filter_map(|frame| Some((frame.confidence?, is_right(frame))))
+            .filter_map(|frame| {
+                Some(Stated {
+                    frame,
+                    confidence: frame.confidence?,
+                })
+            })
             .collect();
         if fixes.is_empty() {
             return None;
@@ -59,7 +67,6 @@ impl Reliability {
             .filter_map(|limits| Bin::of(&fixes, limits[0], limits[1]))
             .collect();
         let count = fixes.len() as f64;
-        let outcome = |right: bool| f64::from(u8::from(right));
         Some(Self {
             fixes: fixes.len(),
             calibration_error: bins
@@ -69,7 +76,7 @@ impl Reliability {
                 / count,
             brier: fixes
                 .iter()
-                .map(|(confidence, right)| (confidence - outcome(*right)).powi(2))
+                .map(|fix| (fix.confidence - outcome(fix.frame)).powi(2))
                 .sum::<f64>()
                 / count,
             bins,
@@ -77,26 +84,38 @@ impl Reliability {
     }
 }
 
+/// A fix and its confidence.
+#[derive(Clone, Copy)]
+struct Stated<'a> {
+    frame: &'a Frame,
+    confidence: f64,
+}
+
+/// 1 for a right fix, else 0.
+fn outcome(frame: &Frame) -> f64 {
+    f64::from(u8::from(is_right(frame)))
+}
+
 impl Bin {
-    fn of(fixes: &[(f64, bool)], from: f64, to: f64) -> Option<Self> {
-        let inside: Vec<(f64, bool)> = fixes
+    fn of(fixes: &[Stated<'_>], from: f64, to: f64) -> Option<Self> {
+        let is_inside =
+            |confidence: f64| (from..to).contains(&confidence) || (to >= 1.0 && confidence >= to);
+        let inside = fixes.iter().filter(|fix| is_inside(fix.confidence));
+        let (frames, confidences): (Vec<&Frame>, Vec<f64>) =
+            inside.map(|fix| (fix.frame, fix.confidence)).unzip();
+        let by_place: Vec<Vec<f64>> = places(&frames)
             .iter()
-            .copied()
-            .filter(|(confidence, _)| {
-                (from..to).contains(confidence) || (to >= 1.0 && *confidence >= to)
-            })
+            .map(|place| place.iter().map(|frame| outcome(frame)).collect())
             .collect();
-        let right = inside.iter().filter(|(_, right)| *right).count();
-        let count = inside.len();
-        let right_share = right as f64 / count.max(1) as f64;
-        (count > 0).then(|| Self {
+        Some(Self {
             from,
             to,
-            fixes: count,
-            right,
-            mean_confidence: inside.iter().map(|(c, _)| c).sum::<f64>() / count as f64,
-            right_share,
-            right_share_interval: wilson_interval(right_share, count),
+            fixes: frames.len(),
+            right: frames.iter().filter(|frame| is_right(frame)).count(),
+            mean_confidence: mean(&confidences)?,
+            right_share: mean(&by_place.concat())?,
+            right_share_interval: grouped_share_interval(&by_place),
+            places: by_place.len(),
         })
     }
 }
@@ -132,6 +151,21 @@ mod tests {
             .map(|b| (b.from, b.fixes, b.right))
             .collect();
         assert_eq!(bins, [(0.5, 2, 1), (0.9, 1, 1), (0.97, 1, 1)]);
+        let of_one_place = frames.map(|frame| Frame {
+            place: Some("field".to_owned()),
+            ..frame
+        });
+        let by_place = Reliability::of(&of_one_place).unwrap().bins[0];
+        assert_eq!((found.bins[0].places, by_place.places), (2, 1));
+        let widths = [found.bins[0], by_place].map(|bin| {
+            let [low, high] = bin.right_share_interval;
+            high - low
+        });
+        assert_eq!(
+            widths[0], 1.0,
+            "one right, one wrong: any share may be drawn"
+        );
+        assert!(widths[1] > 0.9, "one place says as little: {widths:?}");
         assert_relative_eq!(found.bins[0].mean_confidence, 0.56, epsilon = 1e-12);
         assert_relative_eq!(
             found.calibration_error,

@@ -40,28 +40,9 @@ pub fn percentile(values: &[f64], q: f64) -> Option<f64> {
     value.is_finite().then_some(value)
 }
 
-/// 95 % percentile bootstrap interval (Efron 1979) of a figure, 1,000 resamples, fixed seed. An end is infinite if the figure
-/// is infinite in more than 2.5 % of the resamples.
-#[must_use]
-pub fn bootstrap_interval(values: &[f64], figure: impl Fn(&[f64]) -> f64) -> [f64; 2] {
-    if values.is_empty() {
-        return [0.0, 0.0];
-    }
-    let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(1979);
-    let mut sample = values.to_vec();
-    let figures: Vec<f64> = (0..1000)
-        .map(|_| {
-            for slot in &mut sample {
-                *slot = values[rng.random_range(0..values.len())];
-            }
-            figure(&sample)
-        })
-        .collect();
-    [0.025, 0.975].map(|q| percentile(&figures, q).unwrap_or(f64::INFINITY))
-}
-
-/// The same for values in groups that are not independent within a group, such as photos of one place: whole groups are drawn
-/// (cluster bootstrap, Davison & Hinkley 1997, section 3.8).
+/// 95 % percentile bootstrap interval (Efron 1979) of a figure, 1,000 resamples, fixed seed. The values are in groups that are not
+/// independent within a group, such as photos of one place: whole groups are drawn (cluster bootstrap, Davison & Hinkley 1997,
+/// section 3.8). An end is infinite if the figure is infinite in more than 2.5 % of the resamples.
 #[must_use]
 pub fn grouped_bootstrap_interval<T: Copy>(
     groups: &[Vec<T>],
@@ -120,7 +101,12 @@ mod tests {
         let groups: Vec<Vec<f64>> = (0..10)
             .map(|place| vec![f64::from(u8::from(place < 7)); 20])
             .collect();
-        let by_photo = bootstrap_interval(&groups.concat(), share);
+        let alone: Vec<Vec<f64>> = groups
+            .concat()
+            .into_iter()
+            .map(|value| vec![value])
+            .collect();
+        let by_photo = grouped_bootstrap_interval(&alone, share);
         let by_place = grouped_bootstrap_interval(&groups, share);
         let width = |[low, high]: [f64; 2]| high - low;
         assert!(

@@ -5,8 +5,11 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::frame::Frame;
+use super::places::places;
 use super::risk_coverage;
-use super::statistics::{bootstrap_interval, mean, percentile, share_within};
+use super::statistics::{
+    grouped_bootstrap_interval, grouped_share_interval, mean, percentile, share_within,
+};
 
 /// An error above this many metres is "confidently wrong" whatever uncertainty was stated.
 pub const CONFIDENTLY_WRONG_M: f64 = 100.0;
@@ -15,6 +18,9 @@ pub const CONFIDENTLY_WRONG_M: f64 = 100.0;
 pub const CONFIDENTLY_WRONG_SIGMA: f64 = 3.0;
 
 /// Figures over all photos of a run. In every share of all frames, a photo without a fix counts as a miss.
+///
+/// Intervals are of 95 % and by place, for photos of one place are not independent: whole places are resampled (bootstrap), or, if all
+/// places have the same share, it is Wilson's on their number.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Photos scored.
@@ -29,7 +35,7 @@ pub struct Summary {
     pub within_20m: f64,
     /// Share of all frames within 25 m.
     pub within_25m: f64,
-    /// 95 % bootstrap interval of `within_5m`.
+    /// Interval of `within_5m`.
     pub within_5m_interval: [f64; 2],
     /// Median error over all photos, a miss counting as infinite; `None` if half of the photos or more are missed.
     pub median_m: Option<f64>,
@@ -55,7 +61,7 @@ pub struct Summary {
     pub coverage_90: Option<f64>,
     /// Share of fixes whose error lies within the stated 95 % radius.
     pub coverage_95: Option<f64>,
-    /// 95 % bootstrap interval of `coverage_95`.
+    /// Interval of `coverage_95`.
     pub coverage_95_interval: Option<[f64; 2]>,
     /// Share of fixes within the 95 % radius enlarged by the error of the truth; `None` if that is not known.
     pub coverage_95_with_truth_error: Option<f64>,
@@ -63,9 +69,9 @@ pub struct Summary {
     pub radius95_median_m: Option<f64>,
     /// Area under the curve of risk against coverage; 0 is best.
     pub risk_coverage_area: Option<f64>,
-    /// 95 % bootstrap interval of `median_m`; `None` if it reaches into the misses.
+    /// Interval of `median_m`; `None` if it reaches into the misses, or for a single place.
     pub median_interval_m: Option<[f64; 2]>,
-    /// 95 % bootstrap interval of `ale_m`.
+    /// Interval of `ale_m`; `None` if the fixes are of a single place.
     pub ale_interval_m: Option<[f64; 2]>,
     /// Median distance of the fixes from the satellite receiver, if its position is known.
     pub gps_median_m: Option<f64>,
@@ -86,25 +92,34 @@ impl Summary {
     /// Figures of these photos.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Self {
-        let errors: Vec<f64> = frames
-            .iter()
-            .map(|f| f.error_m.unwrap_or(f64::INFINITY))
-            .collect();
+        let error_of = |f: &Frame| f.error_m.unwrap_or(f64::INFINITY);
+        let errors: Vec<f64> = frames.iter().map(error_of).collect();
         let fixes: Vec<&Frame> = frames.iter().filter(|f| f.error_m.is_some()).collect();
         let values = |value: &dyn Fn(&Frame) -> Option<f64>| -> Vec<f64> {
             fixes.iter().filter_map(|f| value(f)).collect()
         };
         let mean_of = |value: &dyn Fn(&Frame) -> Option<f64>| mean(&values(value));
-        let inside = |radius: fn(&Frame) -> Option<f64>| -> Vec<f64> {
-            values(&|f| {
-                let (error, radius) = f.error_m.zip(radius(f))?;
-                Some(f64::from(u8::from(error <= radius)))
-            })
+        let is_inside = |f: &Frame, radius_m: Option<f64>| {
+            let (error_m, radius_m) = f.error_m.zip(radius_m)?;
+            Some(f64::from(u8::from(error_m <= radius_m)))
         };
-        let covered = inside(|f| f.radius95_m);
+        let all: Vec<&Frame> = frames.iter().collect();
+        let places = places(&all);
+        let by_place = |value: &dyn Fn(&Frame) -> Option<f64>| -> Vec<Vec<f64>> {
+            let groups = places
+                .iter()
+                .map(|place| place.iter().filter_map(|f| value(f)).collect());
+            groups
+                .filter(|group: &Vec<f64>| !group.is_empty())
+                .collect()
+        };
+        let interval = |groups: &[Vec<f64>], figure: fn(&[f64]) -> f64| {
+            Some(grouped_bootstrap_interval(groups, figure))
+                .filter(|ends| groups.len() > 1 && ends.iter().all(|end| end.is_finite()))
+        };
+        let covered = by_place(&|f| is_inside(f, f.radius95_m));
         let fix_errors = values(&|f| f.error_m);
         let gps = values(&|f| f.gps_error_m);
-        let average = |sample: &[f64]| mean(sample).unwrap_or(0.0);
         let times: Vec<f64> = frames.iter().filter_map(|f| f.time_ms).collect();
         Self {
             frames: frames.len(),
@@ -113,7 +128,9 @@ impl Summary {
             within_10m: share_within(&errors, 10.0),
             within_20m: share_within(&errors, 20.0),
             within_25m: share_within(&errors, 25.0),
-            within_5m_interval: bootstrap_interval(&errors, |sample| share_within(sample, 5.0)),
+            within_5m_interval: grouped_share_interval(&by_place(&|f| {
+                Some(f64::from(u8::from(error_of(f) <= 5.0)))
+            })),
             median_m: percentile(&errors, 0.5),
             p90_m: percentile(&errors, 0.9),
             ale_m: mean(&fix_errors),
@@ -123,20 +140,19 @@ impl Summary {
             beyond_3_sigma: fixes.iter().filter(|f| is_beyond_3_sigma(f)).count(),
             availability: fixes.len() as f64 / frames.len().max(1) as f64,
             precision: (!fixes.is_empty()).then(|| share_within(&fix_errors, 20.0)),
-            coverage_50: mean(&inside(|f| f.radius50_m)),
-            coverage_90: mean(&inside(|f| f.radius90_m)),
-            coverage_95: mean(&covered),
-            coverage_95_interval: (!covered.is_empty())
-                .then(|| bootstrap_interval(&covered, average)),
-            coverage_95_with_truth_error: mean(&inside(|f| f.radius95_with_truth_m)),
+            coverage_50: mean_of(&|f| is_inside(f, f.radius50_m)),
+            coverage_90: mean_of(&|f| is_inside(f, f.radius90_m)),
+            coverage_95: mean(&covered.concat()),
+            coverage_95_interval: (!covered.is_empty()).then(|| grouped_share_interval(&covered)),
+            coverage_95_with_truth_error: mean_of(&|f| is_inside(f, f.radius95_with_truth_m)),
             radius95_median_m: percentile(&values(&|f| f.radius95_m), 0.5),
             risk_coverage_area: risk_coverage::area(frames),
-            median_interval_m: Some(bootstrap_interval(&errors, |sample| {
+            median_interval_m: interval(&by_place(&|f| Some(error_of(f))), |sample| {
                 percentile(sample, 0.5).unwrap_or(f64::INFINITY)
-            }))
-            .filter(|ends| !frames.is_empty() && ends.iter().all(|end| end.is_finite())),
-            ale_interval_m: (!fix_errors.is_empty())
-                .then(|| bootstrap_interval(&fix_errors, average)),
+            }),
+            ale_interval_m: interval(&by_place(&|f| f.error_m), |sample| {
+                mean(sample).unwrap_or(f64::INFINITY)
+            }),
             gps_median_m: percentile(&gps, 0.5),
             gps_ale_m: mean(&gps),
             gps_within_20m: (!gps.is_empty())
@@ -206,6 +222,29 @@ mod tests {
         assert_relative_eq!(summary.coverage_95.unwrap(), 0.5);
         let [low, high] = summary.within_5m_interval;
         assert!((0.0..0.4).contains(&low) && high > 0.4, "{low} {high}");
+    }
+
+    #[test]
+    fn intervals_are_by_place() {
+        let of = |place: &str, error_m: f64| Frame {
+            place: Some(place.to_owned()),
+            ..frame(Some(error_m))
+        };
+        // One place right in all of its photos, one in none: either may be drawn twice.
+        let two: Vec<Frame> = (0..20)
+            .map(|i| of("a", 1.0 + 0.01 * f64::from(i)))
+            .collect();
+        let two = [two, vec![of("b", 50.0); 20]].concat();
+        let summary = Summary::of(&two);
+        assert_eq!(summary.within_5m_interval, [0.0, 1.0]);
+        assert_eq!(summary.coverage_95_interval, Some([0.0, 1.0]));
+        let [low, high] = summary.ale_interval_m.unwrap();
+        assert!(low < 1.2 && high > 49.0, "{low} {high}");
+        // Many photos of one place say little of others.
+        let one = Summary::of(&two[..20]);
+        let [low, high] = one.within_5m_interval;
+        assert!(low < 0.5 && high > 0.99, "{low} {high}");
+        assert_eq!((one.median_interval_m, one.ale_interval_m), (None, None));
     }
 
     #[test]

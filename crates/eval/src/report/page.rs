@@ -240,7 +240,7 @@ fn reliability_table(name: &str, reliability: &Reliability) -> Markup {
             table {
                 tr {
                     th { "confidence" } th { "fixes" } th { "right" } th { "mean confidence" }
-                    th { "share right" } th { "95 % interval" }
+                    th { "share right" } th { "95 % interval, by place" }
                 }
                 @for bin in &reliability.bins {
                     tr {
@@ -251,9 +251,10 @@ fn reliability_table(name: &str, reliability: &Reliability) -> Markup {
                         td { (percent(bin.right_share)) }
                         td {
                             (format!(
-                                "{:.0}-{:.0} %",
+                                "{:.0}-{:.0} %, {} places",
                                 100.0 * bin.right_share_interval[0],
-                                100.0 * bin.right_share_interval[1]
+                                100.0 * bin.right_share_interval[1],
+                                bin.places
                             ))
                         }
                     }

@@ -50,6 +50,10 @@ pub struct About {
     pub footprint_width_m: Option<f64>,
     /// Least confidence of a fix, if given; otherwise that of the model's calibration.
     pub min_confidence: Option<f64>,
+    /// Whose batch-normalisation statistics were used: `none` (the model's), `photo` or `flight`.
+    pub adapt: String,
+    /// The only ground resolution of the pack, metres per pixel, if given.
+    pub gsd_m: Option<f64>,
     /// Size of the pack per area of the map.
     pub pack_bytes_per_km2: f64,
     /// Peak memory of the program, MiB; `None` if the system does not report it.
@@ -81,10 +85,15 @@ impl About {
                 of(self.footprint_width_m)
             ),
             format!(
-                "Least confidence of a fix: {}.",
+                "Least confidence of a fix: {}. Batch-normalisation statistics recomputed: {}. Ground resolution: {}.",
                 self.min_confidence.map_or_else(
                     || "that of the model's calibration".to_owned(),
                     |p| p.to_string()
+                ),
+                self.adapt,
+                self.gsd_m.map_or_else(
+                    || "all levels of the map".to_owned(),
+                    |gsd_m| format!("{gsd_m} m/px alone")
                 )
             ),
             format!(

@@ -7,7 +7,7 @@ use grimnet_eval::scene::HeadingMode;
 use grimnet_locate::DEFAULT_MAP_ERROR_M;
 use grimnet_program::heading_modes::{BOTH, heading_modes};
 
-use crate::commands::elsewhere::ElsewhereOptions;
+use crate::commands::elsewhere::{ELSEWHERE_FOLDERS, ElsewhereOptions};
 use crate::commands::eval_track_options::TrackEvalOptions;
 use crate::commands::locate::AdaptChoice;
 use crate::commands::map_place::MapPlace;
@@ -52,7 +52,12 @@ pub struct EvalArgs {
     pub(super) model: ModelChoice,
 
     /// Whether the localiser is given the true headings
-    #[arg(long, value_parser = heading_modes(), default_value = BOTH)]
+    #[arg(
+        long,
+        value_parser = heading_modes(),
+        default_value = BOTH,
+        conflicts_with_all = [ELSEWHERE_FOLDERS, "track"]
+    )]
     pub(super) heading: &'static [HeadingMode],
 
     /// Commit that this program was built from, recorded with the figures
@@ -60,7 +65,13 @@ pub struct EvalArgs {
     pub(super) commit: Option<String>,
 
     /// Ground width that every photo shows, metres, given to the localiser instead of truth file and metadata
-    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::length_m,
+        allow_hyphen_values = true,
+        conflicts_with = ELSEWHERE_FOLDERS
+    )]
     pub(super) footprint_width: Option<f64>,
 
     /// Method
@@ -78,7 +89,13 @@ pub struct EvalArgs {
     pub(super) map_error: f64,
 
     /// Error of the true positions, metres (1 sigma per axis), for photos whose truth file does not state it
-    #[arg(long, value_name = "M", value_parser = values::sigma_m, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::sigma_m,
+        allow_hyphen_values = true,
+        conflicts_with_all = [ELSEWHERE_FOLDERS, "track"]
+    )]
     pub(super) truth_error: Option<f64>,
 
     /// Recompute batch-normalisation statistics

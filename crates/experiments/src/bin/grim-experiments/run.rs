@@ -4,7 +4,6 @@ use std::io::Write;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
-use grimnet_eval::pictures::file_name;
 use grimnet_eval::scene::Scene;
 use grimnet_experiments::bench::Bench;
 use grimnet_experiments::experiment_table::{self, ExperimentTable};
@@ -13,6 +12,7 @@ use grimnet_experiments::sweep::{self, Sweep};
 use grimnet_experiments::{page, tables};
 use grimnet_net::Model;
 use grimnet_output::OutputFolder;
+use grimnet_photo::pictures::file_name;
 use grimnet_program::exit::Exit;
 use grimnet_program::progress;
 

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
-use grimnet_eval::pictures::file_name;
 use grimnet_eval::scene::Scene;
 use grimnet_experiments::world_flight::WorldFlight;
+use grimnet_photo::pictures::file_name;
 
 use crate::arguments::{Arguments, WORLDS, WorldOptions};
 

@@ -232,6 +232,7 @@ mod tests {
     use crate::elsewhere_summary::{ElsewhereSummary, Group};
     use crate::evaluation::{Found, MethodError};
     use crate::metrics::ScoredFix;
+    use crate::metrics::statistics::wilson_interval;
 
     /// Gives a fix where the heading is known and the footprint small.
     struct Gullible;
@@ -347,6 +348,9 @@ mod tests {
             .count();
         assert!(expected > 0);
         assert_eq!((summary.all.trials, summary.all.fixes), (80, expected));
+        assert_eq!(summary.all.pictures, 3 + 40);
+        let share = expected as f64 / 80.0;
+        assert_eq!(summary.all.share_interval, wilson_interval(share, 43));
         let sums = |groups: &[Group]| {
             let trials: usize = groups.iter().map(|g| g.trials).sum();
             (trials, groups.iter().map(|g| g.fixes).sum::<usize>())

@@ -1,11 +1,11 @@
 //! Figures of wrong-area trials.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Serialize;
 
 use crate::elsewhere::{ElsewhereTrial, Scale};
-use crate::metrics::statistics::{grouped_share_interval, mean};
+use crate::metrics::statistics::wilson_interval;
 
 /// Limits between small, medium and large footprints, as shares of the map's width.
 const BANDS: [f64; 2] = [1.0 / 3.0, 1.0];
@@ -21,10 +21,9 @@ pub struct Group {
     pub fixes: usize,
     /// Share of trials with a fix.
     pub share: f64,
-    /// 95 % interval of the share, by picture, for the crops of one are not independent: whole pictures are resampled (bootstrap), or,
-    /// if all have the same share, it is Wilson's on their number.
+    /// 95 % interval of the share (Wilson 1927), as of so many trials as there are pictures: the crops of one are not independent.
     pub share_interval: [f64; 2],
-    /// Number of pictures that the trials are of.
+    /// Number of pictures that the trials are of, by their file names.
     pub pictures: usize,
 }
 
@@ -68,22 +67,21 @@ fn setting(trial: &ElsewhereTrial) -> String {
 
 impl Group {
     fn of<'a>(name: &str, trials: impl Iterator<Item = &'a ElsewhereTrial>) -> Self {
-        let mut by_picture: BTreeMap<(&str, &str), Vec<f64>> = BTreeMap::new();
+        let mut pictures = BTreeSet::new();
+        let (mut count, mut fixes) = (0usize, 0usize);
         for trial in trials {
-            by_picture
-                .entry((&trial.source, &trial.picture))
-                .or_default()
-                .push(f64::from(u8::from(trial.fixed)));
+            pictures.insert((&trial.source, &trial.picture));
+            count += 1;
+            fixes += usize::from(trial.fixed);
         }
-        let by_picture: Vec<Vec<f64>> = by_picture.into_values().collect();
-        let all = by_picture.concat();
+        let share = fixes as f64 / count.max(1) as f64;
         Self {
             name: name.to_owned(),
-            trials: all.len(),
-            fixes: all.iter().filter(|fixed| **fixed > 0.0).count(),
-            share: mean(&all).unwrap_or(0.0),
-            share_interval: grouped_share_interval(&by_picture),
-            pictures: by_picture.len(),
+            trials: count,
+            fixes,
+            share,
+            share_interval: wilson_interval(share, pictures.len()),
+            pictures: pictures.len(),
         }
     }
 }

@@ -25,7 +25,7 @@ pub struct Bin {
     pub mean_confidence: f64,
     /// Share of right fixes.
     pub right_share: f64,
-    /// 95 % interval of `right_share`, by place as in [`FootprintSummary`](super::FootprintSummary).
+    /// 95 % interval of `right_share`, by place as in [`FootprintSummary`](super::footprint::FootprintSummary).
     pub right_share_interval: [f64; 2],
     /// Places that the fixes are of.
     pub places: usize,
@@ -165,7 +165,7 @@ mod tests {
             widths[0], 1.0,
             "one right, one wrong: any share may be drawn"
         );
-        assert!(widths[1] > 0.9, "one place says as little: {widths:?}");
+        assert!(widths[1] > 0.85, "one place says as little: {widths:?}");
         assert_relative_eq!(found.bins[0].mean_confidence, 0.56, epsilon = 1e-12);
         assert_relative_eq!(
             found.calibration_error,

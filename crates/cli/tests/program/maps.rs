@@ -52,7 +52,9 @@ fn a_map_is_checked_before_it_is_built() {
         .arg(folder.path())
         .assert()
         .code(2)
-        .stderr(contains("neither tiles ({zoom}/{column}/{row}.png) nor GeoTIFFs"));
+        .stderr(contains(
+            "neither tiles ({zoom}/{column}/{row}.png) nor GeoTIFFs",
+        ));
     // Across the antimeridian.
     let fiji = ["--corners", "179.996,-16.503,-179.996,-16.5"];
     grim()

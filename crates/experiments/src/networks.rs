@@ -8,8 +8,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use grimnet_net::Model;
 use grimnet_output::OutputPolicy;
 use grimnet_train::{
-    Data, Device, ExportOptions, Losses, MODEL, Progress, RunFolder, TrainConfig, TrainError,
-    Trainer, Weights, checkpoint_path, export,
+    Data, Device, ExportOptions, Losses, MODEL, Progress, RunFolder, StepTable, TrainConfig,
+    TrainError, Trainer, Weights, checkpoint_path, export,
 };
 
 /// Validation pairs for the model card of an exported network; the experiment itself measures on scenes.
@@ -21,8 +21,9 @@ const KEY_DIGITS: usize = 8;
 /// File of how much the loss still fell at the end.
 const LAST_FALL: &str = "last-fall.json";
 
-/// File of the total loss of each step.
-const TOTALS: &str = "total-losses.json";
+/// Table of the total loss of each step, and its columns.
+const TOTALS: &str = "total-losses.csv";
+const TOTALS_COLUMNS: &str = "step,total";
 
 /// Why a network cannot be trained or opened.
 #[derive(Debug, thiserror::Error)]
@@ -81,13 +82,12 @@ const PLATEAU_FALL: f64 = 0.01;
 const MIN_TENTH_STEPS: usize = 20;
 
 /// See [`Trained::last_fall`].
-fn last_fall_of(totals: &[(u64, f64)]) -> Option<f64> {
+fn last_fall_of(totals: &[f64]) -> Option<f64> {
     let tenth = totals.len() / 10;
     if tenth < MIN_TENTH_STEPS {
         return None;
     }
-    let mean =
-        |part: &[(u64, f64)]| part.iter().map(|(_, total)| total).sum::<f64>() / part.len() as f64;
+    let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     let last = &totals[totals.len() - tenth..];
     let before = mean(&totals[totals.len() - 2 * tenth..totals.len() - tenth]);
     Some((before - mean(last)) / before)
@@ -101,16 +101,6 @@ fn total_of(losses: &Losses, weights: &Weights) -> f64 {
             + weights.descriptor * losses.descriptor
             + weights.homography * losses.homography,
     )
-}
-
-/// The steps and total losses that an interrupted training wrote, up to the step that it resumes from.
-fn earlier_totals(path: &Path, step: u64) -> Vec<(u64, f64)> {
-    let written: Option<Vec<(u64, f64)>> = fs_err::read(path)
-        .ok()
-        .and_then(|text| serde_json::from_slice(&text).ok());
-    let mut totals = written.unwrap_or_default();
-    totals.retain(|(earlier, _)| *earlier <= step);
-    totals
 }
 
 /// Called after every step with the network's name.
@@ -214,7 +204,7 @@ impl Networks {
         config: &TrainConfig,
         device: &Device,
         folder: &RunFolder,
-    ) -> Result<(Trainer, Vec<(u64, f64)>), NetworksError> {
+    ) -> Result<(Trainer, Vec<f64>), NetworksError> {
         let resume = checkpoint_path(config).is_file();
         let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?
             .with_folder(folder.clone());
@@ -224,13 +214,14 @@ impl Networks {
                 trainer.state().position.step
             );
         }
-        let mut totals = earlier_totals(&config.out.join(TOTALS), trainer.state().position.step);
+        let step = trainer.state().position.step;
+        let mut totals = StepTable::open(folder, TOTALS, TOTALS_COLUMNS, step)?;
         let mut written = Ok(());
         let stopped = || self.stop.load(Ordering::Relaxed);
         if !stopped() {
             trainer.run(&mut |progress, _| {
-                totals.push((progress.step, total_of(&progress.losses, &config.weights)));
-                written = folder.write(TOTALS, serde_json::json!(totals).to_string().as_bytes());
+                let total = total_of(&progress.losses, &config.weights);
+                written = totals.add([format!("{},{total}", progress.step)]);
                 (self.on_progress)(name, progress);
                 written.is_ok() && !stopped()
             })?;
@@ -243,7 +234,8 @@ impl Networks {
                 folder: self.folder.clone(),
             });
         }
-        Ok((trainer, totals))
+        let total = |row: &String| row.split_once(',')?.1.parse().ok();
+        Ok((trainer, totals.rows().iter().filter_map(total).collect()))
     }
 
     /// Folder of a variant: its name and a hash of its configuration, so that another budget is another network.

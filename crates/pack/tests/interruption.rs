@@ -50,32 +50,36 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-/// A map whose files are changed while it is read.
-struct Changed(TestMap);
+/// A map under another name, whose files may be changed while it is read.
+struct Altered {
+    map: TestMap,
+    name: &'static str,
+    hash_now: Option<[u8; 32]>,
+}
 
-impl Raster for Changed {
+impl Raster for Altered {
     fn size_px(&self) -> (u64, u64) {
-        self.0.size_px()
+        self.map.size_px()
     }
 
     fn georeference(&self) -> &Georeference {
-        self.0.georeference()
+        self.map.georeference()
     }
 
     fn content_hash(&self) -> Result<[u8; 32], GeoError> {
-        self.0.content_hash()
+        self.map.content_hash()
     }
 
     fn content_hash_now(&self) -> Result<[u8; 32], GeoError> {
-        Ok([7; 32])
+        self.hash_now.map_or_else(|| self.content_hash(), Ok)
     }
 
     fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {
-        self.0.read(window, out_w, out_h)
+        self.map.read(window, out_w, out_h)
     }
 
     fn describe(&self) -> String {
-        "town.tif".to_owned()
+        self.name.to_owned()
     }
 }
 
@@ -84,7 +88,11 @@ fn a_map_that_changes_meanwhile_gives_no_pack_and_nothing_to_continue() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("area.grim");
     let error = build(
-        &Changed(map()),
+        &Altered {
+            map: map(),
+            name: "town.tif",
+            hash_now: Some([7; 32]),
+        },
         &tiny_model(1),
         &options(),
         &out,
@@ -98,38 +106,17 @@ fn a_map_that_changes_meanwhile_gives_no_pack_and_nothing_to_continue() {
     assert_eq!(names(folder.path()), [""; 0]);
 }
 
-/// A map under another name.
-struct Renamed(TestMap);
-
-impl Raster for Renamed {
-    fn size_px(&self) -> (u64, u64) {
-        self.0.size_px()
-    }
-
-    fn georeference(&self) -> &Georeference {
-        self.0.georeference()
-    }
-
-    fn content_hash(&self) -> Result<[u8; 32], GeoError> {
-        self.0.content_hash()
-    }
-
-    fn read(&self, window: WindowPx, out_w: u32, out_h: u32) -> Result<RasterPatch, GeoError> {
-        self.0.read(window, out_w, out_h)
-    }
-
-    fn describe(&self) -> String {
-        "renamed.tif".to_owned()
-    }
-}
-
 #[test]
 fn a_renamed_map_is_the_same_map() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("area.grim");
     let make_renamed = || {
         build(
-            &Renamed(map()),
+            &Altered {
+                map: map(),
+                name: "renamed.tif",
+                hash_now: None,
+            },
             &tiny_model(1),
             &options(),
             &out,

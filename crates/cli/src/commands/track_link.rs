@@ -29,7 +29,7 @@ pub struct TrackLinkArgs {
 
     /// Camera whose attitude the autopilot's telemetry gives: gimbal (the first that reports, else as fixed), gimbal:ID (the
     /// one with this MAVLink component or number), fixed (looks down, the picture's top to the nose), unknown (attitude is not used)
-    #[arg(long, value_name = "MOUNT", requires = "mavlink", default_value_t, help_heading = LINK)]
+    #[arg(long, value_name = "MOUNT", default_value_t, help_heading = LINK)]
     pub mavlink_camera: CameraMount,
 
     /// Error of the autopilot's velocity, metres per second (1 sigma per axis); 0: velocities are not used

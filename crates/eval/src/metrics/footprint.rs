@@ -6,7 +6,7 @@
 use serde::Serialize;
 
 use super::frame::Frame;
-use super::places::places;
+use super::places::{by_place, places};
 use super::statistics::{grouped_share_interval, percentile};
 
 /// Largest error of a right fix, as a share of the ground width of the photo.
@@ -25,6 +25,11 @@ pub fn is_right(frame: &Frame) -> bool {
     frame
         .error_m
         .is_some_and(|error_m| error_m <= right_within_m(frame))
+}
+
+/// 1 for a photo with a right fix, else 0.
+pub(super) fn outcome(frame: &Frame) -> f64 {
+    f64::from(u8::from(is_right(frame)))
 }
 
 /// Returns whether a photo has a wrong fix: an error that the error of the truth does not explain.
@@ -91,15 +96,7 @@ impl FootprintSummary {
             of.iter().filter(|frame| wanted(frame)).count()
         };
         let right = count(&answerable, is_right);
-        let right_by_place: Vec<Vec<f64>> = places(&answerable)
-            .iter()
-            .map(|place| {
-                place
-                    .iter()
-                    .map(|f| f64::from(u8::from(is_right(f))))
-                    .collect()
-            })
-            .collect();
+        let right_by_place = by_place(&places(&answerable), |frame| Some(outcome(frame)));
         let shares: Vec<f64> = answerable
             .iter()
             .map(|frame| frame.footprint_share().unwrap_or(f64::INFINITY))

@@ -30,6 +30,19 @@ pub(super) fn places<'a>(frames: &[&'a Frame]) -> Vec<Vec<&'a Frame>> {
     named.into_values().chain(unnamed).collect()
 }
 
+/// A value of the photos of each place, of those that have one; without places that have none.
+pub(super) fn by_place(
+    places: &[Vec<&Frame>],
+    value: impl Fn(&Frame) -> Option<f64>,
+) -> Vec<Vec<f64>> {
+    let groups = places
+        .iter()
+        .map(|place| place.iter().filter_map(|frame| value(frame)).collect());
+    groups
+        .filter(|group: &Vec<f64>| !group.is_empty())
+        .collect()
+}
+
 /// Whether the centres of two photos are nearer than the ground width of the narrower one.
 fn share_ground(one: &Frame, other: &Frame) -> bool {
     let ground = |frame: &Frame| frame.truth.zip(frame.footprint_width_m);

@@ -2,9 +2,9 @@
 
 use serde::Serialize;
 
-use super::footprint::is_right;
+use super::footprint::{is_right, outcome};
 use super::frame::Frame;
-use super::places::places;
+use super::places::{by_place, places};
 use super::statistics::{grouped_share_interval, mean};
 
 /// Limits of the bins of confidence: fine near one, where fixes are given.
@@ -49,15 +49,10 @@ impl Reliability {
     /// Reliability of the fixes of a run; `None` if none has a confidence.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Option<Self> {
-        let fixes: Vec<Stated<'_>> = frames
+        let fixes: Vec<(&Frame, f64)> = frames
             .iter()
             .filter(|frame| frame.fixed)
-            .filter_map(|frame| {
-                Some(Stated {
-                    frame,
-                    confidence: frame.confidence?,
-                })
-            })
+            .filter_map(|frame| Some((frame, frame.confidence?)))
             .collect();
         if fixes.is_empty() {
             return None;
@@ -76,7 +71,7 @@ impl Reliability {
                 / count,
             brier: fixes
                 .iter()
-                .map(|fix| (fix.confidence - outcome(fix.frame)).powi(2))
+                .map(|(frame, confidence)| (confidence - outcome(frame)).powi(2))
                 .sum::<f64>()
                 / count,
             bins,
@@ -84,38 +79,25 @@ impl Reliability {
     }
 }
 
-/// A fix and its confidence.
-#[derive(Clone, Copy)]
-struct Stated<'a> {
-    frame: &'a Frame,
-    confidence: f64,
-}
-
-/// 1 for a right fix, else 0.
-fn outcome(frame: &Frame) -> f64 {
-    f64::from(u8::from(is_right(frame)))
-}
-
 impl Bin {
-    fn of(fixes: &[Stated<'_>], from: f64, to: f64) -> Option<Self> {
+    /// Those of the fixes, with their confidences, that are in a range.
+    fn of(fixes: &[(&Frame, f64)], from: f64, to: f64) -> Option<Self> {
         let is_inside =
             |confidence: f64| (from..to).contains(&confidence) || (to >= 1.0 && confidence >= to);
-        let inside = fixes.iter().filter(|fix| is_inside(fix.confidence));
-        let (frames, confidences): (Vec<&Frame>, Vec<f64>) =
-            inside.map(|fix| (fix.frame, fix.confidence)).unzip();
-        let by_place: Vec<Vec<f64>> = places(&frames)
+        let inside = fixes
             .iter()
-            .map(|place| place.iter().map(|frame| outcome(frame)).collect())
-            .collect();
+            .filter(|(_, confidence)| is_inside(*confidence));
+        let (frames, confidences): (Vec<&Frame>, Vec<f64>) = inside.copied().unzip();
+        let right_by_place = by_place(&places(&frames), |frame| Some(outcome(frame)));
         Some(Self {
             from,
             to,
             fixes: frames.len(),
             right: frames.iter().filter(|frame| is_right(frame)).count(),
             mean_confidence: mean(&confidences)?,
-            right_share: mean(&by_place.concat())?,
-            right_share_interval: grouped_share_interval(&by_place),
-            places: by_place.len(),
+            right_share: mean(&right_by_place.concat())?,
+            right_share_interval: grouped_share_interval(&right_by_place),
+            places: right_by_place.len(),
         })
     }
 }

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::frame::Frame;
-use super::places::places;
+use super::places::{by_place, places};
 use super::risk_coverage;
 use super::statistics::{
     grouped_bootstrap_interval, grouped_share_interval, mean, percentile, share_within,
@@ -105,19 +105,11 @@ impl Summary {
         };
         let all: Vec<&Frame> = frames.iter().collect();
         let places = places(&all);
-        let by_place = |value: &dyn Fn(&Frame) -> Option<f64>| -> Vec<Vec<f64>> {
-            let groups = places
-                .iter()
-                .map(|place| place.iter().filter_map(|f| value(f)).collect());
-            groups
-                .filter(|group: &Vec<f64>| !group.is_empty())
-                .collect()
-        };
         let interval = |groups: &[Vec<f64>], figure: fn(&[f64]) -> f64| {
             Some(grouped_bootstrap_interval(groups, figure))
                 .filter(|ends| groups.len() > 1 && ends.iter().all(|end| end.is_finite()))
         };
-        let covered = by_place(&|f| is_inside(f, f.radius95_m));
+        let covered = by_place(&places, |f| is_inside(f, f.radius95_m));
         let fix_errors = values(&|f| f.error_m);
         let gps = values(&|f| f.gps_error_m);
         let times: Vec<f64> = frames.iter().filter_map(|f| f.time_ms).collect();
@@ -128,7 +120,7 @@ impl Summary {
             within_10m: share_within(&errors, 10.0),
             within_20m: share_within(&errors, 20.0),
             within_25m: share_within(&errors, 25.0),
-            within_5m_interval: grouped_share_interval(&by_place(&|f| {
+            within_5m_interval: grouped_share_interval(&by_place(&places, |f| {
                 Some(f64::from(u8::from(error_of(f) <= 5.0)))
             })),
             median_m: percentile(&errors, 0.5),
@@ -147,10 +139,10 @@ impl Summary {
             coverage_95_with_truth_error: mean_of(&|f| is_inside(f, f.radius95_with_truth_m)),
             radius95_median_m: percentile(&values(&|f| f.radius95_m), 0.5),
             risk_coverage_area: risk_coverage::area(frames),
-            median_interval_m: interval(&by_place(&|f| Some(error_of(f))), |sample| {
+            median_interval_m: interval(&by_place(&places, |f| Some(error_of(f))), |sample| {
                 percentile(sample, 0.5).unwrap_or(f64::INFINITY)
             }),
-            ale_interval_m: interval(&by_place(&|f| f.error_m), |sample| {
+            ale_interval_m: interval(&by_place(&places, |f| f.error_m), |sample| {
                 mean(sample).unwrap_or(f64::INFINITY)
             }),
             gps_median_m: percentile(&gps, 0.5),

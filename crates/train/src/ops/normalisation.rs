@@ -2,6 +2,7 @@
 //!
 //! The rows of a group share statistics: all pictures of one domain (DA-BN; paper, eq. 3), or one picture.
 
+use grimnet_kernels::{Isa, PlainKernel};
 use rayon::prelude::*;
 
 /// Consecutive rows that share statistics, and the domain of their scale and shift.
@@ -24,115 +25,132 @@ pub struct Moments {
 
 /// Rows that are summed in f32; their sums are added in f64. Fixed, so that sums do not depend on the number of threads.
 const CHUNK_ROWS: usize = 512;
-/// Channels that are summed in parallel in registers.
-const LANES: usize = 16;
 
-/// Two sums over the rows for each channel. `terms(row, first channel, a, b, width)` adds the terms of `width` channels of a row
-/// to `a` and `b`.
-fn sums<const WHOLE: bool>(
-    rows: usize,
-    channels: usize,
-    terms: &(impl Fn(usize, usize, &mut [f32; LANES], &mut [f32; LANES], usize) + Sync),
-) -> (Vec<f64>, Vec<f64>) {
-    let chunks: Vec<(Vec<f32>, Vec<f32>)> = (0..rows.div_ceil(CHUNK_ROWS))
-        .into_par_iter()
-        .map(|chunk| {
-            let (mut all_a, mut all_b) = (vec![0.0; channels], vec![0.0; channels]);
-            for first in (0..channels).step_by(LANES) {
-                let width = if WHOLE {
-                    LANES
-                } else {
-                    LANES.min(channels - first)
-                };
-                let (mut a, mut b) = ([0.0; LANES], [0.0; LANES]);
-                for row in chunk * CHUNK_ROWS..((chunk + 1) * CHUNK_ROWS).min(rows) {
-                    terms(row, first, &mut a, &mut b, width);
-                }
-                all_a[first..first + width].copy_from_slice(&a[..width]);
-                all_b[first..first + width].copy_from_slice(&b[..width]);
+/// Two sums over the rows for each channel, from those of the chunks in their order.
+fn total(chunks: Vec<[Vec<f32>; 2]>, channels: usize) -> [Vec<f64>; 2] {
+    let mut total = [vec![0.0f64; channels], vec![0.0f64; channels]];
+    for chunk in chunks {
+        for (total, chunk) in total.iter_mut().zip(chunk) {
+            for (total, sum) in total.iter_mut().zip(chunk) {
+                *total += f64::from(sum);
             }
-            (all_a, all_b)
-        })
-        .collect();
-    let (mut a, mut b) = (vec![0.0f64; channels], vec![0.0f64; channels]);
-    for (x, y) in chunks {
-        for c in 0..channels {
-            a[c] += f64::from(x[c]);
-            b[c] += f64::from(y[c]);
         }
     }
-    (a, b)
+    total
 }
 
-/// Sum and sum of squares of each channel.
-fn moment_sums(x: &[f32], rows: usize, channels: usize) -> (Vec<f64>, Vec<f64>) {
-    let whole = |row: usize, first: usize, a: &mut [f32; LANES], b: &mut [f32; LANES], _: usize| {
-        if let Some(x) = x[row * channels + first..].first_chunk::<LANES>() {
-            for i in 0..LANES {
-                a[i] += x[i];
-                b[i] += x[i] * x[i];
+/// Sum and sum of squares of each channel over a chunk of rows.
+struct MomentSums<'a> {
+    x: &'a [f32],
+    channels: usize,
+}
+
+impl PlainKernel for MomentSums<'_> {
+    type Output = [Vec<f32>; 2];
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let [mut sum, mut squares] = [vec![0.0; self.channels], vec![0.0; self.channels]];
+        for x in self.x.chunks_exact(self.channels) {
+            for ((x, sum), squares) in x.iter().zip(&mut sum).zip(&mut squares) {
+                *sum += x;
+                *squares += x * x;
             }
         }
-    };
-    let part =
-        |row: usize, first: usize, a: &mut [f32; LANES], b: &mut [f32; LANES], width: usize| {
-            for (i, x) in x[row * channels + first..][..width].iter().enumerate() {
-                a[i] += x;
-                b[i] += x * x;
-            }
-        };
-    if channels.is_multiple_of(LANES) {
-        sums::<true>(rows, channels, &whole)
-    } else {
-        sums::<false>(rows, channels, &part)
+        [sum, squares]
     }
 }
 
-/// Sums of the gradient before the ReLU, and of that gradient times x, for each channel.
-fn gradient_sums(
-    x: &[f32],
-    grad: &[f32],
-    scale: &[f32],
-    shift: &[f32],
-    rows: usize,
-    channels: usize,
-) -> (Vec<f64>, Vec<f64>) {
-    let whole = |row: usize, first: usize, a: &mut [f32; LANES], b: &mut [f32; LANES], _: usize| {
-        let at = row * channels + first;
-        if let (Some(x), Some(grad), Some(scale), Some(shift)) = (
-            x[at..].first_chunk::<LANES>(),
-            grad[at..].first_chunk::<LANES>(),
-            scale[first..].first_chunk::<LANES>(),
-            shift[first..].first_chunk::<LANES>(),
-        ) {
-            for i in 0..LANES {
-                let g = if x[i] * scale[i] + shift[i] > 0.0 {
-                    grad[i]
-                } else {
-                    0.0
-                };
-                a[i] += g;
-                b[i] += g * x[i];
+/// Sums of the gradient before the ReLU, and of that gradient times x, for each channel over a chunk of rows.
+struct GradientSums<'a> {
+    x: &'a [f32],
+    grad_y: &'a [f32],
+    scale: &'a [f32],
+    shift: &'a [f32],
+}
+
+impl PlainKernel for GradientSums<'_> {
+    type Output = [Vec<f32>; 2];
+    #[inline(always)]
+    fn run(self) -> Self::Output {
+        let channels = self.scale.len();
+        let [mut sum, mut products] = [vec![0.0; channels], vec![0.0; channels]];
+        for (x, grad_y) in self
+            .x
+            .chunks_exact(channels)
+            .zip(self.grad_y.chunks_exact(channels))
+        {
+            let (scale, shift) = (&self.scale[..channels], &self.shift[..channels]);
+            let (sum, products) = (&mut sum[..channels], &mut products[..channels]);
+            for c in 0..channels {
+                let grad = before_relu(grad_y[c], x[c] * scale[c] + shift[c]);
+                sum[c] += grad;
+                products[c] += grad * x[c];
             }
         }
-    };
-    let part =
-        |row: usize, first: usize, a: &mut [f32; LANES], b: &mut [f32; LANES], width: usize| {
-            for i in 0..width {
-                let (at, c) = (row * channels + first + i, first + i);
-                let g = if x[at] * scale[c] + shift[c] > 0.0 {
-                    grad[at]
-                } else {
-                    0.0
-                };
-                a[i] += g;
-                b[i] += g * x[at];
+        [sum, products]
+    }
+}
+
+/// The gradient before a ReLU whose input was `value`.
+#[inline(always)]
+fn before_relu(grad: f32, value: f32) -> f32 {
+    if value > 0.0 { grad } else { 0.0 }
+}
+
+/// `y = max(0, scale * x + shift)` over a chunk of rows.
+struct ScaleShiftRelu<'a> {
+    y: &'a mut [f32],
+    x: &'a [f32],
+    scale: &'a [f32],
+    shift: &'a [f32],
+}
+
+impl PlainKernel for ScaleShiftRelu<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let channels = self.scale.len();
+        for (y, x) in self
+            .y
+            .chunks_exact_mut(channels)
+            .zip(self.x.chunks_exact(channels))
+        {
+            for (((y, x), scale), shift) in y.iter_mut().zip(x).zip(self.scale).zip(self.shift) {
+                *y = (x * scale + shift).max(0.0);
             }
-        };
-    if channels.is_multiple_of(LANES) {
-        sums::<true>(rows, channels, &whole)
-    } else {
-        sums::<false>(rows, channels, &part)
+        }
+    }
+}
+
+/// `grad_x = scale * g + slope * x + offset` over a chunk of rows, where `g` is the gradient before the ReLU.
+struct GradientInput<'a> {
+    grad_x: &'a mut [f32],
+    x: &'a [f32],
+    grad_y: &'a [f32],
+    scale: &'a [f32],
+    shift: &'a [f32],
+    slope: &'a [f32],
+    offset: &'a [f32],
+}
+
+impl PlainKernel for GradientInput<'_> {
+    type Output = ();
+    #[inline(always)]
+    fn run(self) {
+        let channels = self.scale.len();
+        for ((grad_x, x), grad_y) in self
+            .grad_x
+            .chunks_exact_mut(channels)
+            .zip(self.x.chunks_exact(channels))
+            .zip(self.grad_y.chunks_exact(channels))
+        {
+            let (scale, shift) = (&self.scale[..channels], &self.shift[..channels]);
+            let (slope, offset) = (&self.slope[..channels], &self.offset[..channels]);
+            for c in 0..channels {
+                let grad = before_relu(grad_y[c], x[c] * scale[c] + shift[c]);
+                grad_x[c] = scale[c] * grad + slope[c] * x[c] + offset[c];
+            }
+        }
     }
 }
 
@@ -145,6 +163,7 @@ pub fn forward(
     beta: &[f32],
     eps: f32,
 ) -> (Vec<f32>, Moments) {
+    let isa = Isa::detect();
     let mut y = vec![0.0; x.len()];
     let mut moments = Moments::default();
     let mut start = 0;
@@ -152,7 +171,13 @@ pub fn forward(
         let span = start..start + group.rows * channels;
         start = span.end;
         let (x, y) = (&x[span.clone()], &mut y[span]);
-        let (sum, squares) = moment_sums(x, group.rows, channels);
+        let chunk = CHUNK_ROWS * channels;
+        let [sum, squares] = total(
+            x.par_chunks(chunk)
+                .map(|x| isa.vectorise(MomentSums { x, channels }))
+                .collect(),
+            channels,
+        );
         let n = group.rows as f64;
         let mean: Vec<f32> = sum.iter().map(|s| (s / n) as f32).collect();
         let variance: Vec<f32> = sum
@@ -173,14 +198,15 @@ pub fn forward(
             .zip(&scale)
             .map(|((b, m), s)| b - m * s)
             .collect();
-        y.par_chunks_mut(CHUNK_ROWS * channels)
-            .zip(x.par_chunks(CHUNK_ROWS * channels))
+        y.par_chunks_mut(chunk)
+            .zip(x.par_chunks(chunk))
             .for_each(|(y, x)| {
-                for (y, x) in y.chunks_exact_mut(channels).zip(x.chunks_exact(channels)) {
-                    for (((y, x), scale), shift) in y.iter_mut().zip(x).zip(&scale).zip(&shift) {
-                        *y = (x * scale + shift).max(0.0);
-                    }
-                }
+                isa.vectorise(ScaleShiftRelu {
+                    y,
+                    x,
+                    scale: &scale,
+                    shift: &shift,
+                });
             });
         moments.mean.extend(mean);
         moments.variance.extend(variance);
@@ -200,6 +226,7 @@ pub fn backward(
     moments: &Moments,
     eps: f32,
 ) -> (Vec<f32>, Vec<f32>, Vec<f32>) {
+    let isa = Isa::detect();
     let mut grad_x = vec![0.0; x.len()];
     let (mut grad_gamma, mut grad_beta) = (vec![0.0; gamma.len()], vec![0.0; beta.len()]);
     let mut start = 0;
@@ -219,42 +246,47 @@ pub fn backward(
                 (scale, beta[affine.start + c] - mean[c] * scale)
             })
             .unzip();
-        let (sum, product) = gradient_sums(x, grad_y, &scale, &shift, group.rows, channels);
+        let chunk = CHUNK_ROWS * channels;
+        let [sum, products] = total(
+            x.par_chunks(chunk)
+                .zip(grad_y.par_chunks(chunk))
+                .map(|(x, grad_y)| {
+                    isa.vectorise(GradientSums {
+                        x,
+                        grad_y,
+                        scale: &scale,
+                        shift: &shift,
+                    })
+                })
+                .collect(),
+            channels,
+        );
         let n = group.rows as f64;
         // grad_x = scale * (g - mean(g) - xhat * mean(g * xhat)) = scale * g + slope * x + offset
         let mut slope = vec![0.0; channels];
         let mut offset = vec![0.0; channels];
         for c in 0..channels {
-            let along = (product[c] - f64::from(mean[c]) * sum[c]) * f64::from(inverse[c]);
+            let along = (products[c] - f64::from(mean[c]) * sum[c]) * f64::from(inverse[c]);
             grad_gamma[affine.start + c] += along as f32;
             grad_beta[affine.start + c] += sum[c] as f32;
             let k = -f64::from(scale[c]) * along / n * f64::from(inverse[c]);
             slope[c] = k as f32;
             offset[c] = (-f64::from(scale[c]) * sum[c] / n - k * f64::from(mean[c])) as f32;
         }
-        let span = CHUNK_ROWS * channels;
         grad_x
-            .par_chunks_mut(span)
-            .zip(x.par_chunks(span))
-            .zip(grad_y.par_chunks(span))
-            .for_each(|((out, x), g)| {
-                for ((out, x), g) in out
-                    .chunks_exact_mut(channels)
-                    .zip(x.chunks_exact(channels))
-                    .zip(g.chunks_exact(channels))
-                {
-                    let (x, g, out) = (&x[..channels], &g[..channels], &mut out[..channels]);
-                    let (scale, shift) = (&scale[..channels], &shift[..channels]);
-                    let (slope, offset) = (&slope[..channels], &offset[..channels]);
-                    for c in 0..channels {
-                        let g = if x[c] * scale[c] + shift[c] > 0.0 {
-                            g[c]
-                        } else {
-                            0.0
-                        };
-                        out[c] = scale[c] * g + slope[c] * x[c] + offset[c];
-                    }
-                }
+            .par_chunks_mut(chunk)
+            .zip(x.par_chunks(chunk))
+            .zip(grad_y.par_chunks(chunk))
+            .for_each(|((grad_x, x), grad_y)| {
+                isa.vectorise(GradientInput {
+                    grad_x,
+                    x,
+                    grad_y,
+                    scale: &scale,
+                    shift: &shift,
+                    slope: &slope,
+                    offset: &offset,
+                });
             });
     }
     (grad_x, grad_gamma, grad_beta)

@@ -86,8 +86,8 @@ impl Default for VoteOptions {
 /// keypoints: on maps of many tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct MapVoteOptions {
-    /// Stage of the cascade before which the map is voted over. It is the last one then: 1 for photos without a clear answer among the
-    /// most similar tiles, 0 for all.
+    /// Stage of the cascade before which the map is voted over: 1 for photos without a clear answer among the most similar tiles, 0 for
+    /// all.
     pub stage: usize,
     /// Number of strongest keypoints of the query that take part.
     pub keypoints: usize,
@@ -101,6 +101,8 @@ pub struct MapVoteOptions {
     pub places: usize,
     /// Number of votes that a similarity of 1 of the global descriptors is worth when candidates are ordered.
     pub similarity_votes: f64,
+    /// Number of candidates, best by both, that the later stages are made of. The others never enter.
+    pub candidates: usize,
 }
 
 impl Default for MapVoteOptions {
@@ -113,6 +115,7 @@ impl Default for MapVoteOptions {
             bin_px: 32.0,
             places: 200,
             similarity_votes: 12.0,
+            candidates: 4000,
         }
     }
 }

@@ -116,6 +116,7 @@ fn check_map_vote(vote: &MapVoteOptions) -> Result<()> {
         ("map_vote.neighbours", vote.neighbours),
         ("map_vote.lists", vote.lists),
         ("map_vote.places", vote.places),
+        ("map_vote.candidates", vote.candidates),
     ] {
         require(name, count, count >= 1, COUNT)?;
     }

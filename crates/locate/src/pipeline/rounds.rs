@@ -137,8 +137,9 @@ impl OpenRound {
         let matched: Vec<Candidate> = verified.iter().map(|v| v.candidate).collect();
         let taken = matched.iter().chain(self.cascade.unmatched());
         let (near, waiting) = (self.near.as_ref(), self.cascade.waiting());
-        let joined = join_map_votes((level, index), queries, near, waiting, taken, options)?;
+        let mut joined = join_map_votes((level, index), queries, near, waiting, taken, options)?;
         trace.by_search = distinct_tiles(matched.iter().chain(&joined));
+        joined.truncate(options.candidates);
         self.cascade.replace_waiting(joined);
         time_ms.search += elapsed_ms(since);
         Ok(())

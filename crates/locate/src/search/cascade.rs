@@ -47,8 +47,6 @@ pub(crate) struct Cascade {
     /// Candidates that have entered and did not take part in the second vote, best of each stage first.
     passed_over: Vec<Candidate>,
     stages_begun: usize,
-    /// Whether candidates that are in no listed stage are left out.
-    is_limited: bool,
 }
 
 impl Cascade {
@@ -65,10 +63,9 @@ impl Cascade {
         self.stages_begun
     }
 
-    /// Replaces the candidates that have not entered by others, best by score first. Those that are in no listed stage then never enter.
+    /// Replaces the candidates that have not entered by others, best by score first.
     pub fn replace_waiting(&mut self, candidates: Vec<Candidate>) {
         self.waiting = candidates.into_iter();
-        self.is_limited = true;
     }
 
     /// The candidates that have entered and were not matched yet.
@@ -184,6 +181,6 @@ impl Cascade {
             return None;
         }
         let listed = options.stages.get(self.stages_begun).copied();
-        listed.or_else(|| (!self.is_limited).then_some(usize::MAX))
+        Some(listed.unwrap_or(usize::MAX))
     }
 }

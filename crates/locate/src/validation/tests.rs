@@ -89,6 +89,10 @@ fn every_setting_out_of_range_is_named() {
             changed_map_vote(|v| v.keypoints = 1 << 16),
         ),
         ("map_vote.lists", changed_map_vote(|v| v.lists = 0)),
+        (
+            "map_vote.candidates",
+            changed_map_vote(|v| v.candidates = 0),
+        ),
         ("map_vote.bin_px", changed_map_vote(|v| v.bin_px = 0.0)),
         (
             "map_vote.similarity_votes",

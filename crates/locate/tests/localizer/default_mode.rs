@@ -236,6 +236,32 @@ fn every_scale_is_tried_with_few_candidates_before_any_with_all() {
     assert!(counts.iter().any(|&count| count > FIRST), "{counts:?}");
 }
 
+/// Of a photo that is not found, as many candidates are matched as the vote over the map may give.
+#[test]
+fn a_vote_over_the_map_gives_so_many_candidates() {
+    const FEW: usize = 3;
+    let (place, heading_deg) = PLACES[0];
+    let photo = photo(&town(2), place, heading_deg);
+    let matched = |candidates: usize| {
+        let votes = MapVoteOptions {
+            stage: 0,
+            candidates,
+            ..MapVoteOptions::default()
+        };
+        let options = Options {
+            map_vote: Some(votes),
+            ..Options::default()
+        };
+        let localizer = localizer_of(&scene().indexed_pack, options);
+        let prior = Prior::none().with_gsd_m(PHOTO_GSD_M);
+        let (outcome, trace) = localizer.locate_traced(&photo, &prior).unwrap();
+        assert!(outcome.fix().is_none());
+        trace.rounds[0].matched.len()
+    };
+    assert!(matched(FEW) <= FEW);
+    assert!(matched(MapVoteOptions::default().candidates) > FEW);
+}
+
 /// Without any tile found by descriptor, the votes of local descriptors over the whole map find the right one.
 #[test]
 fn a_place_is_found_by_votes_over_the_map() {

@@ -1,8 +1,7 @@
 //! Tiles whose rows are counted from the other side than their format counts them.
 
-use std::f64::consts::PI;
-
 use crate::tile_index::TileIndex;
+use crate::web_mercator::lonlat_from_web_mercator;
 
 /// In words, that the stated bounds (west, south, east, north, degrees) share no latitude with the tiles of the finest zoom, and
 /// would if rows were counted from the other side.
@@ -10,7 +9,7 @@ pub(crate) fn rows_look_flipped(index: &TileIndex, bounds_deg: [f64; 4]) -> Opti
     let zoom = index.zooms().next_back()?;
     let range = index.range(zoom)?;
     let rows = (1_u64 << zoom) as f64;
-    let lat_deg = |row: f64| (PI * (1.0 - 2.0 * row / rows)).sinh().atan().to_degrees();
+    let lat_deg = |row: f64| lonlat_from_web_mercator([0.0, row / rows]).lat_deg;
     let north = lat_deg(f64::from(range.first_row));
     let south = lat_deg(f64::from(range.last_row) + 1.0);
     let (stated_south, stated_north) = (

@@ -82,6 +82,7 @@ mod tile_raster;
 mod tile_store;
 mod units;
 mod vrt;
+mod web_mercator;
 mod windowed;
 mod wkt;
 mod world_file;
@@ -104,3 +105,4 @@ pub use metres::{
 };
 pub use open::open_map;
 pub use raster::{Raster, RasterPatch};
+pub use web_mercator::{lonlat_from_web_mercator, web_mercator_from_lonlat};

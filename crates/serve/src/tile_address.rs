@@ -1,8 +1,6 @@
 //! Tiles of Web Mercator (EPSG:3857), numbered as XYZ: row 0 in the north.
 
-use std::f64::consts::PI;
-
-use grimnet_geo::LonLat;
+use grimnet_geo::{LonLat, lonlat_from_web_mercator, web_mercator_from_lonlat};
 
 /// Side of a tile, pixels.
 pub(crate) const TILE_SIDE_PX: u32 = 256;
@@ -39,8 +37,7 @@ impl TileAddress {
 
     /// The tile of zoom `z` that holds a place; `None` where there is none. The last tiles hold the edge of the world too.
     pub(crate) fn at(z: u32, place: LonLat) -> Option<Self> {
-        let across = place.lon_deg / 360.0 + 0.5;
-        let down = 0.5 - place.lat_deg.to_radians().tan().asinh() / (2.0 * PI);
+        let [across, down] = web_mercator_from_lonlat(place);
         let tiles = f64::from(1_u32.checked_shl(z)?);
         let number = |share: f64| {
             let number = (share * tiles).floor().min(tiles - 1.0);
@@ -68,11 +65,7 @@ impl TileAddress {
     /// Longitude and latitude of a point of the tile, pixels from its top left corner.
     pub(crate) fn lonlat(self, right_px: f64, down_px: f64) -> LonLat {
         let side_px = f64::from(TILE_SIDE_PX);
-        let [across, down] = self.world(right_px / side_px, down_px / side_px);
-        LonLat {
-            lon_deg: across * 360.0 - 180.0,
-            lat_deg: (PI * (1.0 - 2.0 * down)).sinh().atan().to_degrees(),
-        }
+        lonlat_from_web_mercator(self.world(right_px / side_px, down_px / side_px))
     }
 }
 

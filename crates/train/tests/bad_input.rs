@@ -55,6 +55,13 @@ fn trainer(config: &TrainConfig, resume: bool) -> Result<Trainer, TrainError> {
     Trainer::new(config.clone(), data.training, &Device::flex(), resume)
 }
 
+/// Trains to the end, and gives what was trained.
+fn run(config: &TrainConfig, resume: bool) -> Result<Trainer, TrainError> {
+    let mut trainer = trainer(config, resume)?;
+    trainer.run(&mut |_, _| true)?;
+    Ok(trainer)
+}
+
 #[test]
 fn unreadable_pictures_are_left_out_and_counted() {
     let folder = tempfile::tempdir().unwrap();
@@ -78,8 +85,7 @@ fn a_picture_that_breaks_while_decoding_is_replaced_by_another() {
     let path = config.data[0].path.join("3.png");
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 3]).unwrap();
-    let mut trainer = trainer(&config, false).unwrap();
-    trainer.run(&mut |_, _| true).unwrap();
+    let trainer = run(&config, false).unwrap();
     assert_eq!(trainer.state().position.step, 4);
 }
 

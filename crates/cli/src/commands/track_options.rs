@@ -112,7 +112,7 @@ pub struct FrameArgs {
     pub most_wait: f64,
 
     /// Where the times of photos come from; a clock without time zone is taken for UTC
-    #[arg(long, value_enum, default_value_t, help_heading = FRAMES)]
+    #[arg(long, value_enum, default_value_t, conflicts_with = "fps", help_heading = FRAMES)]
     pub time_from: TimeSource,
 
     /// Seconds to add to the times that photos tell, where the camera's clock is behind; negative where it is ahead

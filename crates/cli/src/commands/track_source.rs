@@ -12,7 +12,7 @@ use grimnet_photo::pictures::picture_files;
 
 use super::track_options::{FrameArgs, TrackArgs};
 use crate::tracking::following::Following;
-use crate::tracking::frame_time::Epoch;
+use crate::tracking::frame_time::{Epoch, TimeSource};
 use crate::tracking::frames::Frames;
 use crate::tracking::handover::Keep;
 use crate::tracking::photo_list::PhotoList;
@@ -88,6 +88,9 @@ impl Source {
             Self::Stream(_) if frames.clock_offset != 0.0 => bail!(
                 "--clock-offset is added to the times of photos, and those of a live stream count from its first frame; \
                  --frame-latency says how old frames are when they come"
+            ),
+            Self::Video(_) | Self::Stream(_) if frames.time_from != TimeSource::default() => bail!(
+                "--time-from says where the times of photos come from, and those of a video or a live stream count from its beginning"
             ),
             _ => {}
         }

@@ -247,6 +247,14 @@ fn options_without_effect_are_refused_before_any_work() {
             "track -p PACK rtsp://a/b --clock-offset 1",
             "--frame-latency says how old",
         ),
+        (
+            "track -p PACK rtsp://a/b --time-from name",
+            "where the times of photos come from",
+        ),
+        (
+            "track -p PACK PHOTO --fps 2 --time-from name",
+            "cannot be used with",
+        ),
     ];
     let out = folder.path().join("out");
     for (arguments, said) in cases {

@@ -1,22 +1,26 @@
 //! Checkpoints that are missing, damaged or of another run, and what an interruption leaves behind.
 
-use super::{tiny, trainer};
+use super::{run, tiny, trainer};
 use grimnet_net::{Model, NetSpec};
 use grimnet_train::{
     Checkpoint, Data, Detector, Device, TrainConfig, TrainError, checkpoint_path, export,
 };
+use std::path::Path;
+
+/// Trains for one step; with which settings.
+fn one_step_run(folder: &Path) -> TrainConfig {
+    let config = TrainConfig {
+        steps: Some(1),
+        ..tiny(folder)
+    };
+    run(&config, false).unwrap();
+    config
+}
 
 #[test]
 fn a_checkpoint_of_another_network_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = TrainConfig {
-        steps: Some(1),
-        ..tiny(folder.path())
-    };
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
+    let mut config = one_step_run(folder.path());
     config.network = "vgg16".into();
     let error = trainer(&config, true).err().unwrap().to_string();
     assert!(
@@ -58,14 +62,7 @@ fn resuming_what_never_began_says_so() {
 #[test]
 fn a_damaged_checkpoint_is_named() {
     let folder = tempfile::tempdir().unwrap();
-    let config = TrainConfig {
-        steps: Some(1),
-        ..tiny(folder.path())
-    };
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
+    let config = one_step_run(folder.path());
     let path = checkpoint_path(&config);
     let bytes = std::fs::read(&path).unwrap();
     // Cut short, it still says what it is: whoever would start from it, or detect with it, learns what is wrong.
@@ -97,10 +94,7 @@ fn a_damaged_checkpoint_is_named() {
 fn a_loss_that_is_no_number_names_the_last_good_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let config = tiny(folder.path());
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
+    run(&config, false).unwrap();
     let good = std::fs::read(checkpoint_path(&config)).unwrap();
     let wild = TrainConfig {
         learning_rate: 1e30,
@@ -108,10 +102,7 @@ fn a_loss_that_is_no_number_names_the_last_good_checkpoint() {
         steps: Some(40),
         ..config.clone()
     };
-    let error = trainer(&wild, true)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap_err();
+    let error = run(&wild, true).err().unwrap();
     let text = error.to_string();
     assert!(matches!(error, TrainError::NotFinite { .. }), "{text}");
     assert!(
@@ -124,10 +115,7 @@ fn a_loss_that_is_no_number_names_the_last_good_checkpoint() {
         out: folder.path().join("wild"),
         ..wild
     };
-    let error = trainer(&wild, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap_err();
+    let error = run(&wild, false).err().unwrap();
     assert!(
         matches!(
             error,
@@ -147,10 +135,9 @@ fn a_new_run_does_not_replace_another() {
         steps: Some(2),
         ..tiny(folder.path())
     };
-    let run = || trainer(&config, false).unwrap().run(&mut |_, _| true);
-    run().unwrap();
+    run(&config, false).unwrap();
     let before = std::fs::read(checkpoint_path(&config)).unwrap();
-    let error = run().unwrap_err();
+    let error = run(&config, false).err().unwrap();
     assert!(
         matches!(error, TrainError::EarlierRun { step: 2, .. }),
         "{error}"
@@ -161,14 +148,7 @@ fn a_new_run_does_not_replace_another() {
 #[test]
 fn a_run_is_resumed_with_its_settings_but_for_the_schedule() {
     let folder = tempfile::tempdir().unwrap();
-    let config = TrainConfig {
-        steps: Some(1),
-        ..tiny(folder.path())
-    };
-    trainer(&config, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
+    let config = one_step_run(folder.path());
     let longer = TrainConfig {
         steps: Some(2),
         learning_rate: 1e-4,
@@ -209,8 +189,7 @@ fn a_model_with_a_random_netvlad_is_not_exported() {
         global_from: 0.9,
         ..tiny(folder.path())
     };
-    let mut trainer = trainer(&config, false).unwrap();
-    trainer.run(&mut |_, _| true).unwrap();
+    let trainer = run(&config, false).unwrap();
     let data = Data::open(&config).unwrap();
     let exported = export(
         trainer.state(),
@@ -232,10 +211,7 @@ fn a_model_with_a_random_netvlad_is_not_exported() {
 fn a_resumed_run_is_the_run_that_was_never_interrupted() {
     let folder = tempfile::tempdir().unwrap();
     let whole = tiny(folder.path());
-    trainer(&whole, false)
-        .unwrap()
-        .run(&mut |_, _| true)
-        .unwrap();
+    run(&whole, false).unwrap();
     let cut = TrainConfig {
         out: folder.path().join("cut"),
         ..whole.clone()

@@ -5,6 +5,7 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
+use glob::MatchOptions;
 use grimnet_photo::pictures::{EXTENSIONS, is_hidden, may_be_file, picture_files};
 
 /// Expands arguments to photos: a file to itself, a folder to the pictures directly in it (sorted), a
@@ -37,7 +38,13 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         // A missing file is reported in its own answer, so that the other photos are located.
         return Ok(vec![argument.to_owned()]);
     }
-    let matches = glob::glob(&text).with_context(|| format!("{text}: not a valid pattern"))?;
+    // As in folders: a shell hands on the pattern `*.jpg` where the cameras' names end in `.JPG`.
+    let options = MatchOptions {
+        case_sensitive: false,
+        ..MatchOptions::new()
+    };
+    let matches =
+        glob::glob_with(&text, options).with_context(|| format!("{text}: not a valid pattern"))?;
     // Not by the option of `glob`, which ends the program at a name that is not UTF-8.
     let names_hidden = is_hidden(argument);
     Ok(matches
@@ -97,7 +104,7 @@ mod tests {
                 .collect()
         };
         assert_eq!(names(&[dir.path().to_owned()]), ["a.jpg", "b.JPG", "c.png"]);
-        assert_eq!(names(&[dir.path().join("*.jpg")]), ["a.jpg"]);
+        assert_eq!(names(&[dir.path().join("*.jpg")]), ["a.jpg", "b.JPG"]);
         assert_eq!(names(&[dir.path().join("gone.jpg")]), ["gone.jpg"]);
         assert!(expand(&[dir.path().join("*.webp")]).is_err());
         #[cfg(unix)]
@@ -107,7 +114,7 @@ mod tests {
                 fs_err::write(dir.path().join(OsStr::from_bytes(name)), "x").unwrap();
             }
             let found = names(&[dir.path().join("*.jpg")]);
-            assert_eq!(found, ["a.jpg"], "patterns match names of UTF-8");
+            assert_eq!(found, ["a.jpg", "b.JPG"], "patterns match names of UTF-8");
         }
     }
 }

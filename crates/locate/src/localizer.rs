@@ -19,9 +19,9 @@ use crate::{
         queries::{extract_queries, query_maker, side_px},
         run::{self, Located},
     },
-    prior::Prior,
+    prior::{Near, Prior},
     search::{
-        candidates::{by_descriptor, distinct_tiles},
+        candidates::{allowed_tiles, by_descriptor, distinct_tiles},
         hypotheses::rounds,
         scratch::ScratchPool,
     },
@@ -147,6 +147,19 @@ impl Localizer {
     /// The pack.
     pub fn pack(&self) -> &Pack {
         &self.pack
+    }
+
+    /// Whether a tile of the pack may show a part of an area: that photos can be found there with [`Prior::near`].
+    ///
+    /// # Errors
+    /// The pack has no coordinates there.
+    pub fn has_tiles_near(&self, near: &Near) -> Result<bool> {
+        for level in self.pack.levels() {
+            if allowed_tiles(level, near)?.contains(&true) {
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// How many pixels of photos, of which `prior` is known, the search can use. Photos that are read by

@@ -186,8 +186,10 @@ pub fn build_interruptible(
         return Err(error);
     }
     rename_into_place(&aside, &place)?;
+    // While the work can still be used: a pack that cannot be opened is none.
+    let pack = Pack::open(out)?;
     journal.remove()?;
-    Ok(report(&Pack::open(out)?, &meter, false))
+    Ok(report(&pack, &meter, false))
 }
 
 /// The error for a map of which no tile is usable.

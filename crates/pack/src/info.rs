@@ -273,10 +273,10 @@ struct Bytes(f64);
 impl fmt::Display for Bytes {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
-            b if b < 1024.0 => write!(f, "{b:.0} B"),
-            b if b < 1024.0 * 1024.0 => write!(f, "{:.1} KiB", b / 1024.0),
-            b if b < 1024.0 * 1024.0 * 1024.0 => write!(f, "{:.1} MiB", b / 1024.0 / 1024.0),
-            b => write!(f, "{:.2} GiB", b / 1024.0 / 1024.0 / 1024.0),
+            b if b < 1e3 => write!(f, "{b:.0} B"),
+            b if b < 1e6 => write!(f, "{:.1} kB", b / 1e3),
+            b if b < 1e9 => write!(f, "{:.1} MB", b / 1e6),
+            b => write!(f, "{:.2} GB", b / 1e9),
         }
     }
 }

@@ -15,6 +15,9 @@ use crate::error::{PackError, Result};
 use crate::index::Index;
 use crate::level::Level;
 
+/// Of so many tiles that a filter allows, or fewer, each is compared with the query.
+const COMPARED_ONE_BY_ONE: usize = 20_000;
+
 impl Level {
     /// The `k` tiles most similar to each of several queries (`q x global_dim`, unit vectors), best first, ties by
     /// tile index, with the index that the level was built with. Tiles for which `filter` returns `false` are left
@@ -71,6 +74,20 @@ impl Level {
                 "the level was built without IVF{nlist} PQ{subquantisers}"
             )));
         };
+        if let Some(keep) = filter {
+            let allowed: Vec<Hit> = (0..self.tile_count())
+                .filter(|&tile| keep(tile))
+                .map(|tile| Hit {
+                    tile,
+                    similarity: 0.0,
+                })
+                .collect();
+            // Most of a few tiles would lie in lists that are not visited.
+            if allowed.len() <= COMPARED_ONE_BY_ONE {
+                let of_query = |query| exact::rerank(rows, query, &allowed, k);
+                return Ok(queries.chunks_exact(dim).map(of_query).collect());
+            }
+        }
         let rerank_factor = rerank_factor as usize;
         let wanted = k.saturating_mul(rerank_factor.max(1));
         let mut found = lists.search(queries, wanted, nprobe as usize, filter);

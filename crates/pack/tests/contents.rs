@@ -353,6 +353,36 @@ fn search_filters_and_takes_several_queries() {
     assert!(error.to_string().contains("without IVF256"), "{error}");
 }
 
+/// The lists that are visited hold a part of all tiles, and perhaps none of the few that are allowed.
+#[test]
+fn every_allowed_tile_is_found_whatever_lists_are_visited() {
+    let map = TestMap::new(5000, 4400);
+    let index = Index::IvfPq {
+        nlist: 16,
+        subquantisers: 8,
+        nprobe: 1,
+        rerank_factor: 4,
+    };
+    let options = BuildOptions {
+        index: Some(index),
+        ..one_level()
+    };
+    let pack = make_and_open(&map, &options);
+    let level = &pack.levels()[0];
+    assert_eq!(level.index(), index);
+    let query = level.global(0);
+    let everywhere = level.search(&query, 1000, None).unwrap();
+    assert!(everywhere[0].len() < level.tile_count() / 2);
+    let allowed = |tile: usize| tile.is_multiple_of(40);
+    let found = level.search(&query, 1000, Some(&allowed)).unwrap();
+    assert_eq!(found[0].len(), level.tile_count().div_ceil(40));
+    assert!(found[0].iter().all(|hit| allowed(hit.tile)));
+    let exact = level
+        .search_with(Index::Exact, &query, 1000, Some(&allowed))
+        .unwrap();
+    assert_eq!(found, exact);
+}
+
 #[test]
 fn keypoints_of_the_map_are_found_where_they_lie() {
     let map = TestMap::new(1500, 1100);

@@ -65,7 +65,7 @@ pub(crate) fn resolve(
             "given by the caller, but not a positive number",
         );
     }
-    let Some(height) = height(metadata, prior, view) else {
+    let Some(height) = height(metadata, prior, focal.is_some(), view) else {
         return;
     };
     view.height_agl_m = Some(height.value);
@@ -80,7 +80,13 @@ pub(crate) fn resolve(
     }
 }
 
-fn height(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Uncertain> {
+/// Height above ground. It is stated as used where the field of view is known, without which it tells no ground width.
+fn height(
+    metadata: &Metadata,
+    prior: &ViewPrior,
+    has_focal: bool,
+    view: &mut View,
+) -> Option<Uncertain> {
     if let Some(altitude) = metadata.gps_altitude_m {
         view.set_aside(
             "GPS altitude",
@@ -121,7 +127,12 @@ fn height(metadata: &Metadata, prior: &ViewPrior, view: &mut View) -> Option<Unc
         } else if found.is_some() {
             view.set_aside(field, metres(value), "a better height is available");
         } else {
-            view.use_evidence(field, metres(value), reason);
+            if has_focal {
+                view.use_evidence(field, metres(value), reason);
+            } else {
+                let reason = "without a field of view (hfov) it does not tell the ground width";
+                view.set_aside(field, metres(value), reason);
+            }
             found = Some(Uncertain {
                 value,
                 relative_sigma,

@@ -54,7 +54,7 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
             }
             DataSetError::AnyVisLoc(AnyVisLocError::NotBuilt { .. }) => Some((
                 "--features",
-                "cargo build --release -p grimnet-cli --features anyvisloc builds one that can",
+                "cargo install --locked --path crates/cli --features anyvisloc installs one that can",
             )),
             DataSetError::Map(error) => hint(error),
             _ => None,

@@ -3,6 +3,6 @@
 /// How to get a command that this build does not have: the cargo feature that holds it.
 pub fn message(command: &str, feature: &str) -> String {
     format!(
-        "this grim was built without `{command}`; build it with: cargo build --release -p grimnet-cli --features {feature}"
+        "this grim was built without `{command}`; install it with: cargo install --locked --path crates/cli --features {feature}"
     )
 }

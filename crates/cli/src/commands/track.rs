@@ -80,6 +80,9 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
         .with_options(arguments.known.options());
     let localizer = Arc::new(localizer);
+    arguments
+        .known
+        .warn_of_start_off_the_map(&localizer, pack)?;
     let session_file = session_file(arguments, &policy, &localizer)?;
     let report = report_folder(arguments, &policy)?;
     let clock_jump_s = if source.is_live() {

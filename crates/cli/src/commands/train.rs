@@ -58,7 +58,5 @@ pub fn run(arguments: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
 /// Always: this build has none.
 #[cfg(not(feature = "train"))]
 pub fn run(_: &TrainArgs) -> anyhow::Result<crate::exit::Exit> {
-    anyhow::bail!(
-        "this grim was built without the trainer, to keep the build short; build it with: cargo build --release -p grimnet-cli --features train"
-    )
+    anyhow::bail!(super::absent::message("grim train", "train"))
 }

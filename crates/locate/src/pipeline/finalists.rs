@@ -1,6 +1,7 @@
 //! The finalists: the best answers at different positions over all rounds. If none is clear, each is matched again, because a wrong
 //! answer on a large map can have as many matches by chance as the right one under a heading that is ten degrees off.
 
+use grimnet_geo::{LonLat, distance_m};
 use grimnet_photo::{Photo, View};
 use rayon::prelude::*;
 
@@ -93,15 +94,33 @@ pub(crate) fn best_finalist<'a>(
 fn is_same_place(context: Context<'_>, a: &RankedAnswer<'_>, b: &RankedAnswer<'_>) -> bool {
     let place = |answer: &RankedAnswer<'_>| {
         let level = context.level(answer.round.level);
-        let centre = level.map_px_from_level_px(answer.verified.centre_level_px?);
-        Some((centre, level.gsd_m()))
+        let centre = level.lonlat_from_level_px(answer.verified.centre_level_px?);
+        Some((centre.ok()?, level.gsd_m()))
     };
-    let finest_m = context.level(0).gsd_m();
-    match (place(a), place(b)) {
-        (Some((a, gsd_a_m)), Some((b, gsd_b_m))) => {
-            let reach_px = SAME_POSITION_PX * gsd_a_m.max(gsd_b_m) / finest_m;
-            (a.x - b.x).hypot(a.y - b.y) <= reach_px
+    place(a).zip(place(b)).is_some_and(|(a, b)| is_within(a, b))
+}
+
+/// Whether two places, found in pixels of so many metres, are one: pixels of the level of either, not of the map, which may be much finer
+/// or coarser.
+fn is_within((a, gsd_a_m): (LonLat, f64), (b, gsd_b_m): (LonLat, f64)) -> bool {
+    distance_m(a, b) <= SAME_POSITION_PX * gsd_a_m.max(gsd_b_m)
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_geo::destination;
+
+    use super::*;
+
+    #[test]
+    fn places_are_one_within_so_many_pixels_of_the_coarser_level() {
+        let here = LonLat::new(120.0, 24.0);
+        for (gsd_a_m, gsd_b_m) in [(0.15, 0.15), (0.15, 0.6), (1.2, 0.3)] {
+            let reach_m = SAME_POSITION_PX * f64::max(gsd_a_m, gsd_b_m);
+            for (away_m, expected) in [(0.95 * reach_m, true), (1.05 * reach_m, false)] {
+                let there = destination(here, 40.0, away_m);
+                assert_eq!(is_within((here, gsd_a_m), (there, gsd_b_m)), expected);
+            }
         }
-        _ => false,
     }
 }

@@ -140,7 +140,7 @@ fn area_of(level: &Level, allowed: &[bool]) -> [LevelPx; 2] {
 }
 
 /// For each tile, whether it may show a part of the area.
-fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
+pub(crate) fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
     let reach_m = near.radius_m + level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
     (0..level.tile_count())
         .map(|tile| {

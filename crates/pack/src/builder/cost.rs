@@ -8,7 +8,10 @@ use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
 use crate::options::BuildOptions;
-use grimnet_limits::BuildLimits;
+use grimnet_limits::{BuildLimits, PackLimits};
+
+/// Bytes of a tile in the tables of a large pack beside its descriptor: its entry, and its row in the IVF-PQ index.
+const TABLE_BYTES_BESIDE: u64 = 96;
 
 /// Checks that the pixels of a map have a plausible size on the ground.
 ///
@@ -82,6 +85,18 @@ pub fn check_cost(
     if tiles > limits.max_tiles {
         return Err(PackError::TooCostly {
             what: format!("{tiles} tiles, more than the limit of {}", limits.max_tiles),
+        });
+    }
+    let number_len = recipe.descriptor_type().number_len() as u64;
+    let row_bytes = spec.global_len() as u64 * number_len + TABLE_BYTES_BESIDE;
+    let table_bytes = tiles.saturating_mul(row_bytes);
+    let most_bytes = PackLimits::default().max_table_bytes;
+    if table_bytes > most_bytes {
+        return Err(PackError::TooCostly {
+            what: format!(
+                "about {table_bytes} bytes of tables for {tiles} tiles, which a search copies into memory, more than the limit of \
+                 {most_bytes}"
+            ),
         });
     }
     let bytes = plans.iter().fold(0u64, |sum, plan| {

@@ -81,6 +81,13 @@ fn plans_that_would_cost_too_much_are_refused_before_work_starts() {
     )
     .unwrap_err();
     assert!(matches!(error, PackError::TooCostly { .. }), "{error}");
+    // Tables above the limit of those who open it.
+    limits.max_tiles = u64::MAX;
+    limits.max_pack_bytes = u64::MAX;
+    let fine = at(1e-4);
+    let error = build_with_limits(&map, &tiny_model(1), &fine, &limits, &out, &mut |_| {});
+    let text = error.unwrap_err().to_string();
+    assert!(text.contains("bytes of tables"), "{text}");
 }
 
 #[test]

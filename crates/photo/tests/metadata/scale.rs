@@ -20,6 +20,19 @@ fn an_implausible_height_is_set_aside(#[case] value: &str) {
     assert!(view.hfov_deg.is_some());
 }
 
+/// It had no effect on where and how large the photo was searched.
+#[test]
+fn a_height_without_a_field_of_view_is_not_stated_as_used() {
+    let height = [("RelativeAltitude", "104.0")];
+    let view = resolve(&read_xmp(&dji_elements(&height)));
+    assert!(view.footprint.is_none() && view.height_agl_m == Some(104.0));
+    assert!(!used(&view, "RelativeAltitude"));
+    assert!(aside(&view, "RelativeAltitude", "without a field of view"));
+    let with_focal = [height[0], ("CalibratedFocalLength", "3000")];
+    let view = resolve(&read_xmp(&dji_elements(&with_focal)));
+    assert!(view.footprint.is_some() && used(&view, "RelativeAltitude"));
+}
+
 #[test]
 fn height_above_the_sea_is_never_height_above_ground() {
     let mut fields = gps([24, 15, 4367], [120, 43, 1274], "N", "W");

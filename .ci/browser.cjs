@@ -324,6 +324,45 @@ async function main() {
     await plain.close();
   });
 
+  await check("a click on an answer shows its map, not while photos are located", async () => {
+    const two = await browser.newPage();
+    await two.goto(url);
+    await two.waitForFunction(() => window.grimnet?.map.getLayer("picture"), null, { timeout });
+    await two.setInputFiles("#files", files[0]);
+    await status(two, "within");
+    await two.selectOption("#map-choice", "other");
+    await two.setInputFiles("#files", files[1]);
+    await two.waitForFunction(() => document.querySelectorAll("#answers li").length === 2, null, { timeout });
+    assert.ok((await two.textContent("#facts")).includes("other"));
+    assert.equal(await two.inputValue("#map-choice"), "other");
+    await two.click("#answers li:nth-child(2) button");
+    await two.waitForFunction(() => document.getElementById("map-choice").value === "area" && document.getElementById("facts").textContent.includes("area"), null, { timeout });
+    assert.equal(await two.getAttribute("#answers li:nth-child(2) button", "aria-pressed"), "true");
+    assert.ok(await two.evaluate(() => window.grimnet.map.getSource("outlines")?.tiles?.[0].includes("/maps/area/")));
+    await two.click("#answers li:nth-child(1) button");
+    await two.waitForFunction(() => document.getElementById("map-choice").value === "other", null, { timeout });
+    await two.waitForFunction(() => window.grimnet.map.getSource("outlines")?.tiles?.[0].includes("/maps/other/"), null, { timeout });
+    // Not while photos are located.
+    let go;
+    const gate = new Promise((resolve) => {
+      go = resolve;
+    });
+    await two.route("**/v1/locate*", async (route) => {
+      await gate;
+      await route.continue();
+    });
+    await two.setInputFiles("#files", files[2]);
+    await two.click("#answers li:nth-child(2) button");
+    assert.equal(await two.getAttribute("#answers li:nth-child(2) button", "aria-pressed"), "true");
+    assert.equal(await two.inputValue("#map-choice"), "other");
+    go();
+    await two.waitForFunction(() => document.querySelectorAll("#answers li").length === 3, null, { timeout });
+    assert.ok((await two.textContent("#facts")).includes("other"));
+    await two.click("#answers li:nth-child(3) button");
+    await two.waitForFunction(() => document.getElementById("map-choice").value === "area", null, { timeout });
+    await two.close();
+  });
+
   await check("the page to try the API sends a request", async () => {
     const api = await browser.newPage();
     await api.goto(`${url}/api`);

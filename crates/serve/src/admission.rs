@@ -59,12 +59,16 @@ pub(crate) struct Admission {
     mean_us: AtomicU64,
 }
 
-/// A request whose body arrives. It has no place yet: a client that sends slowly keeps nobody out.
+/// A request whose body arrives. It has no place yet: a client that sends slowly keeps nobody out. Clones are the same request; what it
+/// took is given back when the last one is dropped.
+#[derive(Debug, Clone)]
+pub(crate) struct Arrival(Arc<Arriving>);
+
 #[derive(Debug)]
-pub(crate) struct Arrival {
+struct Arriving {
     admission: Arc<Admission>,
     /// Bytes of the body so far.
-    bytes: usize,
+    bytes: AtomicUsize,
 }
 
 /// The right to do the work once, now or when a worker is free. Given back when dropped.
@@ -106,10 +110,10 @@ impl Admission {
             return Err(self.full());
         }
         self.requests.fetch_add(1, Ordering::Relaxed);
-        Ok(Arrival {
+        Ok(Arrival(Arc::new(Arriving {
             admission: self.clone(),
-            bytes: 0,
-        })
+            bytes: AtomicUsize::new(0),
+        })))
     }
 
     fn full(&self) -> Problem {
@@ -162,14 +166,15 @@ impl Arrival {
     ///
     /// # Errors
     /// Status 503 with `Retry-After` if the bodies of all requests together take too much memory then.
-    pub(crate) fn take(&mut self, bytes: usize) -> Result<(), Problem> {
-        let before = self
-            .admission
-            .body_bytes
-            .fetch_add(bytes, Ordering::Relaxed);
-        self.bytes += bytes;
-        if before + bytes > self.admission.max_body_bytes {
-            return Err(self.admission.busy(
+    pub(crate) fn take(&self, bytes: usize) -> Result<(), Problem> {
+        let Arriving {
+            admission,
+            bytes: of_body,
+        } = &*self.0;
+        let before = admission.body_bytes.fetch_add(bytes, Ordering::Relaxed);
+        of_body.fetch_add(bytes, Ordering::Relaxed);
+        if before + bytes > admission.max_body_bytes {
+            return Err(admission.busy(
                 "other requests take all memory for the bodies of requests; send the request again later",
             ));
         }
@@ -181,8 +186,9 @@ impl Arrival {
     /// # Errors
     /// Status 503 with `Retry-After` if all places are taken.
     pub(crate) fn enter(self, limits: &Limits) -> Result<Place, Problem> {
-        let Ok(permit) = self.admission.places.clone().try_acquire_owned() else {
-            return Err(self.admission.full());
+        let admission = &self.0.admission;
+        let Ok(permit) = admission.places.clone().try_acquire_owned() else {
+            return Err(admission.full());
         };
         Ok(Place {
             arrival: self,
@@ -193,7 +199,7 @@ impl Arrival {
     }
 }
 
-impl Drop for Arrival {
+impl Drop for Arriving {
     fn drop(&mut self) {
         let Admission {
             requests,
@@ -201,7 +207,7 @@ impl Drop for Arrival {
             ..
         } = &*self.admission;
         requests.fetch_sub(1, Ordering::Relaxed);
-        body_bytes.fetch_sub(self.bytes, Ordering::Relaxed);
+        body_bytes.fetch_sub(*self.bytes.get_mut(), Ordering::Relaxed);
     }
 }
 
@@ -231,16 +237,17 @@ impl Place {
             limit,
             ..
         } = self;
-        let kind = arrival.admission.work;
+        let admission = arrival.0.admission.clone();
+        let kind = admission.work;
         let running = async {
-            let workers = arrival.admission.workers.clone();
+            let workers = admission.workers.clone();
             let Ok(worker) = workers.acquire_owned().await else {
                 return Err(Problem::internal());
             };
             let work = move || {
                 let start = Instant::now();
                 let result = work();
-                arrival.admission.took(start);
+                arrival.0.admission.took(start);
                 drop((worker, permit, arrival));
                 result
             };
@@ -310,7 +317,7 @@ mod tests {
         let limits = limits(1, 1);
         let admission = admission(&limits);
         let mut arriving: Vec<_> = (0..100).map(|_| admission.arrive().unwrap()).collect();
-        for arrival in &mut arriving[..4] {
+        for arrival in &arriving[..4] {
             arrival.take(400).unwrap();
         }
         assert!(arriving[4].take(401).is_err());

@@ -37,7 +37,7 @@ const OFFERED: [AnswerType; 6] = [
     responses((status = 200, description = "The answers", content(
         (String = "application/x-ndjson"),
         (Vec<Answer> = "application/json"),
-        (String = "application/geo+json"),
+        (crate::openapi::GeoJson = "application/geo+json"),
         (String = "application/vnd.google-earth.kml+xml"),
         (String = "application/gpx+xml"),
         (String = "text/csv"),
@@ -49,9 +49,9 @@ pub(crate) async fn answers(
     request: Request,
 ) -> Result<Response, Problem> {
     let kind = AnswerType::accepted(&headers, &OFFERED)?;
-    let mut arrival = state.conversions.arrive()?;
+    let arrival = state.conversions.arrive()?;
     let body = request.into_body();
-    let body = read_body(body, MAX_ANSWERS_BYTES, &state.limits, Some(&mut arrival)).await?;
+    let body = read_body(body, MAX_ANSWERS_BYTES, &state.limits, Some(&arrival)).await?;
     let place = arrival.enter(&state.limits)?;
     let text = place.run(move || converted(&body, kind)).await??;
     let content_type = HeaderValue::from_static(kind.media_type());

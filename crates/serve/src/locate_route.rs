@@ -58,7 +58,7 @@ const NO_NAME: &str = "photo";
         (status = 200, description = "The answer", content(
             (DetailedAnswer = "application/json"),
             (DetailedAnswer = "application/x-ndjson"),
-            (String = "application/geo+json"),
+            (crate::openapi::GeoJson = "application/geo+json"),
             (String = "application/vnd.google-earth.kml+xml"),
             (String = "application/gpx+xml"),
             (String = "text/csv"),
@@ -77,8 +77,8 @@ pub(crate) async fn locate(
     state.maps.get_or_only(map.as_deref())?;
     let name = query.take("name");
     let detailed = query.take_bool("detail")?;
-    let mut arrival = state.localisations.arrive()?;
-    let upload = Upload::read(request, &state.limits, &mut arrival).await?;
+    let arrival = state.localisations.arrive()?;
+    let upload = Upload::read(request, &state.limits, &arrival).await?;
     let question = Question {
         prior: upload.prior(&query)?,
         name: upload

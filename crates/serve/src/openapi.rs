@@ -28,6 +28,12 @@ pub(crate) struct LocateForm {
 #[allow(dead_code, reason = "describes a body")]
 pub(crate) struct Binary(Vec<u8>);
 
+/// A GeoJSON feature collection (RFC 7946), for the document.
+#[derive(utoipa::ToSchema)]
+#[schema(value_type = Object)]
+#[allow(dead_code, reason = "describes a body")]
+pub(crate) struct GeoJson(serde_json::Value);
+
 #[derive(OpenApi)]
 #[openapi(
     info(
@@ -113,6 +119,26 @@ mod tests {
         let begin = &document["paths"]["/v1/tracks"]["post"]["requestBody"];
         assert!(begin["content"]["application/json"].is_object(), "{begin}");
         assert_ne!(begin["required"], true, "{begin}");
+    }
+
+    #[test]
+    fn bodies_of_json_are_no_strings() {
+        let document = serde_json::to_value(Document::openapi()).unwrap();
+        let geojson = &document["components"]["schemas"]["GeoJson"];
+        assert_eq!(geojson["type"], "object", "{geojson}");
+        let of = |path: &str, method: &str, media_type: &str| {
+            let responses = &document["paths"][path][method]["responses"];
+            responses["200"]["content"][media_type]["schema"].clone()
+        };
+        for (path, method, media_type) in [
+            ("/v1/locate", "post", "application/geo+json"),
+            ("/v1/answers", "post", "application/geo+json"),
+            ("/v1/tracks/{id}", "get", "application/geo+json"),
+            ("/v1/tracks/{id}", "get", "application/json"),
+        ] {
+            let schema = of(path, method, media_type);
+            assert_eq!(schema["$ref"], "#/components/schemas/GeoJson", "{path}");
+        }
     }
 
     #[test]

@@ -16,9 +16,16 @@ pub(crate) fn decode(
     bytes: &[u8],
     limits: &Limits,
 ) -> Result<Photo, Problem> {
-    needed
+    let photo = needed
         .decode(name, bytes, &limits.photo)
-        .map_err(|error| problem_of_photo(&error))
+        .map_err(|error| problem_of_photo(&error))?;
+    match photo.damage {
+        None => Ok(photo),
+        Some(damage) => Err(problem_of_photo(&PhotoError::Corrupt {
+            path: name.into(),
+            detail: damage.to_string(),
+        })),
+    }
 }
 
 /// A photo that cannot be used, as clients see it.

@@ -30,7 +30,10 @@ pub(crate) struct PriorFields {
 
 /// A heading in degrees, or a word.
 #[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "heading: expected degrees clockwise from north, `exif` or `unknown`"
+)]
 #[schema(as = Heading)]
 enum HeadingField {
     Degrees(f64),
@@ -39,7 +42,10 @@ enum HeadingField {
 
 /// An area, as an object or as text.
 #[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
-#[serde(untagged)]
+#[serde(
+    untagged,
+    expecting = "near: expected `LAT,LON,RADIUS_M`, such as 24.26,120.72,500, or in JSON an object of `lat_deg`, `lon_deg` and `radius_m`"
+)]
 #[schema(as = Near)]
 enum NearField {
     Area(Area),
@@ -203,6 +209,25 @@ mod tests {
             query(&[("heading", "unknown")]).unwrap().view.heading,
             HeadingPrior::Unknown
         );
+    }
+
+    #[test]
+    fn what_was_expected_is_said() {
+        for (refused, expected) in [
+            (query(&[("near", "5")]), "near: expected `LAT,LON,RADIUS_M`"),
+            (
+                json(r#"{"near": {"lat_deg": 20, "lon_deg": 24}}"#),
+                "an object of `lat_deg`, `lon_deg` and `radius_m`",
+            ),
+            (
+                json(r#"{"heading": [1]}"#),
+                "heading: expected degrees clockwise from north, `exif` or `unknown`",
+            ),
+            (query(&[("hedding", "5")]), "`hedding`"),
+        ] {
+            let problem = format!("{:?}", refused.unwrap_err());
+            assert!(problem.contains(expected), "{problem}");
+        }
     }
 
     #[test]

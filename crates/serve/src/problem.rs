@@ -110,7 +110,8 @@ impl ProblemKind {
 }
 
 /// What went wrong with a request (RFC 9457).
-#[derive(Debug, Clone, PartialEq, Serialize, utoipa::ToSchema)]
+#[derive(Debug, Clone, PartialEq, Serialize, thiserror::Error, utoipa::ToSchema)]
+#[error("{detail}")]
 pub(crate) struct Problem {
     /// Which kind of problem: `urn:grimnet:problem:` and a name that does not change. The names are `bad-request`, `token`, `origin`,
     /// `not-found`, `method-not-allowed`, `not-acceptable`, `too-slow`, `too-large`, `unsupported-media-type`, `host`, `bad-value`,

@@ -1,5 +1,6 @@
 //! Reads the body of a request, within limits of size and time.
 
+use axum::BoxError;
 use axum::body::{Body, Bytes, HttpBody as _};
 use futures_util::StreamExt as _;
 use tokio::time::timeout;
@@ -16,7 +17,7 @@ pub(crate) async fn read_body(
     body: Body,
     max_bytes: usize,
     limits: &Limits,
-    arrival: Option<&mut Arrival>,
+    arrival: Option<&Arrival>,
 ) -> Result<Vec<u8>, Problem> {
     in_time(limits, read_chunks(body, max_bytes, limits, arrival)).await
 }
@@ -40,7 +41,7 @@ pub(crate) async fn read_chunks(
     body: Body,
     max_bytes: usize,
     limits: &Limits,
-    mut arrival: Option<&mut Arrival>,
+    arrival: Option<&Arrival>,
 ) -> Result<Vec<u8>, Problem> {
     if body.size_hint().lower() > max_bytes as u64 {
         return Err(longer_than(max_bytes));
@@ -50,7 +51,12 @@ pub(crate) async fn read_chunks(
     loop {
         let next = timeout(limits.body_pause, stream.next()).await;
         match next.map_err(|_| paused(limits))? {
-            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes, arrival.as_deref_mut())?,
+            Some(Ok(chunk)) => {
+                append(&mut bytes, &chunk, max_bytes)?;
+                if let Some(arrival) = arrival {
+                    arrival.take(chunk.len())?;
+                }
+            }
             Some(Err(error)) => {
                 return Err(Problem::bad_request(format!(
                     "the body breaks off: {error}"
@@ -61,21 +67,24 @@ pub(crate) async fn read_chunks(
     }
 }
 
+/// The same body, of which every byte that comes counts for `arrival`. It ends with a [`Problem`] of status 503 if all bodies together
+/// are too large.
+pub(crate) fn counted(body: Body, arrival: &Arrival) -> Body {
+    let arrival = arrival.clone();
+    Body::from_stream(body.into_data_stream().map(move |chunk| {
+        let chunk = chunk.map_err(BoxError::from)?;
+        arrival.take(chunk.len())?;
+        Ok::<_, BoxError>(chunk)
+    }))
+}
+
 /// Adds a chunk to what has arrived.
 ///
 /// # Errors
-/// Status 413 if it is more than `max_bytes` then, 503 if all bodies together are too large.
-pub(crate) fn append(
-    bytes: &mut Vec<u8>,
-    chunk: &Bytes,
-    max_bytes: usize,
-    arrival: Option<&mut Arrival>,
-) -> Result<(), Problem> {
+/// Status 413 if it is more than `max_bytes` then.
+pub(crate) fn append(bytes: &mut Vec<u8>, chunk: &Bytes, max_bytes: usize) -> Result<(), Problem> {
     if bytes.len() + chunk.len() > max_bytes {
         return Err(longer_than(max_bytes));
-    }
-    if let Some(arrival) = arrival {
-        arrival.take(chunk.len())?;
     }
     bytes.extend_from_slice(chunk);
     Ok(())

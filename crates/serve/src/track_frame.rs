@@ -14,7 +14,8 @@ pub struct TrackFrame {
     pub time_s: f64,
     /// Whether a window around the expected position was searched (`window`) or the whole map (`whole_map`).
     pub searched: &'static str,
-    /// The track at that time; `null` if the frame is too old.
+    /// The track at that time; `null` for a frame that is too old, and while nothing is known of the aircraft, as after a
+    /// first frame without texture.
     #[schema(value_type = Option<crate::track_point_schema::TrackPointSchema>)]
     pub point: Option<TrackPoint>,
     /// The answer for the photo alone; `used` and `set_aside` are empty.

@@ -109,7 +109,7 @@ pub(crate) async fn end(
 #[utoipa::path(
     get, path = "/v1/tracks/{id}", tag = "tracks", params(("id" = u64, Path, description = "The track")),
     responses((status = 200, description = "The track", content(
-        (String = "application/geo+json"), (String = "application/gpx+xml"), (String = "application/json"),
+        (crate::openapi::GeoJson = "application/geo+json"), (String = "application/gpx+xml"), (crate::openapi::GeoJson = "application/json"),
     )))
 )]
 pub(crate) async fn track(
@@ -172,8 +172,8 @@ pub(crate) async fn frame(
             )
         })?;
     let name = query.take("name");
-    let mut arrival = state.localisations.arrive()?;
-    let upload = Upload::read(request, &state.limits, &mut arrival).await?;
+    let arrival = state.localisations.arrive()?;
+    let upload = Upload::read(request, &state.limits, &arrival).await?;
     let prior = upload.prior(&query)?;
     let name = upload
         .name(name.as_deref())

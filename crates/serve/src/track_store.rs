@@ -46,7 +46,8 @@ pub(crate) struct TrackSummary {
     map: String,
     /// Frames that it got.
     frames: u64,
-    /// State at the latest frame: `searching`, `tracking`, `coasting`, `ambiguous` or `lost`.
+    /// State at the latest time of its frames, some of which may come late: `searching`, `tracking`, `coasting`, `ambiguous` or `lost`;
+    /// `null` while nothing is known of the aircraft.
     #[schema(value_type = Option<String>)]
     state: Option<grimnet_track::TrackState>,
 }
@@ -112,8 +113,10 @@ impl Track {
 
     pub(crate) fn summary(&self) -> TrackSummary {
         let state = locked(&self.frames)
-            .back()
-            .and_then(|frame| frame.point.map(|point| point.state));
+            .iter()
+            .filter_map(|frame| frame.point)
+            .max_by(|a, b| a.time_s.total_cmp(&b.time_s))
+            .map(|point| point.state);
         TrackSummary {
             id: self.id,
             map: self.map.clone(),

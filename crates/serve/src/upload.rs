@@ -1,5 +1,7 @@
 //! A photo and its prior from the body of a request.
 
+use std::error::Error as _;
+
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{FromRequest as _, Request};
 use axum::http::header;
@@ -11,7 +13,7 @@ use crate::limits::Limits;
 use crate::prior_fields::PriorFields;
 use crate::problem::Problem;
 use crate::query::Query;
-use crate::request_body::{append, in_time, paused, read_chunks};
+use crate::request_body::{append, counted, in_time, paused, read_chunks};
 
 /// Largest prior, bytes.
 const MAX_PRIOR_BYTES: usize = 64 << 10;
@@ -48,7 +50,7 @@ impl Upload {
     pub(crate) async fn read(
         request: Request,
         limits: &Limits,
-        arrival: &mut Arrival,
+        arrival: &Arrival,
     ) -> Result<Self, Problem> {
         in_time(limits, Self::read_all(request, limits, arrival)).await
     }
@@ -59,9 +61,13 @@ impl Upload {
     /// Status 400 if there are two, or it is not understood; 422 if a value cannot be used.
     pub(crate) fn prior(&self, query: &Query) -> Result<Prior, Problem> {
         match &self.prior {
-            Some(_) if !query.is_empty() => Err(Problem::bad_request(
-                "the prior is given as a part of the body and in the query; expected one of them",
-            )),
+            Some(_) if !query.is_empty() => {
+                // A parameter that is none of the prior is named.
+                PriorFields::from_pairs(query.pairs())?;
+                Err(Problem::bad_request(
+                    "the prior is given as a part of the body and in the query; expected one of them",
+                ))
+            }
             Some(fields) => fields.prior(),
             None => PriorFields::from_pairs(query.pairs())?.prior(),
         }
@@ -75,7 +81,7 @@ impl Upload {
     async fn read_all(
         request: Request,
         limits: &Limits,
-        arrival: &mut Arrival,
+        arrival: &Arrival,
     ) -> Result<Self, Problem> {
         let declared = request
             .headers()
@@ -93,10 +99,12 @@ impl Upload {
         let essence = content_type.split(';').next().unwrap_or_default().trim();
         let essence = essence.to_ascii_lowercase();
         let upload = if essence == "multipart/form-data" {
+            // Before the form is taken apart: what comes before its first part is held, too.
+            let request = request.map(|body| counted(body, arrival));
             let multipart = Multipart::from_request(request, &())
                 .await
                 .map_err(|error| Problem::bad_request(error.body_text()))?;
-            Self::read_parts(multipart, limits, arrival).await?
+            Self::read_parts(multipart, limits).await?
         } else if PHOTO_TYPES.contains(&essence.as_str()) {
             let body = request.into_body();
             let photo = read_chunks(body, limits.max_body_bytes, limits, Some(arrival)).await?;
@@ -118,11 +126,7 @@ impl Upload {
         Ok(upload)
     }
 
-    async fn read_parts(
-        mut parts: Multipart,
-        limits: &Limits,
-        arrival: &mut Arrival,
-    ) -> Result<Self, Problem> {
+    async fn read_parts(mut parts: Multipart, limits: &Limits) -> Result<Self, Problem> {
         let mut upload = Self::default();
         let mut has_photo = false;
         loop {
@@ -135,10 +139,10 @@ impl Upload {
                 Some("photo") if !has_photo => {
                     has_photo = true;
                     upload.name = part.file_name().and_then(label);
-                    upload.photo = read_part(part, limits.max_body_bytes, limits, arrival).await?;
+                    upload.photo = read_part(part, limits.max_body_bytes, limits).await?;
                 }
                 Some("prior") if upload.prior.is_none() => {
-                    let json = read_part(part, MAX_PRIOR_BYTES, limits, arrival).await?;
+                    let json = read_part(part, MAX_PRIOR_BYTES, limits).await?;
                     upload.prior = Some(PriorFields::from_json(&json)?);
                 }
                 Some(name @ ("photo" | "prior")) => {
@@ -168,20 +172,23 @@ async fn read_part(
     mut part: Field<'_>,
     max_bytes: usize,
     limits: &Limits,
-    arrival: &mut Arrival,
 ) -> Result<Vec<u8>, Problem> {
     let mut bytes = Vec::new();
     loop {
         let next = timeout(limits.body_pause, part.chunk()).await;
         let next = next.map_err(|_| paused(limits))?;
         match next.map_err(|error| malformed(&error, limits))? {
-            Some(chunk) => append(&mut bytes, &chunk, max_bytes, Some(&mut *arrival))?,
+            Some(chunk) => append(&mut bytes, &chunk, max_bytes)?,
             None => return Ok(bytes),
         }
     }
 }
 
 fn malformed(error: &MultipartError, limits: &Limits) -> Problem {
+    let mut causes = std::iter::successors(error.source(), |&cause| cause.source());
+    if let Some(refused) = causes.find_map(|cause| cause.downcast_ref::<Problem>()) {
+        return refused.clone();
+    }
     if error.status() == axum::http::StatusCode::PAYLOAD_TOO_LARGE {
         return too_large(limits);
     }

@@ -7,6 +7,10 @@ const priorFields = ["heading", "height_agl_m", "hfov_deg", "near"];
 // Photos, the last one first: each has a number and either an answer or an error.
 const entries = [];
 let lastNumber = 0;
+// Batches of photos that are being located.
+let locating = 0;
+// The entry that was clicked last.
+let clicked = null;
 let maps = [];
 let chosen = null;
 let view = null;
@@ -57,7 +61,7 @@ function showList() {
     const isFix = entry.answer?.state === "fix";
     const text = isFix ? `±${entry.answer.radius95_m.toFixed(1)} m` : entry.answer ? "no fix" : "error";
     button.append(element("span", entry.file.name, "name"), element("span", text, isFix ? "good" : "bad"));
-    button.addEventListener("click", () => choose(entry));
+    button.addEventListener("click", () => chooseOnItsMap(entry));
     const item = document.createElement("li");
     item.append(button);
     return item;
@@ -106,6 +110,14 @@ function choose(entry) {
   if (entry.answer?.state === "fix") view?.goTo(entry);
 }
 
+// For a click: shows the map of the answer, too; not while photos are being located, which are searched on the shown map.
+async function chooseOnItsMap(entry) {
+  clicked = entry;
+  if (locating === 0 && entry.detail) await showMap(entry.detail.map);
+  // Another one may have been clicked meanwhile.
+  if (clicked === entry) choose(entry);
+}
+
 // Puts an entry into the list, in the place of `replaced` if there is one, and chooses it.
 function enter(entry, replaced) {
   entry.number = replaced?.number ?? ++lastNumber;
@@ -139,8 +151,13 @@ async function locateFile(file, replaced = null) {
   }
 }
 
-async function locateFiles(files) {
-  for (const file of files) await locateFile(file);
+async function locateFiles(files, replaced = null) {
+  locating += 1;
+  try {
+    for (const file of files) await locateFile(file, replaced);
+  } finally {
+    locating -= 1;
+  }
 }
 
 function askForToken() {
@@ -197,7 +214,7 @@ function connectInputs() {
     event.target.value = "";
     await locateFiles(files);
   });
-  byId("again").addEventListener("click", () => locateFile(chosen.file, chosen));
+  byId("again").addEventListener("click", () => locateFiles([chosen.file], chosen));
   byId("map-choice").addEventListener("change", showChosenMap);
   byId("show-outlines").addEventListener("change", (event) => view?.showOutlines(event.target.checked));
   byId("show-photo").addEventListener("change", draw);
@@ -214,7 +231,7 @@ async function openView() {
   }
   view = new MapView("map", token, (number) => {
     const entry = entries.find((each) => each.number === number);
-    if (entry) choose(entry);
+    if (entry) chooseOnItsMap(entry);
   });
   // For tests: what is drawn.
   window.grimnet = { map: view.map, loaded: view.loaded };

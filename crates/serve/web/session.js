@@ -66,7 +66,11 @@ function draw() {
   const upTo = Number(slider.value);
   let before = null;
   frames.forEach((frame, index) => {
-    if (index > upTo || !shapes[index]) return;
+    if (index > upTo) return;
+    if (!shapes[index]) {
+      before = null;
+      return;
+    }
     const colour = COLOURS[frame.point.state];
     const { at } = shapes[index];
     if (usable(frame.point) && before) {

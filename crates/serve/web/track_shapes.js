@@ -34,5 +34,5 @@ export function ellipse(point) {
 /** A frame of a track in words. */
 export function frameText({ number, time_s, point }) {
   const where = point?.lat_deg === undefined ? "" : `, ${point.lat_deg.toFixed(6)}, ${point.lon_deg.toFixed(6)}, within ${point.radius95_m.toFixed(1)} m`;
-  return `${point?.state ?? "too old"} at frame ${number} (${time_s} s)${where}`;
+  return `${point?.state ?? "no position"} at frame ${number} (${time_s} s)${where}`;
 }

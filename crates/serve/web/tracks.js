@@ -14,7 +14,8 @@ export function drawn(frames, upTo) {
   const first = shown.find(isKnown);
   const at = ({ point }) => [beside(point.lon_deg, first.point.lon_deg), point.lat_deg];
   const parts = [[]];
-  for (const frame of shown) {
+  // Some frames come late: lines go in order of time.
+  for (const frame of [...shown].sort((a, b) => a.time_s - b.time_s)) {
     if (isKnown(frame) && usable(frame.point)) parts.at(-1).push(at(frame));
     else parts.push([]);
   }

@@ -259,6 +259,12 @@ pub fn forms(requests: &Requests, photo: &[u8]) -> Vec<Kind> {
             ask_each(bodies),
             &[Status(400), Status(413), Status(415), BUSY],
         ),
+        // On a busy machine it does not arrive within the time; a reset may take the place of the answer.
+        kind(
+            "a form without a boundary",
+            ask(post(type_of_form, &vec![b' '; 8 << 20])),
+            &[Status(400), Status(408), Closed, BUSY],
+        ),
         kind(
             "a prior of a megabyte",
             ask(post(

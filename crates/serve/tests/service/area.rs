@@ -49,6 +49,14 @@ impl Area {
         distance_m(self.truth, lat_deg, lon_deg)
     }
 
+    /// The photo with a run of lost bytes amid its compressed data.
+    pub fn damaged_photo(&self) -> Vec<u8> {
+        let mut photo = self.photo.clone();
+        let middle = photo.len() / 2;
+        photo[middle..middle + 400].fill(0);
+        photo
+    }
+
     pub fn localizer(&self) -> Localizer {
         let options = Options {
             keep_matches: true,

@@ -200,6 +200,12 @@ fn bodies_together_take_bounded_memory() {
     assert!(detail.contains("memory"), "{detail}");
     let after: u64 = refused.header("retry-after").unwrap().parse().unwrap();
     assert!((1..=60).contains(&after));
+    // All bytes of a form count, in its parts and before them.
+    let with_photo = form(&[("photo", None, &area().photo)]);
+    for body in [with_photo, vec![b' '; 100_000]] {
+        let detail = send(address, "POST /v1/locate", &[FORM], &body).problem(503, "busy");
+        assert!(detail.contains("memory"), "{detail}");
+    }
     // Those that are there are answered, and then others are.
     for stream in &mut open {
         stream.write_all(b" ").unwrap();
@@ -403,6 +409,8 @@ fn malformed_photos_and_forms_are_told_apart() {
     let post = |headers: &[&str], body: &[u8]| send(shared(), "POST /v1/locate", headers, body);
     post(&[PHOTO], b"not a picture").problem(415, "unsupported-media-type");
     post(&[PHOTO], &area().photo[..area().photo.len() / 2]).problem(422, "bad-value");
+    let detail = post(&[PHOTO], &area().damaged_photo()).problem(422, "bad-value");
+    assert!(detail.contains("photo is damaged: "), "{detail}");
     post(&[PHOTO], &png(&RgbImage::new(4, 4).into())).problem(422, "bad-value");
     post(&[PHOTO], &[]).problem(400, "bad-request");
     post(&["content-type: application/json"], b"{}").problem(415, "unsupported-media-type");
@@ -426,6 +434,14 @@ fn malformed_photos_and_forms_are_told_apart() {
     ] {
         let line = format!("POST /v1/locate?{query}");
         send(shared(), &line, &[PHOTO], photo).problem(422, "bad-value");
+    }
+    // Beside a part `prior`: a name that is none is told, and a right one is one too many.
+    let parts = form(&[("prior", None, b"{}"), ("photo", None, photo)]);
+    for (query, expected) in [("hedding=5", "`hedding`"), ("heading=5", "in the query")] {
+        let line = format!("POST /v1/locate?{query}");
+        let refused = send(shared(), &line, &[FORM], &parts);
+        let detail = refused.problem(400, "bad-request");
+        assert!(detail.contains(expected), "{detail}");
     }
     for query in ["path=/etc/passwd", "hfov_deg=1&hfov_deg=2", "detail=maybe"] {
         let line = format!("POST /v1/locate?{query}");

@@ -155,6 +155,45 @@ fn a_frame_that_is_sent_again_counts_once() {
 }
 
 #[test]
+fn a_frame_has_no_point_while_nothing_is_known_and_when_it_is_too_old() {
+    let id = begin(shared());
+    let state = || {
+        let tracks = get(shared(), "/v1/tracks").json();
+        let same = |track: &&Value| track["id"].as_u64() == id.parse().ok();
+        let track = tracks["tracks"].as_array().unwrap().iter().find(same);
+        track.unwrap()["state"].clone()
+    };
+    let mut grey = std::io::Cursor::new(Vec::new());
+    image::GrayImage::from_pixel(640, 480, image::Luma([90]))
+        .write_to(&mut grey, image::ImageFormat::Png)
+        .unwrap();
+    let line = format!("POST /v1/tracks/{id}/frames?time_s=99&heading=0&gsd_m=0.1");
+    let nothing = send(
+        shared(),
+        &line,
+        &["content-type: image/png"],
+        grey.get_ref(),
+    );
+    assert_eq!(nothing.json()["answer"]["state"], "no_fix");
+    assert_eq!(nothing.json()["point"], Value::Null);
+    assert_eq!(state(), Value::Null);
+    // The photo was not taken there.
+    let line = format!("POST /v1/tracks/{id}/frames?time_s=100&near=1.0003,1.5003,1");
+    let searching = send(shared(), &line, &[PHOTO], &area().photo).json();
+    assert_eq!(searching["answer"]["state"], "no_fix");
+    assert_eq!(searching["point"]["state"], "searching");
+    assert_eq!(searching["point"].get("lat_deg"), None);
+    assert_eq!(state(), "searching");
+    let fix = frame(shared(), &id, 101.0).json();
+    assert_eq!(fix["answer"]["state"], "fix");
+    assert_eq!(state(), fix["point"]["state"]);
+    // One that comes late does not change where the track is now.
+    let late = frame(shared(), &id, 3.0).json();
+    assert_eq!((&late["number"], &late["point"]), (&4.into(), &Value::Null));
+    assert_eq!(state(), fix["point"]["state"]);
+}
+
+#[test]
 fn a_frame_that_is_refused_leaves_no_trace() {
     let id = begin(shared());
     for query in [
@@ -167,6 +206,8 @@ fn a_frame_that_is_refused_leaves_no_trace() {
         let refused = send(shared(), &line, &[PHOTO], &area().photo);
         refused.problem(422, "bad-value");
     }
+    let line = format!("POST /v1/tracks/{id}/frames?time_s=3");
+    send(shared(), &line, &[PHOTO], &area().damaged_photo()).problem(422, "bad-value");
     let right = frame(shared(), &id, 3.0).json();
     assert_eq!(right["number"], 1);
     assert_eq!(right["answer"]["state"], "fix");

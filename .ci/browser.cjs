@@ -338,7 +338,7 @@ async function main() {
     await two.click("#answers li:nth-child(2) button");
     await two.waitForFunction(() => document.getElementById("map-choice").value === "area" && document.getElementById("facts").textContent.includes("area"), null, { timeout });
     assert.equal(await two.getAttribute("#answers li:nth-child(2) button", "aria-pressed"), "true");
-    assert.ok(await two.evaluate(() => window.grimnet.map.getSource("outlines")?.tiles?.[0].includes("/maps/area/")));
+    await two.waitForFunction(() => window.grimnet.map.getSource("outlines")?.tiles?.[0].includes("/maps/area/"), null, { timeout });
     await two.click("#answers li:nth-child(1) button");
     await two.waitForFunction(() => document.getElementById("map-choice").value === "other", null, { timeout });
     await two.waitForFunction(() => window.grimnet.map.getSource("outlines")?.tiles?.[0].includes("/maps/other/"), null, { timeout });

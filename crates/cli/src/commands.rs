@@ -1,6 +1,6 @@
 //! The commands, one file each.
 
-#[cfg(not(feature = "serve"))]
+#[cfg(not(all(feature = "serve", feature = "train")))]
 mod absent;
 pub mod calibrate;
 pub mod completions;

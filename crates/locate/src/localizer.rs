@@ -21,7 +21,7 @@ use crate::{
     },
     prior::{Near, Prior},
     search::{
-        candidates::{allowed_tiles, by_descriptor, distinct_tiles},
+        candidates::{by_descriptor, distinct_tiles, tiles_near},
         hypotheses::rounds,
         scratch::ScratchPool,
     },
@@ -154,12 +154,13 @@ impl Localizer {
     /// # Errors
     /// The pack has no coordinates there.
     pub fn has_tiles_near(&self, near: &Near) -> Result<bool> {
-        for level in self.pack.levels() {
-            if allowed_tiles(level, near)?.contains(&true) {
-                return Ok(true);
-            }
-        }
-        Ok(false)
+        // The coarsest first, which has the fewest.
+        let levels = self.pack.levels().iter().rev();
+        let mut tiles = levels.flat_map(|level| tiles_near(level, near));
+        // The first tile of the area, or the first error.
+        tiles
+            .find(|allowed| !matches!(allowed, Ok(false)))
+            .unwrap_or(Ok(false))
     }
 
     /// How many pixels of photos, of which `prior` is known, the search can use. Photos that are read by

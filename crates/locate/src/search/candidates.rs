@@ -50,7 +50,7 @@ pub(crate) fn by_descriptor(
         return Ok(Vec::new());
     }
     let index = options.index.unwrap_or_else(|| level.index());
-    let allowed = near.map(|near| allowed_tiles(level, near)).transpose()?;
+    let allowed = allowed_tiles(level, near)?;
     let keep = |tile: usize| allowed.as_ref().is_none_or(|allowed| allowed[tile]);
     let found = level.search_with(index, &globals, options.top_k, Some(&keep))?;
     let mut candidates: Vec<Candidate> = found
@@ -88,7 +88,7 @@ pub(crate) fn join_map_votes<'a>(
     taken: impl Iterator<Item = &'a Candidate>,
     options: &MapVoteOptions,
 ) -> Result<Vec<Candidate>> {
-    let allowed = near.map(|near| allowed_tiles(level, near)).transpose()?;
+    let allowed = allowed_tiles(level, near)?;
     let area = allowed.as_ref().map(|allowed| area_of(level, allowed));
     let taken: HashSet<(usize, usize)> = taken.map(|c| (c.query, c.tile)).collect();
     let waiting = candidates.iter().map(|c| ((c.query, c.tile), *c));
@@ -139,15 +139,19 @@ fn area_of(level: &Level, allowed: &[bool]) -> [LevelPx; 2] {
     [0, 1].map(|i| LevelPx { x: x[i], y: y[i] })
 }
 
+/// For each tile, whether it may show a part of the given area; `None` if there is none.
+fn allowed_tiles(level: &Level, near: Option<&Near>) -> Result<Option<Vec<bool>>> {
+    near.map(|near| tiles_near(level, near).collect())
+        .transpose()
+}
+
 /// For each tile, whether it may show a part of the area.
-pub(crate) fn allowed_tiles(level: &Level, near: &Near) -> Result<Vec<bool>> {
+pub(crate) fn tiles_near(level: &Level, near: &Near) -> impl Iterator<Item = Result<bool>> {
     let reach_m = near.radius_m + level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
-    (0..level.tile_count())
-        .map(|tile| {
-            let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
-            Ok(distance_m(centre, near.centre) <= reach_m)
-        })
-        .collect()
+    (0..level.tile_count()).map(move |tile| {
+        let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
+        Ok(distance_m(centre, near.centre) <= reach_m)
+    })
 }
 
 /// Lets the matches of the strongest `keypoints` of each candidate vote for a translation. The candidates are left in the order of

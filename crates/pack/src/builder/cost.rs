@@ -87,8 +87,7 @@ pub fn check_cost(
             what: format!("{tiles} tiles, more than the limit of {}", limits.max_tiles),
         });
     }
-    let number_len = recipe.descriptor_type().number_len() as u64;
-    let row_bytes = spec.global_len() as u64 * number_len + TABLE_BYTES_BESIDE;
+    let row_bytes = bytes_per_tile_descriptor(spec, recipe) + TABLE_BYTES_BESIDE;
     let table_bytes = tiles.saturating_mul(row_bytes);
     let most_bytes = PackLimits::default().max_table_bytes;
     if table_bytes > most_bytes {
@@ -129,5 +128,9 @@ pub fn bytes_per_tile(
     };
     let bytes_per_keypoint = spec.descriptor_dim as u64 * number_len + 6 + indexed;
     u64::from(recipe.max_keypoints(spec, options)) * bytes_per_keypoint
-        + spec.global_len() as u64 * number_len
+        + bytes_per_tile_descriptor(spec, recipe)
+}
+
+fn bytes_per_tile_descriptor(spec: &NetSpec, recipe: &dyn Recipe) -> u64 {
+    (spec.global_len() * recipe.descriptor_type().number_len()) as u64
 }

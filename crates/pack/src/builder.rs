@@ -36,7 +36,7 @@ use grimnet_output::{OutputPolicy, linked_path, rename_into_place};
 
 use self::assemble::write_pack;
 use self::cells::Cells;
-use self::cost::{check_cost, check_enlargement, check_scale};
+use self::cost::{check_cost, check_enlargement, check_index, check_scale};
 use self::journal::{Journal, remove_finished};
 use self::level_build::LevelBuild;
 use self::level_plan::LevelPlan;
@@ -135,6 +135,7 @@ pub fn build_interruptible(
         model.spec(),
     )?;
     check_cost(&plans, model.spec(), options, recipe, limits)?;
+    check_index(&plans, model.spec(), options)?;
     check_enlargement(&plans, raster)?;
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());

@@ -384,6 +384,33 @@ fn every_allowed_tile_is_found_whatever_lists_are_visited() {
 }
 
 #[test]
+fn an_index_that_cannot_be_trained_is_refused_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    let index = |nlist, subquantisers| {
+        let index = Index::IvfPq {
+            nlist,
+            subquantisers,
+            nprobe: 1,
+            rerank_factor: 4,
+        };
+        let options = BuildOptions {
+            index: Some(index),
+            ..one_level()
+        };
+        let map = TestMap::new(600, 500);
+        let mut none = |_: &_| unreachable!("nothing is to be computed");
+        let error = grimnet_pack::build(&map, &tiny_model(1), &options, &out, &mut none);
+        error.unwrap_err().to_string()
+    };
+    let few_tiles = index(4096, 8);
+    assert!(few_tiles.contains("at least 4096 tiles"), "{few_tiles}");
+    let uneven = index(16, 7);
+    assert!(uneven.contains("7 subquantisers"), "{uneven}");
+    assert_eq!(folder.path().read_dir().unwrap().count(), 0);
+}
+
+#[test]
 fn keypoints_of_the_map_are_found_where_they_lie() {
     let map = TestMap::new(1500, 1100);
     let pack = make_and_open(&map, &indexed());

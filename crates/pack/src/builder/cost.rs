@@ -7,7 +7,9 @@ use crate::builder::keypoint_index_build::{bytes_per_indexed_keypoint, has_keypo
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
+use crate::index::Index;
 use crate::options::BuildOptions;
+use crate::search::ivf_pq::IvfPqCodec;
 use grimnet_limits::{BuildLimits, PackLimits};
 
 /// Bytes of a tile in the tables of a large pack beside its descriptor: its entry, and its row in the IVF-PQ index.
@@ -54,6 +56,26 @@ pub fn check_enlargement(plans: &[LevelPlan], raster: &dyn Raster) -> Result<()>
         }
     }
     Ok(())
+}
+
+/// Checks that a chosen IVF-PQ index can be trained on each level: after hours of work it is late to learn.
+///
+/// # Errors
+/// Returns [`PackError::Index`] if a level has too few tiles even if all of them are usable, or if the subquantisers do not divide
+/// its descriptors.
+pub fn check_index(plans: &[LevelPlan], spec: &NetSpec, options: &BuildOptions) -> Result<()> {
+    let Some(Index::IvfPq {
+        nlist,
+        subquantisers,
+        ..
+    }) = options.index
+    else {
+        return Ok(());
+    };
+    plans.iter().try_for_each(|plan| {
+        let (tiles, dim) = (plan.grid_tiles() as usize, spec.global_len());
+        IvfPqCodec::check(tiles, dim, nlist as usize, subquantisers as usize)
+    })
 }
 
 /// Compares tiles, size and resampling work of a plan with the limits.

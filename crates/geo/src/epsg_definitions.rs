@@ -1,4 +1,5 @@
-//! The definition of an EPSG code: that of the list of `crs-definitions`, with its errors corrected.
+//! The definition of an EPSG code: that of the list of `crs-definitions`, with its errors corrected, or of our own list of those that it
+//! lacks.
 
 use crate::datum_shifts::with_better_shift;
 use crate::units::degrees_per_unit_of_epsg;
@@ -37,6 +38,15 @@ const CORRECTED: [(&[u32], &str, &str); 3] = [
     ),
 ];
 
+/// Codes that the list of `crs-definitions` lacks: in each line a code and its PROJ string (`epsg/make_definitions.py`).
+const ADDED: &str = include_str!("../epsg/definitions.txt");
+
+fn added(code: u32) -> Option<&'static str> {
+    let mut lines = ADDED.lines().filter_map(|line| line.split_once(' '));
+    let (_, definition) = lines.find(|(listed, _)| listed.parse() == Ok(code))?;
+    Some(definition)
+}
+
 /// The PROJ string of an EPSG code.
 ///
 /// # Errors
@@ -53,8 +63,9 @@ pub(crate) fn proj_string_of_epsg(code: u32) -> Result<String, &'static str> {
     let listed = u16::try_from(code)
         .ok()
         .and_then(crs_definitions::from_code)
-        .ok_or("the code is not in the list of known systems")?
-        .proj4;
+        .map(|listed| listed.proj4)
+        .or_else(|| added(code))
+        .ok_or("the code is not in the list of known systems; reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT")?;
     let corrected = CORRECTED.iter().find(|(codes, ..)| codes.contains(&code));
     Ok(with_better_shift(&match corrected {
         Some((_, wrong, right)) => listed.replace(wrong, right),

@@ -75,6 +75,21 @@ fn definitions_are_where_proj_puts_them_or_warn() {
 }
 
 #[test]
+fn the_added_definitions_can_be_used() {
+    let lines = include_str!("../../epsg/definitions.txt").lines().skip(1);
+    let codes = lines.map(|line| line.split_once(' ').unwrap().0.parse().unwrap());
+    let unusable: Vec<String> = codes
+        .filter_map(|code| Crs::from_epsg(code).err())
+        .map(|error| error.to_string())
+        .collect();
+    assert!(unusable.is_empty(), "{}", unusable.join("\n"));
+    // The national grid of Colombia, and the local one of Lviv.
+    for code in [9377, 9851] {
+        assert_eq!(Crs::from_epsg(code).unwrap().caveat(), None, "EPSG:{code}");
+    }
+}
+
+#[test]
 fn codes_whose_coordinates_are_ambiguous_are_refused() {
     for (code, words) in [
         (7400, "grads"),

@@ -1,4 +1,5 @@
-"""Writes golden.csv: a place for each datum of the list of EPSG definitions, as PROJ transforms it without grids.
+"""Writes golden.csv: a place for each datum of the lists of EPSG definitions (that of crs-definitions and ../../epsg/definitions.txt), as
+PROJ transforms it without grids.
 
     python make_golden.py ~/.cargo/registry/src/*/crs-definitions-*/src/defs.rs            # needs pyproj
 
@@ -39,7 +40,10 @@ def main(listed):
     warnings.simplefilter("ignore")
     seen = set()
     rows = []
-    for code, definition in re.findall(r'^\s*EPSG_(\d+)\|\d+\|"([^"]*)"', Path(listed).read_text(), re.M):
+    here = Path(__file__).parent
+    definitions = re.findall(r'^\s*EPSG_(\d+)\|\d+\|"([^"]*)"', Path(listed).read_text(), re.M)
+    definitions += re.findall(r"^(\d+) (.*)$", (here / "../../epsg/definitions.txt").read_text(), re.M)
+    for code, definition in definitions:
         try:
             crs = pyproj.CRS.from_epsg(code)
             datum = crs.geodetic_crs.to_authority()
@@ -59,7 +63,7 @@ def main(listed):
             x, y, lon, lat = found
             rows.append(f"{code},{x!r},{y!r},{lon:.8f},{lat:.8f}")
     head = f"# pyproj {pyproj.__version__}, PROJ {pyproj.proj_version_str}"
-    Path(__file__).with_name("golden.csv").write_text("\n".join([head, *rows]) + "\n")
+    (here / "golden.csv").write_text("\n".join([head, *rows]) + "\n")
     print(len(rows), "rows")
 
 

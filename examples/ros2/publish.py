@@ -21,6 +21,17 @@ def numbers(text):
     return values
 
 
+def with_values(arguments):
+    """`--origin -24.26,120.72` as `--origin=-24.26,120.72`, because argparse takes a value with a leading minus for an option."""
+    joined = []
+    for argument in arguments:
+        if joined and joined[-1] == "--origin":
+            joined[-1] += "=" + argument
+        else:
+            joined.append(argument)
+    return joined
+
+
 def messages(lines, origin, geoid_height_m=None):
     """For each line the values of a NavSatFix, and of a pose or `None`."""
     for text in lines:
@@ -33,7 +44,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--origin", type=numbers, required=True, metavar="LAT,LON[,ALTITUDE_M]", help="origin of the frame `map`")
     parser.add_argument("--geoid-height", type=float, metavar="M", help="height of the geoid above the WGS 84 ellipsoid here")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(with_values(sys.argv[1:]))
 
     import rclpy
     from geometry_msgs.msg import PoseWithCovarianceStamped
@@ -48,9 +59,13 @@ def main():
             fixes.publish(grimnet_ros2.fill(NavSatFix(), fix))
             if pose is not None:
                 poses.publish(grimnet_ros2.fill(PoseWithCovarianceStamped(), pose))
+    except KeyboardInterrupt:
+        pass
     finally:
         node.destroy_node()
-        rclpy.shutdown()
+        # Ctrl-C has shut it down already.
+        if rclpy.ok():
+            rclpy.shutdown()
 
 
 if __name__ == "__main__":

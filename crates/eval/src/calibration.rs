@@ -30,13 +30,14 @@ pub fn fit(
     data: &str,
     elsewhere_answered: f64,
 ) -> Result<Calibration, FitError> {
-    let mut calibration = fit_once(observations, elsewhere_answered)?;
+    let limiting = confidence::Limiting::of(observations);
+    let mut calibration = fit_once(observations, elsewhere_answered, limiting)?;
     let mut held_out = Check::default();
     for side in [0, 1] {
         let (checked, fitted): (Vec<&Observation>, Vec<&Observation>) =
             observations.iter().partition(|o| o.scene % 2 == side);
         let owned: Vec<Observation> = fitted.into_iter().cloned().collect();
-        let half = fit_once(&owned, elsewhere_answered)?;
+        let half = fit_once(&owned, elsewhere_answered, limiting)?;
         held_out.add(&half, &checked);
     }
     let count =
@@ -57,10 +58,11 @@ pub fn fit(
 fn fit_once(
     observations: &[Observation],
     elsewhere_answered: f64,
+    limiting: confidence::Limiting,
 ) -> Result<Calibration, FitError> {
     Ok(Calibration {
         position: position::fit(observations)?,
-        confidence: Some(confidence::fit(observations, elsewhere_answered)?),
+        confidence: Some(confidence::fit(observations, elsewhere_answered, limiting)?),
         fitted_on: None,
     })
 }

@@ -136,7 +136,7 @@ fn too_little_is_refused_by_name() {
     );
     let mut many = observations(100, 7);
     many.retain(|o| !o.elsewhere);
-    let text = confidence::fit(&many, ELSEWHERE_ANSWERED)
+    let text = confidence::fit(&many, ELSEWHERE_ANSWERED, confidence::Limiting::All)
         .unwrap_err()
         .to_string();
     assert!(text.contains("only 0 photos taken elsewhere"), "{text}");

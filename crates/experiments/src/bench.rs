@@ -247,8 +247,27 @@ fn run(
     };
     let trials = evaluate(&changed, &scene.shots, heading_mode(setup), &mut |_| ());
     let mut measured = Measured::default();
+    let is_traced = trials.iter().any(|trial| {
+        trial
+            .found
+            .as_ref()
+            .is_ok_and(|found| found.trace.is_some())
+    });
     for (shot, trial) in scene.shots.iter().zip(trials) {
-        let found = trial.found?;
+        let found = match trial.found {
+            Ok(found) => found,
+            Err(error) => {
+                tracing::warn!(photo = shot.name, "counted as a miss: {error}");
+                if is_traced {
+                    // Nothing was retrieved.
+                    measured.covers.push(FrameRecall::default());
+                    measured.near.push(FrameRecall::default());
+                    measured.distances.push(FrameDistances::default());
+                }
+                measured.frames.push(trial.frame);
+                continue;
+            }
+        };
         if let Some(trace) = &found.trace {
             let truth = shot.truth.position;
             for (right, ranks) in [

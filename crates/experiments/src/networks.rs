@@ -8,12 +8,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use grimnet_net::Model;
 use grimnet_output::OutputPolicy;
 use grimnet_train::{
-    Data, Device, ExportOptions, Losses, MODEL, Progress, RunFolder, StepTable, TrainConfig,
-    TrainError, Trainer, Weights, checkpoint_path, export,
+    Data, Device, Losses, MODEL, Progress, RunFolder, StepTable, TrainConfig, TrainError, Trainer,
+    Weights, WhiteningChoice, checkpoint_path, export,
 };
-
-/// Validation pairs for the model card of an exported network; the experiment itself measures on scenes.
-const VALIDATION_PAIRS: usize = 24;
 
 /// Digits of the hash that distinguishes variants with different training budgets.
 const KEY_DIGITS: usize = 8;
@@ -95,21 +92,22 @@ fn last_fall_of(totals: &[f64]) -> Option<f64> {
 
 /// The total loss (paper, section 3.6); the experiments have no other terms.
 fn total_of(losses: &Losses, weights: &Weights) -> f64 {
-    f64::from(
-        weights.global * losses.global
-            + weights.keypoint * losses.keypoint
-            + weights.descriptor * losses.descriptor
-            + weights.homography * losses.homography,
-    )
+    let terms = [
+        (weights.global, losses.global),
+        (weights.keypoint, losses.keypoint),
+        (weights.descriptor, losses.descriptor),
+        (weights.homography, losses.homography),
+    ];
+    let weighted = terms.map(|(weight, loss)| weight * loss.unwrap_or(0.0));
+    f64::from(weighted.iter().sum::<f32>())
 }
 
 /// Called after every step with the network's name.
 type Listener = Box<dyn Fn(&str, &Progress)>;
 
-/// Trains variants of one configuration, on the same data each.
+/// Trains variants of one configuration, all on the same data for the same seed.
 pub struct Networks {
     config: TrainConfig,
-    data: Data,
     seeds: u64,
     folder: PathBuf,
     stop: Arc<AtomicBool>,
@@ -117,7 +115,7 @@ pub struct Networks {
 }
 
 impl Networks {
-    /// Keeps networks in `folder`, `seeds` of each variant. Setting `stop` ends training after the step in hand.
+    /// Keeps networks in `folder`, `seeds` of each variant, each as `grim train` makes it of that configuration and seed. Setting `stop` ends training after the step in hand.
     ///
     /// # Errors
     /// A wrong configuration, data that cannot be read.
@@ -128,19 +126,14 @@ impl Networks {
         stop: Arc<AtomicBool>,
     ) -> Result<Self, NetworksError> {
         config.validate()?;
+        // Data that cannot be used are refused before anything else is done.
+        Data::open(&config)?;
         Ok(Self {
-            data: Data::open(&config)?,
             seeds: seeds.max(1),
             // Every step is reported, so that a stop is heard at once.
             config: TrainConfig {
                 report_steps: 1,
                 validate_minutes: 0.0,
-                export: ExportOptions {
-                    whitening_pairs: 0,
-                    validation_pairs: VALIDATION_PAIRS,
-                    distractors: 0,
-                    ..ExportOptions::default()
-                },
                 ..config
             },
             folder: folder.to_owned(),
@@ -186,8 +179,10 @@ impl Networks {
         }
         let device = config.device.device()?;
         let folder = RunFolder::open(&config, &OutputPolicy::new())?;
-        let (trainer, totals) = self.trained(name, &config, &device, &folder)?;
-        let exported = export(trainer.state(), &config, &self.data, &device, &mut |_| ())?;
+        // Procedural worlds differ with the seed.
+        let data = Data::open(&config)?;
+        let (trainer, totals) = self.trained(name, &config, &data, &device, &folder)?;
+        let exported = export(trainer.state(), &config, &data, &device, &mut |_| ())?;
         let fall = last_fall_of(&totals);
         let text = format!("{}\n", serde_json::json!(fall));
         folder.write(LAST_FALL, text.as_bytes())?;
@@ -202,11 +197,12 @@ impl Networks {
         &self,
         name: &str,
         config: &TrainConfig,
+        data: &Data,
         device: &Device,
         folder: &RunFolder,
     ) -> Result<(Trainer, Vec<f64>), NetworksError> {
         let resume = checkpoint_path(config).is_file();
-        let mut trainer = Trainer::new(config.clone(), self.data.training.clone(), device, resume)?
+        let mut trainer = Trainer::new(config.clone(), data.training.clone(), device, resume)?
             .with_folder(folder.clone());
         if resume {
             tracing::info!(
@@ -253,6 +249,11 @@ impl Networks {
         ))
     }
 
+    /// The configuration that all variants change.
+    pub(crate) fn config(&self) -> &TrainConfig {
+        &self.config
+    }
+
     /// Description of what the networks have in common.
     #[must_use]
     pub fn describe(&self) -> String {
@@ -269,8 +270,19 @@ impl Networks {
                     .into_owned()
             },
         );
+        let export = &self.config.export;
+        let whitening = match (export.whitening_pairs, export.whitening) {
+            (0, _) => "are not whitened".to_owned(),
+            (pairs, WhiteningChoice::Pca) => {
+                format!("are whitened by principal components of {pairs} pairs")
+            }
+            (pairs, WhiteningChoice::Measured) => {
+                format!("are whitened, or not, as is better on held-out pairs, by {pairs} pairs")
+            }
+        };
         format!(
-            "Each network ({}) was trained for {length} with each of {} seeds, starting from {start}.",
+            "Each network ({}) was trained for {length} with each of {} seeds, of batches, worlds and random weights, starting from {start}; global \
+             descriptors {whitening}.",
             self.config.network, self.seeds
         )
     }

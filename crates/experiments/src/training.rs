@@ -81,6 +81,14 @@ pub enum TrainingError {
     /// A network.
     #[error(transparent)]
     Networks(#[from] NetworksError),
+    /// A weight that is to be halved and doubled is zero.
+    #[error(
+        "the weight {name} of the configuration is 0: half and twice of it are the same network; set it in `[weights]`, or leave out --train-config"
+    )]
+    NoWeight {
+        /// The weight, as in table 3.
+        name: &'static str,
+    },
     /// Measuring.
     #[error(transparent)]
     Bench(Box<BenchError>),
@@ -201,6 +209,12 @@ fn loss_weights(
 ) -> Result<ExperimentTable, TrainingError> {
     let mut rows: Vec<Row> = Vec::new();
     let mut notes = Vec::new();
+    for (index, name) in WEIGHT_NAMES.iter().enumerate() {
+        let mut weights = networks.config().weights;
+        if *weight(&mut weights, index) == 0.0 {
+            return Err(TrainingError::NoWeight { name });
+        }
+    }
     for (name, index, factor) in weightings() {
         let trained = networks.get(&name, |config| {
             *weight(&mut config.weights, index) *= factor;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use grimnet_experiments::networks::{Networks, NetworksError};
-use grimnet_train::TrainConfig;
 use grimnet_train::data::{PairOptions, WorldOptions};
+use grimnet_train::{ExportOptions, TrainConfig};
 
 /// Four short steps on one procedural world.
 fn budget() -> TrainConfig {
@@ -25,6 +25,12 @@ fn budget() -> TrainConfig {
             side_px: 64,
             points: 12,
             ..PairOptions::default()
+        },
+        export: ExportOptions {
+            whitening_pairs: 0,
+            validation_pairs: 24,
+            distractors: 0,
+            ..ExportOptions::default()
         },
         ..TrainConfig::default()
     }

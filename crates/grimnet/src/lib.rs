@@ -22,6 +22,9 @@
 //! or ground resolution, or the area where it was taken. [`Localizer::needed_pixels`] says at what size photos serve on this map; JPEG
 //! files that [`NeededPixels::open`] reads are decoded at half, a quarter or an eighth of their size where that suffices.
 //!
+//! A camera's frame needs no file: [`Photo::from_image`] takes its pixels. [`frames`] measures how a camera moved from one frame to the
+//! next, and [`settings`] has the types of the fields of [`Options`].
+//!
 //! # Errors
 //! [`Localizer`] returns [`LocateError`], [`Photo`] returns [`PhotoError`], [`map::build`] returns [`map::BuildError`]. A photo whose
 //! position is not found is no error but [`Outcome::NoFix`] with a [`Reason`].
@@ -30,13 +33,18 @@
 //! Positions are WGS 84 degrees of the ground at the photo's centre; headings are degrees clockwise from true north; covariances are
 //! metres east and north.
 
+pub mod frames;
 pub mod map;
+pub mod settings;
 
 pub use grimnet_geo::LonLat;
 pub use grimnet_locate::{
-    Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, Near, NeededPixels, NoFix,
-    Options, Outcome, Prior, Reason, Rejection, ViewPrior,
+    EvidenceUsed, Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, MatchedPair,
+    MatchedPoints, MatchingError, Near, NeededPixels, NoFix, Options, Outcome, Prior, Reason,
+    Rejection, RunnerUp, Support, TileRef, TimeMs, ViewPrior,
 };
 pub use grimnet_net::{Model, NetError, Precision};
 pub use grimnet_pack::{Pack, PackError};
-pub use grimnet_photo::{Photo, PhotoError, PhotoLimits};
+pub use grimnet_photo::{Damage, Metadata, Photo, PhotoError, PhotoLimits};
+/// The pictures of [`Photo::from_image`] are of this version of the crate.
+pub use image;

@@ -19,6 +19,8 @@ pub struct MapBuild {
     pub map: MapOptions,
     /// Contents of the pack.
     pub pack: BuildOptions,
+    /// What a build may cost, and what a map may be.
+    pub limits: BuildLimits,
     /// The network; `None` for the bundled model. Photos must be localised with the same model.
     pub model: Option<Model>,
     /// Whether a file at the pack's path that is not a pack may be replaced. The map never is.
@@ -43,7 +45,8 @@ pub enum BuildError {
     Output(#[from] OutputError),
 }
 
-/// Builds the pack `pack` from the map `map`: a GeoTIFF or COG, a picture with a world file or with corners, or a CSV of pictures.
+/// Builds the pack `pack` from the map `map`: a GeoTIFF or COG, a picture with a world file or with corners, a VRT, a list or folder of
+/// GeoTIFFs, a CSV of pictures, PMTiles, a folder of tiles `z/x/y`, or MBTiles with the feature `mbtiles`.
 ///
 /// `on_progress` is called after each piece of work. A build that was interrupted continues when it is called again with the same
 /// arguments; a complete pack of the same map, model and options is kept as it is. Another pack at that path is replaced, any other
@@ -103,7 +106,7 @@ pub fn build_interruptible(
         raster.as_ref(),
         model,
         &options.pack,
-        &BuildLimits::default(),
+        &options.limits,
         pack.as_ref(),
         &mut on_progress,
     )?)

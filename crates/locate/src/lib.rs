@@ -53,6 +53,7 @@ pub use frame_motion::{FrameMotion, FramePair, FrameTilt};
 pub use geometry::{
     estimation::GeometryModel,
     ransac::{Ransac, Score},
+    sampler::Sampling,
 };
 pub use grimnet_pack::{Index, Mode};
 pub use grimnet_photo::{HeadingPrior, ViewPrior};
@@ -67,6 +68,7 @@ pub use outcome::{
     TileRef, TimeMs,
 };
 pub use prior::{Near, Prior};
+pub use search::matching::MatchingError;
 #[doc(hidden)]
 pub use trace::{RoundTrace, Trace};
 

@@ -182,6 +182,16 @@ pub enum Reason {
         /// Number of keypoints.
         found: usize,
     },
+    /// The photo shows so little ground that it has hardly a pixel of the map's resolution: its height, field of view or ground
+    /// resolution are wrong, or the map is far too coarse for it.
+    #[error(
+        "the photo would have a side of {side_px:.0} pixels at the map's ground resolution, too few to recognise anything; check its \
+         height, field of view or ground resolution"
+    )]
+    TooFewPixels {
+        /// The square root of the photo's visible area at the resolution of the finest level it was compared with, pixels.
+        side_px: f64,
+    },
     /// The compressed data of the photo contradict themselves: parts of it may be shifted, and a position with them.
     #[error("the photo is damaged ({damage}): copy it again from the camera")]
     DamagedPhoto {

@@ -3,7 +3,7 @@
 use std::fmt::Display;
 
 use grimnet_pack::Index;
-use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior};
+use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior, PHOTO_GSD_RANGE_M};
 
 use crate::{
     error::{LocateError, Result},
@@ -14,8 +14,6 @@ use crate::{
 
 /// Smallest side of a query and width of a photo that the network can use, pixels.
 const MIN_SIDE_PX: u32 = 32;
-/// Metres of ground per pixel of a photo: from 2 m with a long lens, and to 20 km in a picture of few pixels, with room to spare.
-const GSD_RANGE_M: std::ops::RangeInclusive<f64> = 1e-5..=1e3;
 /// Largest number of headings that may be tried.
 const MAX_HEADINGS: usize = 360;
 
@@ -206,7 +204,7 @@ impl Prior {
             require("height_agl_m", height_agl_m, holds, "2 to 20000 metres")?;
         }
         if let Some(gsd_m) = self.view.gsd_m {
-            let holds = GSD_RANGE_M.contains(&gsd_m);
+            let holds = PHOTO_GSD_RANGE_M.contains(&gsd_m);
             require("gsd_m", gsd_m, holds, "0.00001 to 1000 metres per pixel")?;
         }
         if let Some(hfov_deg) = self.view.hfov_deg {

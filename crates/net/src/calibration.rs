@@ -92,7 +92,7 @@ pub struct Confidence {
     pub intercept: f64,
     /// Weight of the natural logarithm of the number of cells of the photo that hold inliers.
     pub log_places: f64,
-    /// Weight of the natural logarithm of the ratio of inliers to the runner-up's inliers (at least six: chance gives as
+    /// Weight of the natural logarithm of the ratio of inliers to the runner-up's inliers (at least ten: chance gives as
     /// many).
     pub log_lead: f64,
     /// Weight of the natural logarithm of the ratio of inliers to those that guided matching finds by chance.

@@ -17,6 +17,8 @@ const ABOVE_GROUND_SIGMA: f64 = 0.1;
 const RELATIVE_ALTITUDE_SIGMA: f64 = 0.15;
 /// Two focal lengths of one photo that differ by more than this share contradict each other.
 const FOCAL_AGREEMENT: f64 = 0.1;
+/// Metres of ground per pixel of a photo: from 2 m with a long lens, and to 20 km in a picture of few pixels, with room to spare.
+pub const PHOTO_GSD_RANGE_M: std::ops::RangeInclusive<f64> = 1e-5..=1e3;
 /// Plausible heights above ground, m.
 pub const HEIGHT_AGL_RANGE_M: std::ops::RangeInclusive<f64> = 2.0..=20_000.0;
 /// Plausible fields of view of cameras without a fisheye lens, degrees.

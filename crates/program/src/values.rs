@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG};
+use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, PHOTO_GSD_RANGE_M};
 
 /// Photos that a demo or a calibration may make for each scene: more fill a disk.
 const PHOTO_COUNT_RANGE: RangeInclusive<usize> = 1..=100_000;
@@ -38,7 +38,7 @@ numbers! {
     length_px: "a number of pixels, 0 or above" if |v| v >= 0.0;
     /// A standard deviation in metres (or metres per second), 0 to 100 km: squares of more, or radii, are no numbers.
     sigma_m: "a number of metres, from 0 to 100000" if |v| (0.0..=1e5).contains(&v);
-    /// A ground resolution in metres per pixel, from a tenth of a millimetre to 10 km.
+    /// A ground resolution of a map in metres per pixel, from a tenth of a millimetre to 10 km.
     gsd_m: "a ground resolution in metres per pixel, from 0.0001 to 10000" if |v| (1e-4..=1e4).contains(&v);
     /// A probability, 0 to 1.
     probability: "a probability from 0 to 1" if |v| (0.0..=1.0).contains(&v);
@@ -66,6 +66,14 @@ numbers! {
 /// What was expected, if the text is not a number or out of range.
 pub fn height_agl_m(text: &str) -> Result<f64, String> {
     number_within(text, &HEIGHT_AGL_RANGE_M, "a height in metres")
+}
+
+/// The ground resolution of a photo in metres per pixel, in the range of [`grimnet_photo::PHOTO_GSD_RANGE_M`].
+///
+/// # Errors
+/// What was expected, if the text is not a number or out of range.
+pub fn photo_gsd_m(text: &str) -> Result<f64, String> {
+    number_within(text, &PHOTO_GSD_RANGE_M, "metres of ground per pixel")
 }
 
 /// A horizontal field of view in degrees, in the range of [`grimnet_photo::HFOV_RANGE_DEG`].
@@ -223,6 +231,7 @@ mod tests {
         }
         assert!(sigma_m("100000").is_ok() && sigma_m("1e308").is_err());
         assert!(gsd_m("0.05").is_ok() && gsd_m("1e-308").is_err() && gsd_m("1e20").is_err());
+        assert!(photo_gsd_m("1000").is_ok() && photo_gsd_m("5000").is_err());
         assert_eq!(photo_count("100000"), Ok(100_000));
         for bad in ["0", "-1", "1000000000", "many"] {
             let expected = "expected a whole number from 1 to 100000";

@@ -150,7 +150,19 @@ pub fn read_photo<'py>(
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let py = photo.py();
     let input = PhotoInput::of(photo)?;
-    let image = detached(py, || input.decode(max_side_px))?.image;
+    if max_side_px == Some(0) {
+        return Err(invalid_value(
+            "max_side_px is 0; expected at least 1".to_owned(),
+        ));
+    }
+    let image = detached(py, || {
+        let image = input.decode(max_side_px)?.image;
+        // An array is taken as it is.
+        Ok(match max_side_px {
+            Some(side_px) => Photo::from_image_reduced(image, Metadata::default(), side_px).image,
+            None => image,
+        })
+    })?;
     py.check_signals()?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     image

@@ -114,6 +114,9 @@ def test_arrays(localizer, photos, truth):
         __array_interface__ = before.__array_interface__
     assert without(localizer.locate(Picture(), **known).to_dict()) == without(answer.to_dict())
     reduced = grimnet.read_photo(photos[0].read_bytes(), max_side_px=300)
+    assert max(grimnet.read_photo(grimnet.read_photo(photos[0]), max_side_px=200).shape) == 200
+    with pytest.raises(grimnet.InvalidValueError, match="max_side_px is 0"):
+        grimnet.read_photo(photos[0], max_side_px=0)
     assert max(reduced.shape) == 300
 
 

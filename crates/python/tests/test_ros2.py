@@ -174,8 +174,9 @@ def test_points_of_a_tracker(localizer, demo):
     assert fix["header"]["stamp"] == {"sec": 11, "nanosec": 0}
 
 
-def test_without_ros_it_says_what_is_missing():
-    command = [sys.executable, EXAMPLE / "publish.py", "--origin", "1,1.5"]
+@pytest.mark.parametrize("origin", ["1,1.5", "-24.26,120.72", "-24.26,-120.72,35"])
+def test_without_ros_it_says_what_is_missing(origin):
+    command = [sys.executable, EXAMPLE / "publish.py", "--origin", origin]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     if done.returncode:
         assert "rclpy" in done.stderr

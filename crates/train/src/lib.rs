@@ -20,7 +20,9 @@ mod test_numbers;
 
 pub use burn::tensor::Device;
 
-pub use config::{DescriptorLoss, ExportOptions, GlobalLoss, Stage, TrainConfig, Weights};
+pub use config::{
+    DescriptorLoss, ExportOptions, GlobalLoss, Stage, TrainConfig, Weights, WhiteningChoice,
+};
 pub use error::TrainError;
 pub use measure::export::{Exported, export};
 pub use measure::scene_accuracy::{SceneAccuracy, scene_accuracy};

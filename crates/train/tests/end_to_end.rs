@@ -110,10 +110,11 @@ fn assert_lower(first: &Losses, last: &Losses, expected: usize) {
         .terms()
         .into_iter()
         .zip(last.terms())
-        .filter(|((_, value), _)| *value != 0.0)
+        .filter(|((_, value), _)| value.is_some())
         .collect();
     assert_eq!(trained.len(), expected, "{first:?}");
     for ((name, before), (_, after)) in trained {
+        let (before, after) = (before.unwrap(), after.unwrap());
         assert!(after < before, "{name}: {before}, then {after}");
     }
 }

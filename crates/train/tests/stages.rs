@@ -118,11 +118,14 @@ fn shapes_teach_the_keypoint_head_to_look() {
     let losses = trained(&config);
     let blind = blind_loss(&config);
     let end = &losses[losses.len() - 30..];
-    let keypoint = end.iter().map(|losses| losses.keypoint).sum::<f32>() / end.len() as f32;
-    assert!(keypoint < losses[0].keypoint, "{losses:?}");
+    let keypoint = end.iter().filter_map(|losses| losses.keypoint).sum::<f32>() / end.len() as f32;
+    assert!(keypoint < losses[0].keypoint.unwrap(), "{losses:?}");
     assert!(keypoint < 0.93 * blind, "{keypoint} of {blind}");
     let last = losses[losses.len() - 1];
-    assert_eq!((last.descriptor, last.global, last.scene), (0.0, 0.0, 0.0));
+    assert_eq!(
+        (last.descriptor, last.global, last.scene),
+        (None, None, None)
+    );
 }
 
 #[test]
@@ -140,11 +143,8 @@ fn scenes_teach_the_encoder_and_the_joint_stage_starts_from_it() {
         ..small(Stage::Scenes, folder.path(), 60)
     };
     let losses = trained(&config);
-    let (first, last) = (losses[0], losses[losses.len() - 1]);
-    assert!(
-        first.scene < 1.0 && last.scene < 0.8 * first.scene,
-        "{losses:?}"
-    );
+    let [first, last] = [0, losses.len() - 1].map(|i| losses[i].scene.unwrap());
+    assert!(first < 1.0 && last < 0.8 * first, "{losses:?}");
     let state = Checkpoint::open(&checkpoint_path(&config), &Device::flex()).unwrap();
     assert_eq!(state.parameters.scenes(), 2);
     let out = RunFolder::open(&config, &OutputPolicy::new()).unwrap();

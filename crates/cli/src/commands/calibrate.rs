@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
-use grimnet_eval::calibration::real::{PlacesUsed, RealScene};
+use grimnet_eval::calibration::real::{NumberedSource, PlacesUsed, RealScene};
 use grimnet_eval::calibration::{self, observation, scenes, trial};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
@@ -181,10 +181,22 @@ fn merged(kept: &Calibration, fitted: Calibration, only: Option<PartChoice>) -> 
                 ..fitted
             }
         }
-        Some(PartChoice::Position) => Calibration {
-            confidence: kept.confidence,
-            ..fitted
-        },
+        Some(PartChoice::Position) => {
+            let kept_on = kept.fitted_on.as_ref();
+            Calibration {
+                confidence: kept.confidence,
+                fitted_on: fitted.fitted_on.map(|on| match kept_on {
+                    Some(kept) => FittedOn {
+                        held_out_availability: kept.held_out_availability,
+                        held_out_elsewhere: kept.held_out_elsewhere,
+                        held_out_elsewhere_answered: kept.held_out_elsewhere_answered,
+                        ..on
+                    },
+                    None => on,
+                }),
+                ..fitted
+            }
+        }
     }
 }
 
@@ -263,9 +275,22 @@ fn observe(
                 .map(|(scene, set)| (scene, Some(set), Some(arguments.places.into()))),
         )
         .collect();
-    let elsewhere: Vec<Vec<Source>> = own
+    let numbered: Vec<NumberedSource> = sources
+        .into_iter()
+        .zip(0..)
+        .map(|(source, number)| {
+            // Photos cut from these pictures are of the same scene.
+            let cut = arguments
+                .pictures
+                .iter()
+                .position(|folder| is_within(&source, folder));
+            let scene = cut.map_or(made.len() + number, |i| arguments.worlds + i);
+            NumberedSource { source, scene }
+        })
+        .collect();
+    let elsewhere: Vec<Vec<NumberedSource>> = own
         .iter()
-        .map(|(_, folder, _)| sources_outside(&sources, *folder))
+        .map(|(_, folder, _)| sources_outside(&numbered, *folder))
         .collect();
     let real = own
         .iter()
@@ -286,6 +311,14 @@ fn observe(
             })
         })
         .collect::<Result<Vec<_>>>()?;
+    for (real, set) in real.iter().skip(made.len()).zip(&arguments.datasets) {
+        if !real.has_photos() {
+            bail!(
+                "{}: no answerable photo of half of its places: its truth.csv needs a column `place`, with two places at least",
+                set.display()
+            );
+        }
+    }
     let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<usize>();
     let bar = progress::bar(count as u64, "localising", "photos");
     let mut observations = trial::observe(model, &made, folder.path(), &mut || bar.inc(1))?;
@@ -330,11 +363,19 @@ fn draw_scenes(arguments: &CalibrateArgs, folder: &Path) -> Result<Vec<Scene>> {
 }
 
 /// The sources whose pictures are not those of `folder`.
-fn sources_outside(sources: &[Source], folder: Option<&PathBuf>) -> Vec<Source> {
-    let is_outside = |source: &&Source| {
-        folder.is_none_or(|folder| !source.pictures.iter().any(|path| path.starts_with(folder)))
+fn sources_outside(sources: &[NumberedSource], folder: Option<&PathBuf>) -> Vec<NumberedSource> {
+    let is_outside = |numbered: &&NumberedSource| {
+        folder.is_none_or(|folder| !is_within(&numbered.source, folder))
     };
     sources.iter().filter(is_outside).cloned().collect()
+}
+
+/// Whether a picture of a source lies in a folder, however the two are written.
+fn is_within(source: &Source, folder: &Path) -> bool {
+    let resolved = |path: &Path| fs_err::canonicalize(path).unwrap_or_else(|_| path.to_owned());
+    let folder = resolved(folder);
+    let mut pictures = source.pictures.iter();
+    pictures.any(|path| resolved(path).starts_with(&folder))
 }
 
 /// What the calibration is fitted to, in words.

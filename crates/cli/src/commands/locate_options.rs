@@ -64,7 +64,7 @@ pub struct LocateOptions {
     #[arg(
         long,
         value_name = "M",
-        value_parser = values::gsd_m,
+        value_parser = values::photo_gsd_m,
         allow_hyphen_values = true,
         conflicts_with_all = ["height_agl", "hfov"],
         help_heading = PRIOR
@@ -143,6 +143,11 @@ impl LocateOptions {
     /// # Errors
     /// An option that the mode does not have.
     pub fn options(&self) -> Result<Options> {
+        if self.mode == ModeChoice::Paper && self.budget_ms.is_some() {
+            bail!(
+                "--budget-ms has no meaning in paper mode, which matches all of the K tiles that it retrieved: leave one of them out, or lower --top-k"
+            );
+        }
         if self.mode == ModeChoice::Paper && self.min_confidence.is_some() {
             bail!(
                 "--min-confidence has no meaning in paper mode, which always answers and states no confidence: leave one of them out"

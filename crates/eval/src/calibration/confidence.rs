@@ -29,12 +29,42 @@ const RIDGE: f64 = 1.0;
 const TERMS: usize = 6;
 type Terms = SVector<f64, TERMS>;
 
-/// Fits the weights to right and wrong answers, then the least confidence so that a share `allowed` of the photos taken elsewhere
-/// exceeds it.
+/// The photos taken elsewhere that set the limit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Limiting {
+    /// Real ones: procedural worlds resemble each other more than real places do.
+    Real,
+    /// All, where there are not enough real ones.
+    All,
+}
+
+impl Limiting {
+    /// What a whole set of observations has enough of. Its halves are fitted by the same rule.
+    #[must_use]
+    pub fn of(observations: &[Observation]) -> Self {
+        let real = observations.iter().filter(|o| o.elsewhere && o.real);
+        if real.count() >= MIN_REAL_ELSEWHERE {
+            Self::Real
+        } else {
+            Self::All
+        }
+    }
+
+    fn includes(self, observation: &Observation) -> bool {
+        observation.elsewhere && (self == Self::All || observation.real)
+    }
+}
+
+/// Fits the weights to right and wrong answers, then the least confidence so that a share `allowed` of the photos taken elsewhere, those
+/// that `limiting` names, exceeds it.
 ///
 /// # Errors
 /// Too few of either.
-pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, FitError> {
+pub fn fit(
+    observations: &[Observation],
+    allowed: f64,
+    limiting: Limiting,
+) -> Result<Confidence, FitError> {
     let answers: Vec<([f64; TERMS - 1], bool)> = observations
         .iter()
         .filter_map(|o| Some((o.answer?.support.evidence(), o.is_right())))
@@ -71,7 +101,10 @@ pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, Fit
         held_back,
         needed: 0.0,
     };
-    let elsewhere = limiting(observations);
+    let elsewhere: Vec<&Observation> = observations
+        .iter()
+        .filter(|o| limiting.includes(o))
+        .collect();
     let log_odds: Vec<f64> = elsewhere
         .iter()
         .filter_map(|o| Some(log_odds(o.answer?.support.confidence(&model))))
@@ -79,18 +112,6 @@ pub fn fit(observations: &[Observation], allowed: f64) -> Result<Confidence, Fit
     let limit = tail_limit(log_odds, elsewhere.len(), allowed);
     model.needed = 1.0 / (1.0 + (-limit).exp());
     Ok(model)
-}
-
-/// The photos taken elsewhere that set the limit: real ones if there are enough, because procedural worlds resemble each other
-/// more than real places do.
-fn limiting(observations: &[Observation]) -> Vec<&Observation> {
-    let elsewhere = || observations.iter().filter(|o| o.elsewhere);
-    let real: Vec<&Observation> = elsewhere().filter(|o| o.real).collect();
-    if real.len() >= MIN_REAL_ELSEWHERE {
-        real
-    } else {
-        elsewhere().collect()
-    }
 }
 
 fn log_odds(probability: f64) -> f64 {

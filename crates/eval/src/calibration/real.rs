@@ -39,6 +39,15 @@ impl PlacesUsed {
     }
 }
 
+/// Pictures with the number of their scene, the same on every map: they are on one side of a check.
+#[derive(Debug, Clone)]
+pub struct NumberedSource {
+    /// The pictures.
+    pub source: Source,
+    /// The number of their scene.
+    pub scene: usize,
+}
+
 /// A data set whose photos are observed.
 pub struct RealScene<'a> {
     /// Map and photos.
@@ -46,12 +55,19 @@ pub struct RealScene<'a> {
     /// The places that are used; `None` for the map alone, on which only photos taken elsewhere are localised.
     pub places: Option<PlacesUsed>,
     /// Pictures that are not on the map.
-    pub elsewhere: &'a [Source],
+    pub elsewhere: &'a [NumberedSource],
     /// How often they are tried. The width of the map is that of `scene`.
     pub trials: ElsewhereOptions,
 }
 
 impl RealScene<'_> {
+    /// Whether the data set has an answerable photo of one of the places that are used, where places are asked for.
+    #[must_use]
+    pub fn has_photos(&self) -> bool {
+        self.places
+            .is_none_or(|places| !places.of(self.scene).is_empty())
+    }
+
     /// How many photos [`RealScene::observe`] will localise.
     #[must_use]
     pub fn count(&self) -> usize {
@@ -60,7 +76,7 @@ impl RealScene<'_> {
     }
 
     /// Localises the photos, each with its heading known and unknown, and the pictures that are not on the map. `first_scene` is
-    /// the first number of a scene that is not in use; each place and each source is one. The pack is written to `pack`, unless it is there already.
+    /// the first number of a scene that is not in use; each place is one. The pack is written to `pack`, unless it is there already.
     ///
     /// # Errors
     /// The map, the pack or a photo is refused.
@@ -87,22 +103,27 @@ impl RealScene<'_> {
                 on_photo();
             }
         }
-        observations.extend(self.observe_elsewhere(&localizer, first_scene, on_photo));
+        observations.extend(self.observe_elsewhere(&localizer, on_photo));
         Ok(observations)
     }
 
     fn observe_elsewhere(
         &self,
         localizer: &Localizer,
-        first_scene: usize,
         on_photo: &mut dyn FnMut(),
     ) -> Vec<Observation> {
-        let trials = elsewhere::run(localizer, self.elsewhere, &self.trials, &mut |_| on_photo());
-        let number = |name: &str| self.elsewhere.iter().position(|source| source.name == name);
+        let numbered = self.elsewhere.iter();
+        let sources: Vec<Source> = numbered.map(|numbered| numbered.source.clone()).collect();
+        let trials = elsewhere::run(localizer, &sources, &self.trials, &mut |_| on_photo());
+        let scene_of = |name: &str| {
+            let mut numbered = self.elsewhere.iter();
+            let own = numbered.find(|numbered| numbered.source.name == name);
+            own.map_or(0, |numbered| numbered.scene)
+        };
         trials
             .iter()
             .map(|trial| Observation {
-                scene: first_scene + number(&trial.source).unwrap_or(0),
+                scene: scene_of(&trial.source),
                 elsewhere: true,
                 heading_known: trial.heading_known,
                 real: true,

@@ -17,7 +17,8 @@ use crate::{
     },
 };
 
-/// The best answers at different positions, best first: a clear one alone, else up to [`Options::finalists`].
+/// The best answers at different positions, best first: one that is clear among those of all rounds alone, else up to
+/// [`Options::finalists`]. The best one has the runner-up of all rounds.
 pub(crate) fn finalists<'a>(
     context: Context<'_>,
     results: &'a [RoundResult],
@@ -29,7 +30,14 @@ pub(crate) fn finalists<'a>(
         .collect();
     // The sort is stable: of equal answers the one of the earlier round comes first.
     answers.sort_by(RankedAnswer::best_first);
-    let is_clear = answers.first().is_some_and(|best| best.is_clear(options));
+    let is_clear = answers.split_first_mut().is_some_and(|(best, others)| {
+        let elsewhere = others
+            .iter()
+            .filter(|other| !is_same_place(context, best, other));
+        let rivals: Vec<Rival<'a>> = elsewhere.map(RankedAnswer::as_rival).collect();
+        *best = best.against(&rivals, options);
+        best.is_clear(options)
+    });
     let most = if is_clear { 1 } else { options.finalists };
     let mut finalists: Vec<RankedAnswer<'a>> = Vec::new();
     for answer in answers {

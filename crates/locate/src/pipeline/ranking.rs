@@ -14,7 +14,7 @@ use crate::{
 pub(crate) const SAME_POSITION_PX: f64 = 32.0;
 
 /// The best answer of one round.
-#[derive(Debug)]
+#[derive(Debug, Clone, Copy)]
 pub(crate) struct RankedAnswer<'a> {
     pub round: &'a RoundResult,
     pub verified: &'a VerifiedCandidate,

@@ -211,14 +211,22 @@ fn features_of(
     FrameFeatures::new(query, verified, centre_px, full_px_per_image_px)
 }
 
+/// A photo of fewer pixels at the map's resolution shows nothing, however much texture it has: a few cells of the keypoint detector.
+const MIN_VISIBLE_SIDE_PX: f64 = 64.0;
+
 /// Why no candidate was matched: too few keypoints under every hypothesis, or no tile.
 fn reason_without_candidates(results: &[RoundResult]) -> Reason {
-    let queries = results.iter().flat_map(|result| result.queries.iter());
-    let found = queries.map(|query| query.points.len()).max().unwrap_or(0);
-    if found < MIN_KEYPOINTS {
-        Reason::TooFewKeypoints { found }
-    } else {
+    let queries = || results.iter().flat_map(|result| result.queries.iter());
+    let found = queries().map(|query| query.points.len()).max().unwrap_or(0);
+    let side_px = queries()
+        .map(|query| 2.0 * query.half_side_px)
+        .fold(0.0, f64::max);
+    if found >= MIN_KEYPOINTS {
         Reason::NoTiles
+    } else if side_px < MIN_VISIBLE_SIDE_PX {
+        Reason::TooFewPixels { side_px }
+    } else {
+        Reason::TooFewKeypoints { found }
     }
 }
 

@@ -1,6 +1,6 @@
 import os
 from collections.abc import Callable, Sequence
-from typing import Any, Final, Literal, Protocol, final
+from typing import Any, ClassVar, Final, Literal, Protocol, final
 
 import numpy as np
 import numpy.typing as npt
@@ -34,9 +34,14 @@ __version__: Final[str]
 class _ArrayLike(Protocol):
     def __array__(self) -> npt.NDArray[np.uint8]: ...
 
+# Pictures of Pillow.
+class _ArrayInterface(Protocol):
+    @property
+    def __array_interface__(self) -> dict[str, Any]: ...
+
 _Path = str | os.PathLike[str]
 # A path, the bytes of a picture file, or height x width x 3 of uint8 in the order red, green, blue.
-_Photo = _Path | bytes | bytearray | memoryview | npt.NDArray[np.uint8] | _ArrayLike
+_Photo = _Path | bytes | bytearray | memoryview | npt.NDArray[np.uint8] | _ArrayLike | _ArrayInterface
 # Degrees clockwise from true north, "exif" (from the metadata) or "unknown".
 _Heading = float | Literal["exif", "unknown"]
 _Domain = Literal["uav", "sat"]
@@ -93,6 +98,7 @@ class Fix:
     def __bool__(self) -> Literal[True]: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+    __hash__: ClassVar[None]  # type: ignore[assignment]
     def __reduce__(self) -> tuple[Callable[[str], Fix], tuple[str]]: ...
 
 @final
@@ -124,6 +130,7 @@ class NoFix:
     def __bool__(self) -> Literal[False]: ...
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
+    __hash__: ClassVar[None]  # type: ignore[assignment]
     def __reduce__(self) -> tuple[Callable[[str], NoFix], tuple[str]]: ...
 
 @final

@@ -261,11 +261,6 @@ impl TrainConfig {
                 "`serves` other than \"both\" needs `alternate = true` and `global_from = 0`",
             );
         }
-        if self.weights.global == 0.0 {
-            return wrong(
-                "`serves` other than \"both\" needs `weights.global` above 0: without it no step trains retrieval",
-            );
-        }
         for task in [Task::Retrieval, Task::Matching] {
             let served = self.data.iter().any(|f| f.serves.includes(Some(task)));
             if !served && self.world_share == 0.0 {
@@ -319,14 +314,5 @@ mod tests {
         assert!(!with(&[Serves::Retrieval, Serves::Matching], true, 0.1));
         assert!(!with(&[Serves::Retrieval], true, 0.0));
         assert!(!with(&[Serves::Matching], true, 0.0));
-        let mut without_retrieval = TrainConfig {
-            data: [Serves::Retrieval, Serves::Matching].map(folder).into(),
-            alternate: true,
-            global_from: 0.0,
-            ..TrainConfig::default()
-        };
-        without_retrieval.weights.global = 0.0;
-        let error = without_retrieval.validate().unwrap_err().to_string();
-        assert!(error.contains("weights.global"), "{error}");
     }
 }

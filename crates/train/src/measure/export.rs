@@ -212,7 +212,14 @@ fn chosen(
     let score = |all: &[(String, Validation)]| -> f64 {
         all.iter().map(|(_, v)| v.recall[0] + v.recall[1]).sum()
     };
+    let measured: usize = candidates[0].2.iter().map(|(_, v)| v.pairs).sum();
     let mut best = 0;
+    if measured == 0 && candidates.len() > 1 {
+        best = 1;
+        tracing::warn!(
+            "no picture is held out, so that the kinds of whitening cannot be compared: the model is whitened by principal components"
+        );
+    }
     for (i, (_, _, validation)) in candidates.iter().enumerate() {
         let is_better = match config.export.whitening {
             WhiteningChoice::Measured => score(validation) > score(&candidates[best].2),

@@ -27,7 +27,7 @@ pub struct Curves {
     folder: RunFolder,
     table: StepTable,
     columns: Vec<String>,
-    /// The values of the table, for the plot.
+    /// The values of the table, for the plot; not a number where a loss was not computed.
     rows: Vec<Vec<f64>>,
 }
 
@@ -52,7 +52,11 @@ impl Curves {
             .collect();
         let table = StepTable::open(folder, CURVES, &columns.join(","), step)?;
         let values = |row: &String| -> Option<Vec<f64>> {
-            row.split(',').map(|value| value.parse().ok()).collect()
+            let value = |text: &str| match text {
+                "" => Some(f64::NAN),
+                number => number.parse().ok(),
+            };
+            row.split(',').map(value).collect()
         };
         Ok(Self {
             rows: table.rows().iter().filter_map(values).collect(),
@@ -67,23 +71,30 @@ impl Curves {
     /// # Errors
     /// [`TrainError::Output`] if the files cannot be written.
     pub fn add(&mut self, p: &Progress) -> Result<(), TrainError> {
-        let losses = p.losses.terms().map(|(_, value)| f64::from(value));
+        let losses = p
+            .losses
+            .terms()
+            .map(|(_, value)| value.map_or(f64::NAN, f64::from));
         let before = [p.step as f64, p.elapsed_s];
         let after = [p.pairs_per_s, p.learning_rate, f64::from(p.gradient)];
         let row = [&before[..], &losses, &after].concat();
-        let values: Vec<String> = row.iter().map(|v| format!("{v:.6}")).collect();
+        let text = |value: &f64| match value.is_nan() {
+            true => String::new(),
+            false => format!("{value:.6}"),
+        };
+        let values: Vec<String> = row.iter().map(text).collect();
         self.table.add([values.join(",")])?;
         self.rows.push(row);
         self.folder.write(CURVES_PLOT, self.svg().as_bytes())
     }
 
-    /// The losses over the steps; losses that are always 0 are not drawn.
+    /// The losses over the steps; losses that were never computed, or are always 0, are not drawn.
     fn svg(&self) -> String {
         let [width, height] = SIZE_PX;
         let inner = [width - 2.0 * MARGIN_PX, height - 2.0 * MARGIN_PX];
         let last = self.rows.last().map_or(1.0, |r| r[0]).max(1.0);
         let drawn: Vec<usize> = (BEFORE.len()..self.columns.len() - AFTER.len())
-            .filter(|column| self.rows.iter().any(|row| row[*column] != 0.0))
+            .filter(|column| self.rows.iter().any(|row| row[*column].abs() > 0.0))
             .collect();
         let top = self
             .rows
@@ -128,11 +139,15 @@ impl Curves {
         let points: Vec<String> = self
             .rows
             .chunks(self.rows.len().div_ceil(POINTS).max(1))
-            .map(|rows| {
-                let mean = |i: usize| rows.iter().map(|r| r[i]).sum::<f64>() / rows.len() as f64;
-                let x = MARGIN_PX + inner[0] * mean(0) / last;
-                let y = MARGIN_PX + inner[1] * (1.0 - mean(column) / top);
-                format!("{x:.1},{y:.1}")
+            .filter_map(|rows| {
+                let mean = |i: usize| {
+                    let values = || rows.iter().map(|r| r[i]).filter(|v| !v.is_nan());
+                    let count = values().count();
+                    (count > 0).then(|| values().sum::<f64>() / count as f64)
+                };
+                let x = MARGIN_PX + inner[0] * mean(0)? / last;
+                let y = MARGIN_PX + inner[1] * (1.0 - mean(column)? / top);
+                Some(format!("{x:.1},{y:.1}"))
             })
             .collect();
         points.join(" ")
@@ -151,8 +166,10 @@ mod tests {
             elapsed_s: step as f64,
             remaining_s: 0.0,
             losses: Losses {
-                keypoint: 2.0,
-                descriptor: 1.0 / step as f32,
+                keypoint: Some(2.0),
+                descriptor: Some(1.0 / step as f32),
+                // By turns.
+                global: (step == 100).then_some(0.5),
                 ..Losses::default()
             },
             pairs_per_s: 3.0,
@@ -183,6 +200,7 @@ mod tests {
             .collect();
         assert_eq!(steps, ["50", "100", "160"]);
         let svg = fs_err::read_to_string(folder.path().join("curves.svg")).unwrap();
-        assert_eq!(svg.matches("<polyline").count(), 2);
+        assert_eq!(svg.matches("<polyline").count(), 3);
+        assert!(!svg.contains("NaN"));
     }
 }

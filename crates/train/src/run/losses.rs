@@ -1,29 +1,29 @@
 //! The values of the losses.
 
-/// The losses of a step, or their mean over several steps; 0 for losses that were not computed.
+/// The losses of a step, or of several steps the mean of those that computed it; `None` for losses that were not computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
     /// Keypoint cross-entropy.
-    pub keypoint: f32,
+    pub keypoint: Option<f32>,
     /// Loss of local descriptors.
-    pub descriptor: f32,
+    pub descriptor: Option<f32>,
     /// Loss of global descriptors.
-    pub global: f32,
+    pub global: Option<f32>,
     /// Homography reprojection, in units of `homography.unit_px`.
-    pub homography: f32,
+    pub homography: Option<f32>,
     /// Distillation of the teacher's keypoint probabilities.
-    pub taught_keypoint: f32,
+    pub taught_keypoint: Option<f32>,
     /// Distillation of the teacher's local descriptors: 1 - cosine.
-    pub taught_descriptor: f32,
+    pub taught_descriptor: Option<f32>,
     /// Distillation of the teacher's similarities of global descriptors.
-    pub taught_global: f32,
+    pub taught_global: Option<f32>,
     /// Cross-entropy over scene classes.
-    pub scene: f32,
+    pub scene: Option<f32>,
 }
 
 impl Losses {
     /// Names and values.
-    pub fn terms(&self) -> [(&'static str, f32); 8] {
+    pub fn terms(&self) -> [(&'static str, Option<f32>); 8] {
         [
             ("keypoint loss", self.keypoint),
             ("descriptor loss", self.descriptor),
@@ -36,7 +36,7 @@ impl Losses {
         ]
     }
 
-    fn slots(&mut self) -> [&mut f32; 8] {
+    fn slots(&mut self) -> [&mut Option<f32>; 8] {
         [
             &mut self.keypoint,
             &mut self.descriptor,
@@ -48,18 +48,52 @@ impl Losses {
             &mut self.scene,
         ]
     }
+}
 
-    /// Adds the losses of another step.
-    pub fn add(&mut self, other: &Losses) {
-        for (slot, (_, value)) in self.slots().into_iter().zip(other.terms()) {
-            *slot += value;
+/// Sums of the losses of several steps, each over the steps that computed it: by turns a step computes those of one task only.
+#[derive(Default)]
+pub(crate) struct LossSums([(f32, u32); 8]);
+
+impl LossSums {
+    /// Adds the losses of a step.
+    pub fn add(&mut self, losses: &Losses) {
+        for ((sum, steps), (_, value)) in self.0.iter_mut().zip(losses.terms()) {
+            if let Some(value) = value {
+                *sum += value;
+                *steps += 1;
+            }
         }
     }
 
-    /// All losses multiplied by a factor.
-    #[must_use]
-    pub fn scaled(mut self, factor: f32) -> Self {
-        self.slots().into_iter().for_each(|slot| *slot *= factor);
-        self
+    /// The mean of each loss.
+    pub fn mean(&self) -> Losses {
+        let mut mean = Losses::default();
+        for (slot, &(sum, steps)) in mean.slots().into_iter().zip(&self.0) {
+            *slot = (steps > 0).then(|| sum / steps as f32);
+        }
+        mean
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_is_over_the_steps_that_computed_the_loss() {
+        let mut sums = LossSums::default();
+        for (keypoint, global) in [(Some(4.5), None), (None, Some(0.0)), (Some(5.0), None)] {
+            sums.add(&Losses {
+                keypoint,
+                global,
+                ..Losses::default()
+            });
+        }
+        let expected = Losses {
+            keypoint: Some(4.75),
+            global: Some(0.0),
+            ..Losses::default()
+        };
+        assert_eq!(sums.mean(), expected);
     }
 }

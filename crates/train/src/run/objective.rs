@@ -32,8 +32,9 @@ pub(crate) struct Tasks {
 impl Tasks {
     /// The tasks of a step. Retrieval is not trained before NetVLAD is initialised.
     pub fn of(config: &TrainConfig, step: u64, centres_started: bool) -> Self {
-        let retrieval = centres_started && config.weights.global > 0.0;
-        if config.alternate && retrieval {
+        // By turns also where a task has no weight: a network that is trained for one task alone makes as many steps for it then as one
+        // that is trained for both.
+        if config.alternate && centres_started {
             let task = Task::of_step(step);
             return Self {
                 retrieval: task == Task::Retrieval,
@@ -41,7 +42,7 @@ impl Tasks {
             };
         }
         Self {
-            retrieval,
+            retrieval: centres_started && config.weights.global > 0.0,
             matching: true,
         }
     }
@@ -113,7 +114,7 @@ impl Objective {
             }
             Stage::Scenes => {
                 let loss = scene_cross_entropy(network.scenes(input)?, &scenes_of(batch));
-                losses.scene = sum.add(loss, 1.0)?;
+                losses.scene = Some(sum.add(loss, 1.0)?);
             }
             Stage::Joint => {
                 let output = network.forward(input, tasks.retrieval)?;
@@ -157,7 +158,7 @@ impl Objective {
         let labels = labels_of(batch);
         let shares = cell_weights(batch, &labels, weights.dustbin);
         let loss = keypoint_cross_entropy(logits, &labels, &shares);
-        losses.keypoint = sum.add(loss, weights.keypoint)?;
+        losses.keypoint = Some(sum.add(loss, weights.keypoint)?);
         Ok(())
     }
 
@@ -179,7 +180,7 @@ impl Objective {
             let places = correspondences_of(batch, &output.descriptors.device());
             let options = &self.config.homography;
             let loss = homography_reprojection(sat.clone(), uav.clone(), &places, options);
-            losses.homography = sum.add(loss, weights.homography)?;
+            losses.homography = Some(sum.add(loss, weights.homography)?);
         }
         let descriptor = match self.config.descriptor_loss {
             DescriptorLoss::Contrast => {
@@ -189,7 +190,7 @@ impl Objective {
                 descriptor_hinge(sat, uav, n, &same_places(batch), &self.config.hinge)
             }
         };
-        losses.descriptor = sum.add(descriptor, weights.descriptor)?;
+        losses.descriptor = Some(sum.add(descriptor, weights.descriptor)?);
         Ok(())
     }
 
@@ -218,7 +219,7 @@ impl Objective {
                 multi_similarity(sat, uav, &excluded, &config.multi_similarity)
             }
         };
-        losses.global = sum.add(loss, config.weights.global)?;
+        losses.global = Some(sum.add(loss, config.weights.global)?);
         Ok(())
     }
 
@@ -238,14 +239,14 @@ impl Objective {
             .map(|seen| f32::from(u8::from(seen)))
             .collect();
         let keypoint = keypoint_distillation(output.keypoints.clone(), targets.keypoints, &seen);
-        losses.taught_keypoint = sum.add(keypoint, weights.keypoint)?;
+        losses.taught_keypoint = Some(sum.add(keypoint, weights.keypoint)?);
         let [n, h, w, d] = output.descriptors.dims();
         let student = output.descriptors.clone().reshape([n * h * w, d]);
         let descriptor = descriptor_distillation(student, targets.descriptors, &seen);
-        losses.taught_descriptor = sum.add(descriptor, weights.descriptor)?;
+        losses.taught_descriptor = Some(sum.add(descriptor, weights.descriptor)?);
         if tasks.retrieval {
             let global = similarity_distillation(output.global.clone(), targets.global);
-            losses.taught_global = sum.add(global, weights.global)?;
+            losses.taught_global = Some(sum.add(global, weights.global)?);
         }
         Ok(())
     }

@@ -2,7 +2,7 @@
 
 use crate::config::TrainConfig;
 use crate::run::checkpoint::Position;
-use crate::run::losses::Losses;
+use crate::run::losses::{LossSums, Losses};
 use crate::run::schedule::remaining_s;
 use std::time::Instant;
 
@@ -18,7 +18,7 @@ pub struct Progress {
     pub elapsed_s: f64,
     /// Estimated remaining time, seconds.
     pub remaining_s: f64,
-    /// Mean losses since the last report.
+    /// Mean of each loss over the steps since the last report that computed it.
     pub losses: Losses,
     /// Pairs per second since the last report.
     pub pairs_per_s: f64,
@@ -30,7 +30,7 @@ pub struct Progress {
 
 /// What is collected between two reports.
 pub(crate) struct Report {
-    losses: Losses,
+    losses: LossSums,
     steps: u64,
     since: Instant,
     gradient: f32,
@@ -40,7 +40,7 @@ pub(crate) struct Report {
 impl Report {
     pub(crate) fn new() -> Self {
         Self {
-            losses: Losses::default(),
+            losses: LossSums::default(),
             steps: 0,
             since: Instant::now(),
             gradient: 0.0,
@@ -70,7 +70,7 @@ impl Report {
             step: position.step,
             elapsed_s: position.elapsed_s,
             remaining_s: remaining_s(config, position),
-            losses: self.losses.scaled(1.0 / self.steps as f32),
+            losses: self.losses.mean(),
             pairs_per_s: (self.steps * config.pairs_per_step as u64) as f64
                 / self.since.elapsed().as_secs_f64(),
             learning_rate: self.learning_rate,

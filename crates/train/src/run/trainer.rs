@@ -120,6 +120,10 @@ impl Trainer {
                 folder
             }
         };
+        if !self.has_checkpoint {
+            // From now on this is the run in the folder: a checkpoint of the run before would be resumed in its place.
+            self.save(&folder)?;
+        }
         let batches = BatchOptions {
             pair: config.pairs.clone(),
             pairs: config.pairs_per_step,
@@ -210,8 +214,9 @@ impl Trainer {
                 }
             },
         )?;
-        let values = losses.terms().map(|(name, value)| (name, value));
-        for (what, value) in values.into_iter().chain([("gradient", length)]) {
+        let terms = losses.terms().into_iter();
+        let computed = terms.filter_map(|(name, value)| Some((name, value?)));
+        for (what, value) in computed.chain([("gradient", length)]) {
             if !value.is_finite() {
                 return Err(TrainError::NotFinite {
                     step: self.state.position.step,

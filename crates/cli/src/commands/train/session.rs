@@ -102,8 +102,7 @@ fn line(p: &Progress) -> String {
         .losses
         .terms()
         .iter()
-        .filter(|(_, value)| *value != 0.0)
-        .map(|(name, value)| format!("{name} {value:.3}"))
+        .filter_map(|(name, value)| Some(format!("{name} {:.3}", (*value)?)))
         .collect();
     format!(
         "step {}, {}, {:.1} pairs/s, {:.0} min left",

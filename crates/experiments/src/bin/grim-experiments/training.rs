@@ -10,7 +10,7 @@ use grimnet_experiments::experiment_table::ExperimentTable;
 use grimnet_experiments::networks::Networks;
 use grimnet_experiments::training::{TrainedExperiment, run};
 use grimnet_program::{interrupt, progress};
-use grimnet_train::{Progress, TrainConfig};
+use grimnet_train::{ExportOptions, Progress, TrainConfig};
 
 use crate::arguments::TrainingOptions;
 use crate::named::Requested;
@@ -81,6 +81,14 @@ fn configuration(options: &TrainingOptions) -> Result<TrainConfig> {
             minutes: MINUTES,
             steps: None,
             checkpoint_minutes: CHECKPOINT_MINUTES,
+            export: ExportOptions {
+                // The experiments measure on scenes, not on pairs.
+                whitening_pairs: 0,
+                // For the card of the model.
+                validation_pairs: 24,
+                distractors: 0,
+                ..ExportOptions::default()
+            },
             ..TrainConfig::default()
         },
     };

@@ -34,6 +34,7 @@ pub mod track;
 pub mod track_link;
 pub mod track_options;
 pub mod track_output;
+pub mod track_reader;
 pub mod track_replay;
 pub mod track_report;
 #[cfg(feature = "serve")]

@@ -11,6 +11,8 @@ pub mod jpeg_stream;
 pub mod line;
 pub mod live;
 pub mod nmea_rows;
+mod own_clock;
+mod pace;
 pub mod photo_list;
 pub mod recorded_telemetry;
 pub mod recording;

@@ -2,6 +2,7 @@
 
 mod agreement;
 mod compared_fix;
+mod confirmation;
 pub(crate) mod delay;
 mod displacement;
 mod fix_path;
@@ -31,8 +32,6 @@ pub use tilt::TiltWarning;
 pub use velocity::VelocityWarning;
 pub use yaw::YawWarning;
 
-/// After so many searches of the whole map in a row without a fix, other headings and scales than the reported ones are searched.
-const VAIN_SEARCHES: u32 = 3;
 /// A fix whose heading is further off the expected one does not count against velocities, degrees: it is of another place.
 const SAME_HEADING_DEG: f64 = 40.0;
 
@@ -156,15 +155,26 @@ impl ConsistencyChecks {
         }
     }
 
+    /// The whole map was searched so often in a row without a fix.
+    pub fn searched_in_vain(&mut self, vain_searches: u32) {
+        self.yaw.searched_in_vain(vain_searches);
+        self.height.searched_in_vain(vain_searches);
+    }
+
     /// Whether other headings than the reported one are to be searched as well, after so many searches of the whole map in a row without
     /// a fix.
     pub fn tests_yaw(&self, vain_searches: u32) -> bool {
-        vain_searches >= VAIN_SEARCHES && !self.yaw.is_confirmed()
+        self.yaw.is_tested(vain_searches)
     }
 
     /// Whether other scales than the reported height's are.
     pub fn tests_height(&self, vain_searches: u32) -> bool {
-        vain_searches >= VAIN_SEARCHES && !self.height.is_confirmed()
+        self.height.is_tested(vain_searches)
+    }
+
+    /// Whether fixes confirmed the yaw before a gap and none since.
+    pub fn yaw_is_in_doubt(&self) -> bool {
+        self.yaw.is_in_doubt()
     }
 
     /// Whether searches use the yaw.
@@ -196,11 +206,13 @@ impl ConsistencyChecks {
         }
     }
 
-    /// What the filter was not given at any time. Only velocities are given again.
+    /// What the filter was not given at any time. Attitudes and velocities may be given again.
     pub fn left_out(&self) -> LeftOut {
+        let now = self.left_out_now();
         LeftOut {
+            attitude: now.attitude || self.yaw.was_inconsistent(),
             velocity: self.velocity.was_inconsistent(),
-            ..self.left_out_now()
+            ..now
         }
     }
 
@@ -225,23 +237,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_no_fix_has_confirmed_is_tested_after_three_vain_searches() {
+    fn what_no_fix_has_confirmed_for_long_is_tested() {
         let mut checks = ConsistencyChecks::default();
-        for tests in [
-            ConsistencyChecks::tests_yaw,
-            ConsistencyChecks::tests_height,
-        ] {
-            assert!(!tests(&checks, 2));
-            assert!(tests(&checks, 3));
-        }
+        let are_tested = |checks: &ConsistencyChecks, vain_searches| {
+            [
+                checks.tests_yaw(vain_searches),
+                checks.tests_height(vain_searches),
+            ]
+        };
+        assert_eq!(are_tested(&checks, 2), [false; 2]);
+        assert_eq!(are_tested(&checks, 3), [true; 2]);
         checks.yaw.fix(355.0, 20.0);
         checks.height.fix(100.0, 110.0);
-        for tests in [
-            ConsistencyChecks::tests_yaw,
-            ConsistencyChecks::tests_height,
-        ] {
-            assert!(!tests(&checks, 9), "water gives no fix either");
-        }
+        checks.searched_in_vain(3);
+        assert_eq!(are_tested(&checks, 3), [false; 2], "confirmed");
+        checks.searched_in_vain(4);
+        assert_eq!(are_tested(&checks, 4), [true; 2]);
+        assert_eq!(
+            are_tested(&checks, 5),
+            [false; 2],
+            "water gives no fix either"
+        );
+        checks.yaw.fix(355.0, 20.0);
+        assert_eq!(are_tested(&checks, 8), [false, true]);
     }
 
     /// A flight on a wide circle whose velocities are reported as zero for the first minute.

@@ -215,6 +215,7 @@ impl Flight {
             known: exposure.known.prior,
             view: exposure.view,
             yaw_deg: yaw_deg.map(|yaw_deg| (yaw_deg, self.tracker.options().compass_sigma_deg)),
+            yaw_is_in_doubt: self.checks.yaw_is_in_doubt(),
             tests_yaw: self.checks.tests_yaw(vain_searches),
             tests_height: self.checks.tests_height(vain_searches),
             height_agl_m: height_agl_m.filter(|_| !self.checks.leaves_out_height()),
@@ -326,7 +327,10 @@ impl Flight {
                 given.push(&mut self.tracker, Input::Fix(measured));
                 self.last_gsd_m = Some(measured.gsd_m);
             }
-            Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
+            // Without keypoints it tells when the flight began, if it is the first frame.
+            Ok(Outcome::NoFix(no_fix))
+                if !is_without_texture(&no_fix.reason) || self.tracker.awaits_start() =>
+            {
                 given.push(&mut self.tracker, Input::Miss(Miss { time_s }));
             }
             Ok(Outcome::NoFix(_)) | Err(_) => {}
@@ -358,6 +362,7 @@ impl Flight {
             }
             Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
                 self.whole_map.missed(whole_map_was_searched, false);
+                self.checks.searched_in_vain(self.whole_map.vain_searches());
             }
             Ok(Outcome::NoFix(_)) | Err(_) => {}
         }

@@ -33,6 +33,8 @@ pub(crate) struct Steering<'a> {
     pub view: &'a View,
     /// Yaw of the telemetry at the exposure and its 1-sigma, degrees.
     pub yaw_deg: Option<(f64, f64)>,
+    /// Whether fixes confirmed that yaw before a gap and none since: it may have been reset.
+    pub yaw_is_in_doubt: bool,
     /// Whether the whole map is searched under every heading, too, in case that yaw is wrong.
     pub tests_yaw: bool,
     /// Whether the whole map is searched at every scale, too, in case that height is wrong.
@@ -130,7 +132,9 @@ fn set_heading(
     }
     let of_track_deg =
         of_track_deg.map(|(heading_deg, side_deg)| (heading_deg, side_deg / WINDOW_HEADING_SIGMAS));
-    if let Some((heading_deg, sigma_deg)) = of_track_deg.or(steering.yaw_deg) {
+    // Windows of different headings tell none; of a yaw in doubt, the fix that contradicts it may be right.
+    let yaw_deg = steering.yaw_deg.filter(|_| !steering.yaw_is_in_doubt);
+    if let Some((heading_deg, sigma_deg)) = of_track_deg.or(yaw_deg) {
         *prior = prior.with_heading(heading_deg, sigma_deg.max(least_sigma_deg));
     }
 }
@@ -218,6 +222,7 @@ mod tests {
             known: Prior::none(),
             view,
             yaw_deg: None,
+            yaw_is_in_doubt: false,
             tests_yaw: false,
             tests_height: false,
             height_agl_m: None,
@@ -299,6 +304,29 @@ mod tests {
             ..reported
         };
         assert_eq!(plan(&Search::default(), &without).len(), 1);
+    }
+
+    #[test]
+    fn a_yaw_in_doubt_is_not_used_where_windows_have_different_headings() {
+        let view = View::default();
+        let search = Search {
+            windows: vec![window(0.0, 90.0), window(10.0, 210.0)],
+            whole_map: false,
+        };
+        let heading_of = |yaw_is_in_doubt| {
+            let steering = Steering {
+                yaw_deg: Some((210.0, 8.0)),
+                yaw_is_in_doubt,
+                ..steering(&view)
+            };
+            plan(&search, &steering)[0].prior.view.heading
+        };
+        let reported = HeadingPrior::Known {
+            heading_deg: 210.0,
+            sigma_deg: 8.0,
+        };
+        assert_eq!(heading_of(false), reported);
+        assert_eq!(heading_of(true), HeadingPrior::FromMetadata);
     }
 
     #[test]

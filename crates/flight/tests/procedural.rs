@@ -11,7 +11,7 @@ use grimnet_net::Model;
 use grimnet_pack::{BuildOptions, Levels, Pack, build};
 use grimnet_photo::{Metadata, Photo};
 use grimnet_track::{
-    Attitude, Input, InputError, PositionOf, Start, TrackOptions, TrackState, Velocity,
+    Attitude, Height, Input, InputError, PositionOf, Start, TrackOptions, TrackState, Velocity,
 };
 use grimnet_world::{
     Camera, Look, Placement, Pose, RegionM, Season, World, WorldConfig, write_geotiff,
@@ -389,6 +389,82 @@ fn velocities_that_become_wrong_in_flight_are_left_out() {
         );
     }
     assert!(error_m(&answers[21]).is_some());
+}
+
+/// A slow flight whose attitude is turned by so many degrees from the tenth on. Before each frame a height is reported.
+/// Gives its warnings, and its answers from the step on.
+fn with_step(
+    frames: usize,
+    yaw_step_deg: f64,
+    agl_m: impl Fn(usize) -> f64,
+) -> (Vec<Warning>, Vec<(FrameAnswer, LonLat)>) {
+    let mut flight = flight(None);
+    let mut answers = Vec::new();
+    for number in 0..frames {
+        let time_s = number as f64 / FRAMES_PER_S;
+        let pose = pose(180.0 + 5.0 * number as f64, 320.0);
+        let mut known = known(&pose);
+        if let Some(attitude) = known.attitude.as_mut().filter(|_| number >= 10) {
+            attitude.yaw_deg += yaw_step_deg;
+        }
+        let height = Height {
+            time_s,
+            agl_m: agl_m(number),
+            amsl_m: None,
+        };
+        // Left out once fixes contradict it.
+        let _ = flight.push(Input::Height(height)).unwrap();
+        let answer = flight.frame(&photo(&pose), time_s, &known);
+        answers.push((answer, lonlat(&pose)));
+    }
+    (flight.warnings().collect(), answers.split_off(10))
+}
+
+/// Checks a flight that found its place again: with small errors where it says that they are small.
+fn assert_recovered(answers: &[(FrameAnswer, LonLat)]) {
+    for frame in answers {
+        let Some(error_m) = error_m(frame) else {
+            continue;
+        };
+        let radius_m = frame.0.point.unwrap().estimate.unwrap().radius95_m;
+        assert!(error_m < radius_m.max(5.0), "{error_m} m: {:?}", frame.0);
+    }
+    assert!(error_m(answers.last().unwrap()).is_some_and(|error_m| error_m < 20.0));
+}
+
+#[test]
+fn a_yaw_that_is_reset_in_flight_is_noticed_and_left_out() {
+    let (warnings, answers) = with_step(42, 120.0, |_| 110.0);
+    let [Warning::Yaw(warning)] = warnings[..] else {
+        panic!("{warnings:?}");
+    };
+    assert!(
+        warning
+            .off_deg
+            .iter()
+            .all(|off_deg| (off_deg - 122.0).abs() < 10.0)
+    );
+    assert_recovered(&answers);
+    // Other headings were searched now and then, not at each frame.
+    let wide = answers
+        .iter()
+        .filter(|(answer, _)| answer.searches > 2)
+        .count();
+    assert!((1..=3).contains(&wide), "{wide}");
+}
+
+#[test]
+fn a_height_that_gets_another_reference_in_flight_is_noticed_and_costs_a_few_frames() {
+    let (warnings, answers) = with_step(24, 0.0, |number| if number < 10 { 110.0 } else { 58.0 });
+    let [Warning::Height(warning)] = warnings[..] else {
+        panic!("{warnings:?}");
+    };
+    assert!((warning.factor - 58.0 / 110.0).abs() < 0.05, "{warning:?}");
+    assert_recovered(&answers);
+    let fixes = answers
+        .iter()
+        .filter(|(answer, _)| matches!(answer.outcome, Ok(Outcome::Fix(_))));
+    assert!(fixes.count() >= 12);
 }
 
 /// The velocities of the second before a frame, ten a second.

@@ -18,6 +18,23 @@ pub(crate) fn channel_stride(channels: usize) -> usize {
     }
 }
 
+/// Elements of an image of `pitch` elements per pixel with its halo. What a tensor has room for is known from here on: kernels write
+/// through pointers.
+///
+/// # Panics
+/// If the number does not fit `usize`.
+#[track_caller]
+pub(crate) fn elements_with_halo(height: usize, width: usize, pitch: usize) -> usize {
+    let pixels = height.checked_add(2).zip(width.checked_add(2));
+    let pixels = pixels.and_then(|(height, width)| height.checked_mul(width));
+    match pixels.and_then(|pixels| pixels.checked_mul(pitch)) {
+        Some(elements) => elements,
+        None => panic!(
+            "an image of {height} x {width} px with {pitch} elements each does not fit the address space"
+        ),
+    }
+}
+
 /// Activations of one image: height x width x channels of `f32`, channels innermost (NHWC).
 ///
 /// Around the image lies a halo of one pixel, always zero, so that 3x3 convolutions need no edge cases. Channels are
@@ -51,7 +68,7 @@ impl Tensor {
     /// A tensor of zeros.
     #[must_use]
     pub fn new(height: usize, width: usize, channels: usize) -> Self {
-        let floats = (height + 2) * (width + 2) * channel_stride(channels);
+        let floats = elements_with_halo(height, width, channel_stride(channels));
         Self {
             height,
             width,
@@ -66,8 +83,9 @@ impl Tensor {
         if (self.height, self.width, self.channels) == (height, width, channels) {
             return;
         }
+        let floats = elements_with_halo(height, width, channel_stride(channels));
         (self.height, self.width, self.channels) = (height, width, channels);
-        let (floats, row, stride) = (self.floats(), self.row_stride(), self.channel_stride());
+        let (row, stride) = (self.row_stride(), self.channel_stride());
         self.data.grow(floats);
         let data = &mut self.data.as_mut_slice()[..floats];
         if stride != channels {
@@ -265,6 +283,20 @@ impl Tensor {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_beyond_the_address_space_are_refused() {
+        let side = 1 << (usize::BITS / 2);
+        for channels in [1, 16] {
+            assert!(
+                std::panic::catch_unwind(|| Tensor::new(side - 2, side - 2, channels)).is_err()
+            );
+            let mut tensor = Tensor::new(4, 4, 1);
+            let reshape = std::panic::AssertUnwindSafe(|| tensor.reshape(side, side, channels));
+            assert!(std::panic::catch_unwind(reshape).is_err());
+            assert_eq!((tensor.height(), tensor.width()), (4, 4));
+        }
+    }
 
     fn halo_and_padding_are_zero(t: &Tensor) -> bool {
         let stride = t.channel_stride();

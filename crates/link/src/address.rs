@@ -68,6 +68,10 @@ impl FromStr for Address {
             None => place,
         }
         .to_owned();
+        // As in `tcp://HOST:PORT`.
+        if host.starts_with('/') {
+            return Err(wrong());
+        }
         let port = number.parse().map_err(|_| wrong())?;
         match kind {
             "udpin" => Ok(Self::UdpIn { host, port }),
@@ -122,6 +126,7 @@ mod tests {
             "udpout:host:0",
             "udp:host:14550",
             "tcp:host:70000",
+            "tcp://host:5760",
             "tcp:[::1:5760",
             "serial:/dev/ttyACM0",
             "serial:/dev/ttyACM0:0",

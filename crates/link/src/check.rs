@@ -1,19 +1,10 @@
 //! Which parameters of an autopilot must change so that it takes the positions.
 
-mod ardupilot;
-mod px4;
-mod rule;
+use std::time::{Duration, Instant};
 
-use std::{
-    collections::BTreeMap,
-    time::{Duration, Instant},
-};
-
-use self::rule::Rule;
-pub use self::rule::{Finding, Verdict};
 use crate::{
     address::Address,
-    autopilot::{Autopilot, AutopilotKind},
+    autopilot::Autopilot,
     clock::LinkClock,
     connection::Connection,
     error::LinkError,
@@ -21,6 +12,7 @@ use crate::{
     options::LinkOptions,
     output::Output,
     parameters::read_parameters,
+    rules::{Finding, Rule, findings, rules_for},
     session::Session,
     signing::SigningKey,
 };
@@ -63,7 +55,8 @@ impl CheckReport {
     }
 }
 
-/// Reads the parameters of an autopilot and compares them with what the positions need. `heard` is told what happens.
+/// Reads the parameters of an autopilot and compares them with what the positions need. `heard` is told what happens. Nothing of the
+/// autopilot is changed: not its parameters, nor the rates of its telemetry.
 ///
 /// # Errors
 /// [`LinkError::NoAutopilot`] if none is heard in time.
@@ -89,31 +82,6 @@ pub fn check(
     })
 }
 
-/// Why the autopilot does not take the message, and else the parameters that matter.
-fn rules_for(autopilot: &Autopilot, output: Output) -> (Option<&'static str>, Vec<Rule>) {
-    let answer = match autopilot.kind {
-        AutopilotKind::ArduPilot => ardupilot::rules(output, autopilot.version),
-        AutopilotKind::Px4 => px4::rules(output, autopilot.version),
-        AutopilotKind::Other => Err("only ArduPilot and PX4 are known; use NMEA sentences"),
-    };
-    match answer {
-        Ok(rules) => (None, rules),
-        Err(reason) => (Some(reason), Vec::new()),
-    }
-}
-
-fn findings(autopilot: &Autopilot, rules: &[Rule], found: &BTreeMap<String, f64>) -> Vec<Finding> {
-    let found = match autopilot.kind {
-        AutopilotKind::ArduPilot => ardupilot::chosen(found),
-        _ => px4::chosen(found),
-    };
-    rules
-        .iter()
-        .filter(|rule| found.concerns(rule))
-        .map(|rule| rule.finding(found.values))
-        .collect()
-}
-
 fn find_autopilot(
     connection: &mut Connection,
     options: &CheckOptions,
@@ -124,7 +92,7 @@ fn find_autopilot(
         ..LinkOptions::new(options.address.clone())
     };
     let clock = LinkClock::unix();
-    let mut session = Session::new(link_options, clock.now_s());
+    let mut session = Session::without_telemetry(link_options, clock.now_s());
     let within = Duration::try_from_secs_f64(options.within_s).unwrap_or(Duration::MAX);
     let began = Instant::now();
     loop {
@@ -153,89 +121,5 @@ fn find_autopilot(
             }
             Some(_) | None => {}
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::autopilot::Version;
-
-    fn autopilot(kind: AutopilotKind, major: u8, minor: u8) -> Autopilot {
-        Autopilot {
-            system_id: 1,
-            component_id: 1,
-            kind,
-            version: Some(Version {
-                major,
-                minor,
-                patch: 0,
-            }),
-        }
-    }
-
-    /// What is to be set, and whether it must be.
-    fn to_set(
-        autopilot: &Autopilot,
-        output: Output,
-        values: &[(&str, f64)],
-    ) -> Vec<(&'static str, f64, bool)> {
-        let values = values
-            .iter()
-            .map(|(name, value)| ((*name).to_owned(), *value))
-            .collect();
-        let (refused, rules) = rules_for(autopilot, output);
-        assert_eq!(refused, None);
-        findings(autopilot, &rules, &values)
-            .iter()
-            .filter(|finding| matches!(finding.verdict, Verdict::Wrong | Verdict::Advice))
-            .map(|finding| (finding.parameter, finding.set_to, finding.must_change()))
-            .collect()
-    }
-
-    #[test]
-    fn the_noise_that_the_guide_advises_is_left_as_it_is() {
-        let ardupilot = autopilot(AutopilotKind::ArduPilot, 4, 6);
-        let px4 = autopilot(AutopilotKind::Px4, 1, 17);
-        let newer_px4 = autopilot(AutopilotKind::Px4, 1, 18);
-        for (autopilot, output, name, default_m) in [
-            (&ardupilot, Output::Odometry, "VISO_POS_M_NSE", 0.2),
-            (&px4, Output::Odometry, "EKF2_EVP_NOISE", 0.1),
-            (
-                &newer_px4,
-                Output::GlobalPositionSensor,
-                "EKF2_AGP0_NOISE",
-                0.5,
-            ),
-        ] {
-            for noise_m in [1.0, 5.0, 10.0] {
-                let to_set = to_set(autopilot, output, &[(name, noise_m)]);
-                assert!(to_set.is_empty(), "{noise_m}: {to_set:?}");
-            }
-            assert_eq!(
-                to_set(autopilot, output, &[(name, default_m)]),
-                [(name, 5.0, false)]
-            );
-        }
-    }
-
-    #[test]
-    fn the_velocity_and_height_of_gps_input_are_not_to_be_fused() {
-        let ardupilot = autopilot(AutopilotKind::ArduPilot, 4, 6);
-        let gnss = [
-            ("GPS1_TYPE", 14.0),
-            ("EK3_SRC1_POSXY", 3.0),
-            ("EK3_SRC1_VELXY", 3.0),
-            ("EK3_SRC1_POSZ", 3.0),
-            ("EK3_SRC1_VELZ", 3.0),
-        ];
-        assert_eq!(
-            to_set(&ardupilot, Output::GpsInput, &gnss),
-            [
-                ("EK3_SRC1_VELXY", 0.0, true),
-                ("EK3_SRC1_POSZ", 1.0, true),
-                ("EK3_SRC1_VELZ", 0.0, true),
-            ]
-        );
     }
 }

@@ -37,6 +37,8 @@ pub enum LinkEvent {
     AutopilotRestarted,
     /// Positions are sent from now on.
     Sending(Output),
+    /// As [`LinkEvent::Sending`], to an autopilot of which is not known whether it reads that message.
+    SendingToUnknown(Output),
     /// Positions are not sent from now on.
     NotSending(NotSending),
     /// The autopilot knew no origin and was told one.
@@ -77,6 +79,8 @@ pub enum NotSending {
     NoVersion,
     /// The autopilot has not told the origin of its metres.
     NoOrigin,
+    /// The autopilot does not read the message that is to carry positions, and why.
+    NotRead(&'static str),
 }
 
 impl fmt::Display for NotSending {
@@ -93,6 +97,7 @@ impl fmt::Display for NotSending {
             Self::NoAutopilot => "no autopilot is heard",
             Self::NoVersion => "the autopilot has not told its version yet",
             Self::NoOrigin => "the autopilot has not told the origin of its local frame",
+            Self::NotRead(reason) => reason,
         })
     }
 }
@@ -122,6 +127,11 @@ impl fmt::Display for LinkEvent {
             }
             Self::AutopilotRestarted => f.write_str("autopilot: restarted"),
             Self::Sending(output) => write!(f, "sending positions as {output}"),
+            Self::SendingToUnknown(output) => write!(
+                f,
+                "sending positions as {output}, which ArduPilot and PX4 read; whether this autopilot does is not known (NMEA sentences are \
+                 read by others)"
+            ),
             Self::NotSending(reason) => write!(f, "not sending positions: {reason}"),
             Self::OriginSet { lat_deg, lon_deg } => write!(
                 f,

@@ -32,6 +32,7 @@ mod parameters;
 mod projection;
 mod reopened;
 mod requests;
+mod rules;
 mod session;
 #[cfg(test)]
 mod session_tests;
@@ -43,15 +44,16 @@ mod transport;
 
 pub use address::{Address, AddressError};
 pub use autopilot::{Autopilot, AutopilotKind, Version};
-pub use check::{CheckOptions, CheckReport, Finding, Verdict, check};
+pub use check::{CheckOptions, CheckReport, check};
 pub use clock::LinkClock;
 pub use error::LinkError;
 pub use event::{LinkEvent, NotSending};
 pub use link::{Link, LinkStatus, PointAt};
 pub use nmea::nmea_sentences;
-pub use nmea_output::{NmeaOutput, NmeaTarget};
+pub use nmea_output::{NmeaOutput, NmeaTarget, NmeaTargetError};
 pub use options::LinkOptions;
 pub use output::Output;
+pub use rules::{Finding, Verdict};
 pub use signing::SigningKey;
 pub use telemetry::camera_mount::CameraMount;
 pub use telemetry::mavlink::TelemetryOptions;

@@ -181,12 +181,16 @@ impl Position {
     }
 
     /// GPS_INPUT as GNSS receiver `gps_id`.
+    ///
+    /// The velocity is not to be fused (`EK3_SRC1_VELXY` 0), so its accuracy is marked as not stated: ArduPilot's `EK3_GPS_CHECK`
+    /// refuses the receiver, position and all, where that is above 1 m/s.
     pub fn gps_input(&self, gps_id: u8) -> GPS_INPUT_DATA {
         let (week, in_week_ms) = gnss::gps_week(self.time_s);
         let sigma_m = sigma_m(&self.estimate);
         let hdop = gnss::hdop(sigma_m) as f32;
         let altitude = self.altitude_amsl_m();
-        let mut ignore_flags = GpsInputIgnoreFlags::GPS_INPUT_IGNORE_FLAG_VEL_VERT;
+        let mut ignore_flags = GpsInputIgnoreFlags::GPS_INPUT_IGNORE_FLAG_VEL_VERT
+            | GpsInputIgnoreFlags::GPS_INPUT_IGNORE_FLAG_SPEED_ACCURACY;
         if altitude.is_none() {
             ignore_flags |= GpsInputIgnoreFlags::GPS_INPUT_IGNORE_FLAG_ALT;
         }

@@ -12,13 +12,8 @@ use std::{
 };
 
 use crate::{
-    address::{Address, AddressError},
-    clock::LinkClock,
-    error::LinkError,
-    event::LinkEvent,
-    link::PointAt,
-    nmea::nmea_sentences,
-    reopened::Reopened,
+    address::Address, clock::LinkClock, error::LinkError, event::LinkEvent, link::PointAt,
+    nmea::nmea_sentences, reopened::Reopened,
 };
 
 /// Sentences are sent at this rate, hertz. Autopilots want a receiver to report 5 times a second.
@@ -32,24 +27,42 @@ const SLICE: Duration = Duration::from_millis(20);
 pub enum NmeaTarget {
     /// `udpout:HOST:PORT`, `tcp:HOST:PORT` or `serial:PATH:BAUD`.
     Address(Address),
-    /// Anything else is the path of a file.
+    /// The path of a file: what does not look like an address.
     File(std::path::PathBuf),
 }
 
-impl FromStr for NmeaTarget {
-    type Err = AddressError;
+/// Why a text says no target.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error(
+    "{0:?} is neither an address for sentences nor a file; expected udpout:HOST:PORT, tcp:HOST:PORT, serial:PATH:BAUD, or the name \
+     of a file, ./NAME if there is a colon in it"
+)]
+pub struct NmeaTargetError(pub String);
 
-    fn from_str(text: &str) -> Result<Self, AddressError> {
-        let kinds = ["udpin:", "udpout:", "tcp:", "serial:"];
-        if !kinds.iter().any(|kind| text.starts_with(kind)) {
-            return Ok(Self::File(text.into()));
-        }
-        match text.parse()? {
+impl FromStr for NmeaTarget {
+    type Err = NmeaTargetError;
+
+    fn from_str(text: &str) -> Result<Self, NmeaTargetError> {
+        match text.parse() {
             // A receiver of sentences says nothing, so it would never be known.
-            Address::UdpIn { .. } => Err(AddressError(text.to_owned())),
-            address => Ok(Self::Address(address)),
+            Ok(Address::UdpIn { .. }) => Err(NmeaTargetError(text.to_owned())),
+            Ok(address) => Ok(Self::Address(address)),
+            Err(_) if looks_like_an_address(text) => Err(NmeaTargetError(text.to_owned())),
+            Err(_) => Ok(Self::File(text.into())),
         }
     }
+}
+
+/// Whether a text begins with a scheme, as `udp:HOST`, or ends with a port or baud rate, as `HOST:5000`. A single letter is the drive
+/// of a path.
+fn looks_like_an_address(text: &str) -> bool {
+    let (Some((scheme, _)), Some((_, number))) = (text.split_once(':'), text.rsplit_once(':'))
+    else {
+        return false;
+    };
+    let is_scheme = scheme.len() > 1 && scheme.bytes().all(|byte| byte.is_ascii_alphabetic());
+    let is_number = !number.is_empty() && number.bytes().all(|byte| byte.is_ascii_digit());
+    !text.starts_with('.') && (is_scheme || is_number)
 }
 
 /// Sends sentences to an address on a thread of its own until it is dropped.
@@ -130,5 +143,45 @@ fn at_rate(stop: &AtomicBool, mut each: impl FnMut()) {
         // What was missed is not made up.
         next = (next + period).max(now);
         each();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mistyped_address_is_no_file() {
+        for text in [
+            "udpout:10.0.0.2:5000",
+            "tcp:[::1]:10110",
+            "serial:COM3:9600",
+        ] {
+            let target: NmeaTarget = text.parse().unwrap();
+            assert_eq!(target, NmeaTarget::Address(text.parse().unwrap()));
+        }
+        for text in [
+            "-",
+            "flight.nmea",
+            "out/2026-11-27T10:20:30Z.nmea",
+            "C:\\flight.nmea",
+            "./udp:5000",
+            "/dev/ttyUSB0",
+        ] {
+            assert_eq!(text.parse(), Ok(NmeaTarget::File(text.into())));
+        }
+        for text in [
+            "udp:127.0.0.1:5000",
+            "udp:127.0.0.1",
+            "tcp://10.0.0.2:10110",
+            "tcp:10.0.0.2",
+            "http://10.0.0.2/nmea",
+            "10.0.0.2:5000",
+            "/dev/ttyUSB0:9600",
+            "udpin:0.0.0.0:5000",
+        ] {
+            let refused = text.parse::<NmeaTarget>().unwrap_err();
+            assert!(refused.to_string().contains("udpout:HOST:PORT"), "{text}");
+        }
     }
 }

@@ -39,6 +39,8 @@ const ORIGIN_ANSWERS: u32 = 5;
 /// What is known, and so need not be asked.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Known {
+    /// That no telemetry is wanted.
+    pub without_telemetry: bool,
     pub origin: bool,
     /// The parameter [`QUALITY_PARAMETER`], or that it does not matter.
     pub quality_min: bool,
@@ -85,7 +87,7 @@ impl Requests {
         now_s: f64,
         outbox: &mut Vec<MavMessage>,
     ) {
-        if self.streams.is_due(now_s) {
+        if !known.without_telemetry && self.streams.is_due(now_s) {
             for (message, hertz) in STREAMS {
                 let interval_us = 1e6 / hertz;
                 outbox.push(command(

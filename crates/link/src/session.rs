@@ -21,6 +21,7 @@ use crate::{
     output::Output,
     projection::Projection,
     requests::{Known, QUALITY_PARAMETER, Requests},
+    rules::rules_for,
     telemetry::mavlink::MavlinkTelemetry,
     time_sync::TimeSync,
 };
@@ -38,6 +39,8 @@ const ASSUME_AFTER_S: f64 = 3.0;
 #[derive(Debug)]
 pub(crate) struct Session {
     options: LinkOptions,
+    /// Whether the autopilot is asked for telemetry, which changes the rates at which it sends it.
+    wants_telemetry: bool,
     began_s: f64,
     autopilot: Option<Autopilot>,
     /// Whether the autopilot is assumed, since none was heard.
@@ -72,6 +75,7 @@ impl Session {
         Self {
             telemetry: MavlinkTelemetry::new(options.telemetry, AutopilotKind::Other),
             options,
+            wants_telemetry: true,
             began_s: now_s,
             autopilot: None,
             assumed: false,
@@ -93,6 +97,14 @@ impl Session {
             outbox: Vec::new(),
             inputs: Vec::new(),
             events: Vec::new(),
+        }
+    }
+
+    /// As [`Session::new`]; the autopilot's telemetry stays as it is.
+    pub fn without_telemetry(options: LinkOptions, now_s: f64) -> Self {
+        Self {
+            wants_telemetry: false,
+            ..Self::new(options, now_s)
         }
     }
 
@@ -335,6 +347,7 @@ impl Session {
                 }));
             }
             let known = Known {
+                without_telemetry: !self.wants_telemetry,
                 origin: self.origin.is_some(),
                 quality_min: self.quality_min.is_some() || !self.reads_quality(&autopilot),
             };
@@ -362,7 +375,10 @@ impl Session {
             let assumed = Autopilot {
                 system_id: self.options.system_id.unwrap_or(DEFAULT_SYSTEM),
                 component_id: 1,
-                kind: AutopilotKind::ArduPilot,
+                kind: match self.options.output {
+                    Some(Output::GlobalPositionSensor) => AutopilotKind::Px4,
+                    _ => AutopilotKind::ArduPilot,
+                },
                 version: None,
             };
             self.autopilot = Some(assumed);
@@ -383,6 +399,7 @@ impl Session {
         if self.said != Some(result) {
             self.said = Some(result);
             self.events.push(match result {
+                Ok(output) if self.is_of_unknown_software() => LinkEvent::SendingToUnknown(output),
                 Ok(output) => LinkEvent::Sending(output),
                 Err(reason) => LinkEvent::NotSending(reason),
             });
@@ -394,6 +411,11 @@ impl Session {
         self.options
             .output
             .unwrap_or_else(|| Output::for_autopilot(autopilot))
+    }
+
+    fn is_of_unknown_software(&self) -> bool {
+        let kind = self.autopilot.map(|autopilot| autopilot.kind);
+        kind == Some(AutopilotKind::Other)
     }
 
     /// Whether the autopilot compares the quality in the message with [`QUALITY_PARAMETER`], if it has that parameter.
@@ -431,6 +453,11 @@ impl Session {
             return Err(NotSending::NoVersion);
         }
         let output = self.output(&autopilot);
+        if let (Some(reason), _) = rules_for(&autopilot, output)
+            && !self.is_of_unknown_software()
+        {
+            return Err(NotSending::NotRead(reason));
+        }
         // It replaces the autopilot's position, however uncertain it is; the others are weighed by their variance.
         if output == Output::PositionEstimate && state != TrackState::Tracking {
             return Err(NotSending::NoRecentFix);

@@ -596,11 +596,47 @@ fn a_dry_run_tells_and_sends_nothing() {
         told.contains(&"autopilot: none heard; assumed: ArduPilot, system 1".to_owned()),
         "{told:?}"
     );
+    // A message that PX4 alone reads is shown as for PX4.
+    let mut px4 = Flight::new(|options| {
+        options.dry_run = true;
+        options.output = Some(Output::GlobalPositionSensor);
+    });
+    (0..100).for_each(|_| px4.step(0.05));
+    let shown = |event: &LinkEvent| event.to_string().starts_with("would send GLOBAL_POSITION");
+    assert!(px4.events.iter().any(shown), "{:?}", px4.events);
     // The first autopilot that is heard takes the place of the assumed one.
     flight.second(PX4);
     let heard = flight.session.autopilot().unwrap();
     assert_eq!((heard.system_id, heard.kind), (3, AutopilotKind::Px4));
     assert!(flight.events.contains(&LinkEvent::Autopilot(heard)));
+}
+
+#[test]
+fn a_message_that_the_autopilot_does_not_read_is_not_sent_and_why_is_told() {
+    for (autopilot, version, output, reads) in [
+        (PX4, (1, 17), Output::GpsInput, false),
+        (PX4, (1, 17), Output::GlobalPositionSensor, false),
+        (PX4, (1, 18), Output::GlobalPositionSensor, true),
+        (ARDUPILOT, (4, 6), Output::GlobalPositionSensor, false),
+        (ARDUPILOT, (4, 4), Output::PositionEstimate, false),
+        (ARDUPILOT, (4, 6), Output::GpsInput, true),
+    ] {
+        let mut flight = Flight::new(|options| options.output = Some(output));
+        flight.version = Some(version);
+        (0..2).for_each(|_| flight.second(autopilot));
+        let is_refusal =
+            |event: &LinkEvent| matches!(event, LinkEvent::NotSending(NotSending::NotRead(_)));
+        let refused = flight.events.iter().any(is_refusal);
+        let sends = flight.events.contains(&LinkEvent::Sending(output));
+        assert_eq!((refused, sends), (!reads, reads), "{:?}", flight.events);
+        assert_eq!(flight.session.sent() > 0, reads, "{output}");
+    }
+    // Whether software that is not known reads it cannot be told.
+    let mut flight = Flight::new(|options| options.output = Some(Output::GpsInput));
+    flight.second(MavAutopilot::MAV_AUTOPILOT_GENERIC);
+    let event = LinkEvent::SendingToUnknown(Output::GpsInput);
+    assert!(flight.events.contains(&event), "{:?}", flight.events);
+    assert!(flight.session.sent() > 0);
 }
 
 #[test]

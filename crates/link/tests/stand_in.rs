@@ -21,7 +21,7 @@ use grimnet_link::{
 use grimnet_track::{Estimate, Input, PositionOf, Source, TrackPoint, TrackState};
 use mavlink::{
     SigningConfig, SigningData,
-    dialects::common::{MavAutopilot, MavFrame, MavMessage, MavParamType},
+    dialects::common::{MavAutopilot, MavCmd, MavFrame, MavMessage, MavParamType},
 };
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
@@ -362,8 +362,9 @@ fn sentences_arrive() {
     assert!(text.contains(",2415.09000,N,12042.09000,E,"), "{text}");
 }
 
+/// What a check finds, which changes nothing of the autopilot: parameters and versions are asked for, and nothing else.
 fn checked(stand_in: StandIn, address: Address) -> grimnet_link::CheckReport {
-    let _running = stand_in.start();
+    let running = stand_in.start();
     let options = CheckOptions {
         address,
         output: None,
@@ -371,7 +372,17 @@ fn checked(stand_in: StandIn, address: Address) -> grimnet_link::CheckReport {
         signing: None,
         within_s: PATIENCE.as_secs_f64(),
     };
-    check(&options, &mut |_| {}).unwrap()
+    let report = check(&options, &mut |_| {}).unwrap();
+    for message in running.seen.lock().unwrap().iter() {
+        let only_reads = match message {
+            MavMessage::COMMAND_LONG(data) => data.command == MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            MavMessage::HEARTBEAT(_) | MavMessage::TIMESYNC(_) => true,
+            MavMessage::PARAM_REQUEST_READ(_) => true,
+            _ => false,
+        };
+        assert!(only_reads, "{message:?}");
+    }
+    report
 }
 
 fn floats(values: &[(&'static str, f32)]) -> BTreeMap<&'static str, (f32, MavParamType)> {

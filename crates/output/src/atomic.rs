@@ -124,6 +124,22 @@ impl AtomicFile {
         self.aside.as_ref().map(|aside| aside.path.as_path())
     }
 
+    /// Cuts the file back to its first `len` bytes and continues behind them, after a failed write: what is still in memory is given up.
+    ///
+    /// # Errors
+    /// [`OutputError`] if the file cannot be cut.
+    pub fn cut_back(&mut self, len: u64) -> Result<()> {
+        let cut = |out: &mut BufWriter<File>| {
+            let mut file = out.get_ref().try_clone()?;
+            file.set_len(len)?;
+            file.seek(SeekFrom::Start(len))?;
+            // Without writing what it holds.
+            let _ = std::mem::replace(out, BufWriter::new(file)).into_parts();
+            Ok(())
+        };
+        cut(&mut self.out).map_err(OutputError::io("cut", &self.path))
+    }
+
     /// Completes the file: flushes, syncs to disk, renames into place.
     ///
     /// # Errors
@@ -178,8 +194,8 @@ impl Drop for AtomicFile {
             return;
         }
         // A partial file that holds nothing is worth nothing.
-        let empty = fs::metadata(&aside.path).is_ok_and(|metadata| metadata.len() == 0)
-            && self.out.buffer().is_empty();
+        let _ = self.out.flush();
+        let empty = fs::metadata(&aside.path).is_ok_and(|metadata| metadata.len() == 0);
         if !aside.keep || empty {
             // There is nothing left to do if it stays.
             let _ = fs::remove_file(&aside.path);

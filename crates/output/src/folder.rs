@@ -122,7 +122,13 @@ impl OutputFolder {
                 .checked_in(&self.file_path(name)?, name, &state.listing)?;
         }
         // A file that is dropped before it is committed leaves nothing.
-        AtomicFile::create(self.inner.path.join("check")).map(drop)
+        match AtomicFile::create(self.inner.path.join("check")) {
+            Err(OutputError::Io { source, .. }) => Err(OutputError::io(
+                "write into the folder",
+                &self.inner.path,
+            )(source)),
+            checked => checked.map(drop),
+        }
     }
 
     /// Begins to write a file.

@@ -308,6 +308,25 @@ fn a_partial_file_stays_unless_it_is_empty_or_complete() {
     );
 }
 
+#[test]
+fn a_partial_file_is_cut_back_to_what_was_whole() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("answers.jsonl");
+    let mut file = OutputPolicy::new().create_partial(&path).unwrap();
+    file.write_all(b"one\n").unwrap();
+    file.flush().unwrap();
+    // In part on disk, in part in memory.
+    file.write_all(b"tw").unwrap();
+    file.flush().unwrap();
+    file.write_all(b"o").unwrap();
+    file.cut_back(4).unwrap();
+    let partial = folder.path().join("answers.jsonl.partial");
+    assert_eq!(fs::read(&partial).unwrap(), b"one\n");
+    file.write_all(b"three\n").unwrap();
+    file.commit().unwrap();
+    assert_eq!(fs::read(&path).unwrap(), b"one\nthree\n");
+}
+
 /// Bytes of the file that the killed writer writes over and over: each file holds one letter.
 const LEN: usize = 300_000;
 

@@ -1,6 +1,7 @@
 //! Options of every command: how much is logged, and how many threads compute.
 
 use clap::ArgAction;
+use tracing_subscriber::EnvFilter;
 
 use crate::{file_size, terminal, values};
 
@@ -38,15 +39,24 @@ impl GeneralOptions {
             1 => "info",
             _ => "debug",
         };
-        let filter = tracing_subscriber::EnvFilter::try_from_env("GRIM_LOG")
-            .unwrap_or_else(|_| tracing_subscriber::EnvFilter::new(filter));
+        let (filter, refused) = match std::env::var("GRIM_LOG").map(|own| EnvFilter::try_new(&own))
+        {
+            Ok(Ok(own)) => (own, None),
+            Ok(Err(error)) => (EnvFilter::new(filter), Some(error)),
+            Err(_) => (EnvFilter::new(filter), None),
+        };
         tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
             .with_ansi(terminal::colours_on_stderr())
             .without_time()
             .with_target(false)
+            // Whoever reads the messages may go away (`2>&1 | head`), and the work go on.
+            .log_internal_errors(false)
             .init();
+        if let Some(error) = refused {
+            tracing::warn!("GRIM_LOG is not used: {error}; expected a filter such as `debug`");
+        }
         file_size::report_limit_as_error()?;
         if let Some(threads) = self.threads {
             rayon::ThreadPoolBuilder::new()

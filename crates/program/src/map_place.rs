@@ -61,9 +61,21 @@ impl FromStr for CornersChoice {
 
 impl MapPlace {
     /// Whether any of these options was given.
-    #[must_use]
-    pub fn is_given(&self) -> bool {
+    fn is_given(&self) -> bool {
         self.crs.is_some() || self.corners.is_some() || self.zoom.is_some()
+    }
+
+    /// Checks that these options have an effect, in a command that reads a pack and, with --map, the map that it was built from.
+    ///
+    /// # Errors
+    /// One was given without a map.
+    pub fn check_is_used(&self, has_map: bool) -> Result<()> {
+        if self.is_given() && !has_map {
+            bail!(
+                "--crs, --corners and --zoom say where the map of --map lies: a pack already knows it"
+            );
+        }
+        Ok(())
     }
 
     /// The options of the map reader.

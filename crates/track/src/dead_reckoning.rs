@@ -4,6 +4,7 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     attitude::Attitude,
+    climb::Climb,
     hypothesis::Hypothesis,
     input::{RelativeMotion, Velocity},
     kalman::{Covariance, Observation, POSITION, VELOCITY, set_diagonal},
@@ -11,7 +12,8 @@ use crate::{
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
     scalar::HeadingFilter,
-    sensors::{Sensors, View},
+    sensors::{Change, Sensors, View},
+    velocity_gate::VelocityUse,
 };
 
 /// Error of the turn between two attitudes, degrees in the square root of a second.
@@ -32,31 +34,55 @@ fn surface_sigma_px(motion: &RelativeMotion) -> Option<f64> {
 
 impl Hypothesis {
     /// Takes in the autopilot's velocity.
-    pub fn velocity(&mut self, measured: &Velocity, options: &TrackOptions) {
+    pub fn velocity(&mut self, measured: &Velocity, how: VelocityUse, options: &TrackOptions) {
         self.propagate(measured.time_s, options);
         let now_m_s = Vector2::new(measured.east_m_s, measured.north_m_s);
-        if self.reference.kind == ReferenceKind::Velocity {
-            // The last velocity was held; put right what lies between by the straight line from the last to this one, from
-            // the last fix on, which saw the position itself.
-            let (from_s, to_s) = (self.reference.time_s, measured.time_s);
-            let interval_s = to_s - from_s;
-            if interval_s > 0.0 {
-                let since_s = self.last_fix_s.map_or(from_s, |fix_s| fix_s.max(from_s)) - from_s;
-                let change_m_s = now_m_s - self.reference.velocity_m_s;
-                let seconds = (interval_s * interval_s - since_s * since_s) / (2.0 * interval_s);
-                let mut position = self.mean.fixed_rows_mut::<2>(POSITION);
-                position += change_m_s * seconds;
-            }
-            self.reference.velocity_m_s = now_m_s;
+        let was_held = self.reference.kind == ReferenceKind::Velocity;
+        let moved_m = if was_held {
+            self.follow_straight_line(now_m_s, measured.time_s)
         } else {
-            self.release();
-            self.update_velocity(now_m_s, measured.sigma_m_s.powi(2));
-            self.refer_to(now_m_s);
+            Vector2::zeros()
+        };
+        match how {
+            VelocityUse::Continues if was_held => {}
+            VelocityUse::Continues => {
+                self.release();
+                self.update_velocity(now_m_s, measured.sigma_m_s.powi(2));
+                self.refer_to(now_m_s);
+            }
+            VelocityUse::Steps => {
+                // One of the two velocities is wrong by the step, and it is not known when between them it was.
+                let step_m_s = (now_m_s - self.velocity_m_s()).norm();
+                for axis in POSITION..POSITION + 2 {
+                    self.covariance[(axis, axis)] += moved_m.norm_squared();
+                }
+                self.forget_velocity(measured.sigma_m_s.hypot(step_m_s));
+            }
         }
-        self.reference.kind = ReferenceKind::Velocity;
-        self.reference.time_s = measured.time_s;
-        self.reference.sigma_m_s = measured.sigma_m_s;
-        self.reference.variance_m2_s2 = 0.0;
+        self.reference = Reference {
+            kind: ReferenceKind::Velocity,
+            velocity_m_s: now_m_s,
+            time_s: measured.time_s,
+            sigma_m_s: measured.sigma_m_s,
+            surface_m_s: 0.0,
+            variance_m2_s2: 0.0,
+        };
+    }
+
+    /// The last velocity was held: puts right what lies between by the straight line from it to this one, from the last fix on, which
+    /// saw the position itself. Gives by how much, metres.
+    fn follow_straight_line(&mut self, now_m_s: Vector2<f64>, to_s: f64) -> Vector2<f64> {
+        let from_s = self.reference.time_s;
+        let interval_s = to_s - from_s;
+        if interval_s <= 0.0 {
+            return Vector2::zeros();
+        }
+        let since_s = self.last_fix_s.map_or(from_s, |fix_s| fix_s.max(from_s)) - from_s;
+        let seconds = (interval_s * interval_s - since_s * since_s) / (2.0 * interval_s);
+        let moved_m = (now_m_s - self.reference.velocity_m_s) * seconds;
+        let mut position = self.mean.fixed_rows_mut::<2>(POSITION);
+        position += moved_m;
+        moved_m
     }
 
     /// Takes in motion between frames.
@@ -239,15 +265,15 @@ impl Hypothesis {
         }
     }
 
-    /// Takes in an attitude and the turn since the one before: its time and degrees clockwise.
+    /// Takes in an attitude and what changed since the one before.
     pub fn attitude(
         &mut self,
         attitude: &Attitude,
-        turn: Option<(f64, f64)>,
+        change: Option<Change>,
         options: &TrackOptions,
     ) {
         self.start_heading(attitude.time_s, attitude.yaw_deg, options);
-        if let Some((from_s, turn_deg)) = turn {
+        if let Some(Change::Turn { from_s, turn_deg }) = change {
             self.turn_with_attitude(from_s, attitude.time_s, turn_deg);
         }
     }
@@ -260,10 +286,10 @@ impl Hypothesis {
         }
     }
 
-    /// The height changed by a factor.
-    pub fn climb(&mut self, factor: f64) {
+    /// The height above ground changed.
+    pub fn climb(&mut self, climb: Climb) {
         if let Some(gsd) = &mut self.gsd {
-            gsd.scale(factor, 0.1 * factor.ln().abs());
+            gsd.scale(climb.factor, climb.sigma);
         }
     }
 

@@ -11,7 +11,7 @@ use crate::{
     options::TrackOptions,
     plane::{LocalPlane, REANCHOR_M},
     radius::radius95_m,
-    sensors::Sensors,
+    sensors::{Change, Sensors},
 };
 
 /// Weight of the case that no hypothesis is right, while none is believed.
@@ -24,6 +24,8 @@ const SIGMA_PER_RADIUS95: f64 = 0.408_508_6;
 pub(crate) struct Filter {
     /// Time of the latest input, seconds.
     pub time_s: f64,
+    /// Whether a frame was taken in, and with the first one the start.
+    pub has_begun: bool,
     pub plane: Option<LocalPlane>,
     pub bank: Bank,
     pub sensors: Sensors,
@@ -42,6 +44,7 @@ impl Filter {
     pub fn new() -> Self {
         Self {
             time_s: f64::NEG_INFINITY,
+            has_begun: false,
             plane: None,
             bank: Bank::new(),
             sensors: Sensors::default(),
@@ -55,11 +58,11 @@ impl Filter {
 
     /// Takes in the next input. Its time must not be before the latest one's, and it must be valid.
     pub fn apply(&mut self, input: &Input, options: &TrackOptions) {
-        if self.time_s == f64::NEG_INFINITY {
-            self.begin(input.time_s(), options);
-        }
         self.time_s = input.time_s();
         let change = self.sensors.take(input);
+        if !self.has_begun && input.is_of_frame() {
+            self.begin(input.time_s(), options);
+        }
         let hypotheses = &mut self.bank.hypotheses;
         match input {
             Input::Attitude(attitude) => {
@@ -68,15 +71,17 @@ impl Filter {
                 }
             }
             Input::Height(_) => {
-                if let Some((_, factor)) = change {
+                if let Some(Change::Climb(climb)) = change {
                     for hypothesis in hypotheses {
-                        hypothesis.climb(factor);
+                        hypothesis.climb(climb);
                     }
                 }
             }
             Input::Velocity(velocity) => {
-                for hypothesis in hypotheses {
-                    hypothesis.velocity(velocity, options);
+                if let Some(Change::Velocity(how)) = change {
+                    for hypothesis in hypotheses {
+                        hypothesis.velocity(velocity, how, options);
+                    }
                 }
             }
             Input::Motion(motion) => {
@@ -89,8 +94,10 @@ impl Filter {
         }
     }
 
-    /// Places the start, if one is known.
+    /// The first frame was taken at `time_s`: places the start, if one is known. It is where that frame was taken, however long before it
+    /// telemetry was recorded.
     pub fn begin(&mut self, time_s: f64, options: &TrackOptions) {
+        self.has_begun = true;
         let Some(start) = options.start else { return };
         let plane = LocalPlane::new(start.lonlat);
         let id = self.bank.new_id();
@@ -100,6 +107,7 @@ impl Filter {
             time_s,
             plane.en_from_lonlat(start.lonlat),
             sigma_m,
+            &self.sensors,
             options,
         );
         hypothesis.weight = 0.5;

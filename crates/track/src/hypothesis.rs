@@ -17,6 +17,7 @@ use crate::{
     reference::{Reference, ReferenceKind},
     scalar::{GsdFilter, HeadingFilter},
     sensors::Sensors,
+    velocity_gate::VelocityUse,
 };
 
 /// How a heading that nothing measures may turn, degrees in the square root of a second.
@@ -79,11 +80,14 @@ impl Hypothesis {
         time_s: f64,
         place_m: Vector2<f64>,
         sigma_m: f64,
+        sensors: &Sensors,
         options: &TrackOptions,
     ) -> Self {
         let mut new = Self::unplaced(id, time_s, options);
+        new.know_yaw(sensors, options);
         new.mean.fixed_rows_mut::<2>(POSITION).copy_from(&place_m);
         set_diagonal(&mut new.covariance, POSITION, sigma_m * sigma_m);
+        new.know_velocity(sensors, options);
         new
     }
 
@@ -97,9 +101,7 @@ impl Hypothesis {
     ) -> Self {
         let mut new = Self::unplaced(id, fix.time_s, options);
         new.know_map_error(fix);
-        if let Some(yaw_deg) = sensors.yaw_deg(fix.time_s) {
-            new.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
-        }
+        new.know_yaw(sensors, options);
         new.take_heading_and_gsd(fix, options);
         let view = sensors.view_of(fix, options);
         new.look(view, options);
@@ -121,19 +123,29 @@ impl Hypothesis {
         new.covariance
             .fixed_view_mut::<2, 2>(POSITION, POSITION)
             .copy_from(&own);
-        if let Some(velocity) = sensors.velocity_at(fix.time_s, options.hold_s) {
-            new.velocity(
-                &Velocity {
-                    time_s: fix.time_s,
-                    ..velocity
-                },
-                options,
-            );
-        }
+        new.know_velocity(sensors, options);
         new.fixes = 1;
         new.see(true);
         new.last_fix_s = Some(fix.time_s);
         new
+    }
+
+    /// Takes in the yaw of the latest attitude, if it is recent.
+    fn know_yaw(&mut self, sensors: &Sensors, options: &TrackOptions) {
+        if let Some(yaw_deg) = sensors.yaw_deg(self.time_s) {
+            self.heading = Some(HeadingFilter::new(yaw_deg, options.compass_sigma_deg));
+        }
+    }
+
+    /// Takes in the latest velocity, if it still holds.
+    fn know_velocity(&mut self, sensors: &Sensors, options: &TrackOptions) {
+        if let Some(velocity) = sensors.velocity_at(self.time_s, options.hold_s) {
+            let now = Velocity {
+                time_s: self.time_s,
+                ..velocity
+            };
+            self.velocity(&now, VelocityUse::Continues, options);
+        }
     }
 
     fn unplaced(id: u64, time_s: f64, options: &TrackOptions) -> Self {

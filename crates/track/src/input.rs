@@ -129,6 +129,11 @@ impl Input {
         }
     }
 
+    /// Whether it was found in a frame of the camera.
+    pub(crate) fn is_of_frame(&self) -> bool {
+        matches!(self, Self::Motion(_) | Self::Fix(_) | Self::Miss(_))
+    }
+
     /// The same input so many seconds later.
     #[must_use]
     pub fn moved_in_time(mut self, by_s: f64) -> Self {

@@ -22,6 +22,7 @@
 mod alias_rate;
 mod attitude;
 mod bank;
+mod climb;
 mod clock_watch;
 mod confidence;
 mod dead_reckoning;
@@ -51,6 +52,7 @@ pub mod simulation;
 mod smoother;
 mod tilt;
 mod tracker;
+mod velocity_gate;
 mod window;
 
 pub use attitude::Attitude;

@@ -175,11 +175,16 @@ impl Hypothesis {
                 attitude,
                 height_agl_m,
                 seen_below_m,
+                reference_step_m,
                 sigma_deg,
+                heading_deg,
             } => {
                 let boresight_rad = self.mean.fixed_rows::<2>(BORESIGHT).into_owned();
                 // The heading from fixes is better than a compass.
-                let heading = self.heading_at(attitude.time_s);
+                let mut heading = self.heading_at(attitude.time_s);
+                if let (Some(heading), Some(measured_deg)) = (&mut heading, heading_deg) {
+                    heading.replace_if_contradicted(measured_deg, options.heading_sigma_deg);
+                }
                 let attitude = Attitude {
                     yaw_deg: heading.map_or(attitude.yaw_deg, |heading| heading.heading_deg),
                     ..attitude
@@ -193,7 +198,8 @@ impl Hypothesis {
                     noise += by_yaw_m * by_yaw_m.transpose() * yaw_sigma_deg.to_radians().powi(2);
                     noise += centre.offset_en_m
                         * centre.offset_en_m.transpose()
-                        * options.height_sigma.powi(2);
+                        * (options.height_sigma.powi(2)
+                            + (reference_step_m / height_agl_m).powi(2));
                     noise += centre.by_tilt_m
                         * centre.by_tilt_m.transpose()
                         * sigma_deg.to_radians().powi(2);

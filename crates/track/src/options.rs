@@ -36,7 +36,7 @@ impl Vehicle {
     }
 }
 
-/// Where the aircraft is when the filter starts.
+/// Where the aircraft is at the first frame (a fix, a miss or a motion between frames).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Start {
     /// The place.
@@ -51,7 +51,7 @@ pub struct Start {
 pub struct TrackOptions {
     /// The vehicle.
     pub vehicle: Vehicle,
-    /// Where the aircraft is at the first input. `None` if unknown.
+    /// Where the aircraft is at the first frame. `None` if unknown.
     pub start: Option<Start>,
     /// Focal length of the full-size photo, pixels. With it and a fix's ground resolution the height is known where no
     /// [`crate::Height`] comes.

@@ -11,6 +11,9 @@ pub(crate) struct HeadingFilter {
     pub variance_deg2: f64,
 }
 
+/// A measured heading that is off by more standard deviations than this shows that the turns since the last one were not what was
+/// reported: 99.99 % of a normal distribution lie within.
+const MOST_SIGMAS: f64 = 3.9;
 /// Above this the heading is unknown: a uniform heading has 104 degrees.
 const UNKNOWN_HEADING_DEG: f64 = 104.0;
 
@@ -30,8 +33,21 @@ impl HeadingFilter {
             (self.variance_deg2 + sigma_deg * sigma_deg).min(UNKNOWN_HEADING_DEG.powi(2));
     }
 
+    /// A measured heading that contradicts this one replaces it: a yaw that was reset in flight looks like a turn. Gives whether it does.
+    pub fn replace_if_contradicted(&mut self, measured_deg: f64, sigma_deg: f64) -> bool {
+        let off_deg = turn_deg(self.heading_deg, measured_deg).abs();
+        let contradicts = off_deg > MOST_SIGMAS * self.sigma_deg().hypot(sigma_deg);
+        if contradicts {
+            *self = Self::new(measured_deg, sigma_deg);
+        }
+        contradicts
+    }
+
     /// Takes in a measured heading.
     pub fn update(&mut self, measured_deg: f64, sigma_deg: f64) {
+        if self.replace_if_contradicted(measured_deg, sigma_deg) {
+            return;
+        }
         let innovation_deg = turn_deg(self.heading_deg, measured_deg);
         let gain = self.variance_deg2 / (self.variance_deg2 + sigma_deg * sigma_deg);
         self.heading_deg = (self.heading_deg + gain * innovation_deg).rem_euclid(360.0);
@@ -67,13 +83,13 @@ impl GsdFilter {
         self.ln_gsd.exp()
     }
 
-    /// The height changes by a factor.
+    /// The height changes by a factor with a relative error.
     pub fn scale(&mut self, factor: f64, sigma: f64) {
         self.ln_gsd += factor.ln();
-        self.variance += sigma * sigma;
+        self.spread(sigma * sigma);
     }
 
-    /// Time passes.
+    /// It becomes less certain.
     pub fn spread(&mut self, variance: f64) {
         // A factor of e is as good as unknown.
         self.variance = (self.variance + variance).min(1.0);
@@ -100,6 +116,17 @@ mod tests {
         assert_relative_eq!(filter.sigma_deg(), 2f64.sqrt(), epsilon = 1e-9);
         filter.turn(-2.0, 1.0);
         assert_relative_eq!(filter.heading_deg, 359.0, epsilon = 1e-9);
+    }
+
+    #[test]
+    fn a_heading_that_is_contradicted_is_replaced() {
+        let mut filter = HeadingFilter::new(210.0, 10.0);
+        filter.update(245.0, 1.5);
+        assert!((244.0..245.0).contains(&filter.heading_deg), "{filter:?}");
+        filter.turn(120.0, 8.0);
+        filter.update(246.0, 1.5);
+        assert_relative_eq!(filter.heading_deg, 246.0);
+        assert_relative_eq!(filter.sigma_deg(), 1.5);
     }
 
     #[test]

@@ -5,9 +5,11 @@ use nalgebra::Vector2;
 
 use crate::{
     attitude::Attitude,
+    climb::Climb,
     input::{Height, Input, PositionFix, RelativeMotion, Velocity},
     options::TrackOptions,
     tilt::{CentreOffset, gsd_over_nadir},
+    velocity_gate::{VelocityGate, VelocityUse},
 };
 
 /// How far roll and pitch may be off what is extrapolated from the last two attitudes, degrees per second of their age.
@@ -26,7 +28,7 @@ const MOST_RELIEF: f64 = 1.35;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct Sensors {
     telemetry: Telemetry,
-    velocity: Option<Velocity>,
+    velocities: VelocityGate,
     /// What was known at the latest frame and at the one before, and their times.
     frames: [Option<(f64, Telemetry)>; 2],
 }
@@ -37,6 +39,24 @@ struct Telemetry {
     previous_attitude: Option<Attitude>,
     attitude: Option<Attitude>,
     height: Option<Height>,
+    /// By how much the height's reference stepped the last time, metres: either one may be the ground below. 0 if it never did.
+    reference_step_m: f64,
+}
+
+/// What an input says beside itself, together with those before it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Change {
+    /// The turn since the attitude before.
+    Turn {
+        /// Time of that one, seconds.
+        from_s: f64,
+        /// Degrees clockwise.
+        turn_deg: f64,
+    },
+    /// The climb since the height before.
+    Climb(Climb),
+    /// How a velocity is used.
+    Velocity(VelocityUse),
 }
 
 /// What is known of the direction in which a photo was taken.
@@ -48,8 +68,12 @@ pub(crate) enum View {
         height_agl_m: f64,
         /// How far the surface in the photo is below the camera, metres: roofs are nearer than the ground.
         seen_below_m: f64,
+        /// By how much that may be off because the height's reference stepped, metres, 1 sigma.
+        reference_step_m: f64,
         /// Error that comes from the attitude's age, degrees.
         sigma_deg: f64,
+        /// Bearing of the photo's top as the fix in it shows it, degrees clockwise from true north. `None` without a fix that does.
+        heading_deg: Option<f64>,
     },
     /// The height is known: the aircraft is within an unknown tilt of the image centre.
     Height { height_agl_m: f64 },
@@ -58,16 +82,12 @@ pub(crate) enum View {
 }
 
 impl Sensors {
-    /// Takes in an input that is for the sensors. Gives the time of the attitude before and the turn since, or the time of the
-    /// height and the factor by which it changed.
-    pub fn take(&mut self, input: &Input) -> Option<(f64, f64)> {
+    /// Takes in an input that is for the sensors. Gives what it changed, if it tells that: nothing for a velocity that is left out.
+    pub fn take(&mut self, input: &Input) -> Option<Change> {
         match input {
             Input::Attitude(attitude) => self.telemetry.set_attitude(*attitude),
-            Input::Height(height) => Some((height.time_s, self.telemetry.set_height(*height)?)),
-            Input::Velocity(velocity) => {
-                self.velocity = Some(*velocity);
-                None
-            }
+            Input::Height(height) => Some(Change::Climb(self.telemetry.set_height(*height)?)),
+            Input::Velocity(velocity) => Some(Change::Velocity(self.velocities.take(velocity)?)),
             Input::Motion(_) | Input::Fix(_) | Input::Miss(_) => {
                 self.keep_frame(input.time_s());
                 None
@@ -104,7 +124,8 @@ impl Sensors {
 
     /// The velocity, if it is not older than `hold_s`.
     pub fn velocity_at(&self, time_s: f64, hold_s: f64) -> Option<Velocity> {
-        self.velocity.filter(|v| time_s - v.time_s <= hold_s)
+        let latest = self.velocities.latest();
+        latest.filter(|v| time_s - v.time_s <= hold_s)
     }
 
     /// Height above mean sea level, metres.
@@ -133,19 +154,26 @@ impl Sensors {
     }
 
     /// How a photo with `fix` was directed. Its ground resolution, straight below, tells how far the surface is that was matched
-    /// with the map.
+    /// with the map, and its heading where the photo's top was, if reported turns contradict it.
     pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
         let mut view = self.view(fix.time_s, Some(fix.gsd_m), options);
         if let View::Attitude {
             height_agl_m,
             seen_below_m,
+            reference_step_m,
+            heading_deg,
             ..
         } = &mut view
-            && let Some(focal_length_px) = options.focal_length_px
         {
-            let measured_m = fix.gsd_m * focal_length_px;
-            if (measured_m / *height_agl_m).ln().abs() < MOST_RELIEF.ln() {
-                *seen_below_m = measured_m;
+            *heading_deg = fix.heading_deg;
+            if let Some(focal_length_px) = options.focal_length_px {
+                let measured_m = fix.gsd_m * focal_length_px;
+                let is_relief = (measured_m / *height_agl_m).ln().abs() < MOST_RELIEF.ln();
+                // After a step it is the height that is wrong.
+                if is_relief || *reference_step_m > 0.0 {
+                    *seen_below_m = measured_m;
+                    *reference_step_m = 0.0;
+                }
             }
         }
         view
@@ -161,20 +189,24 @@ impl Sensors {
 }
 
 impl Telemetry {
-    /// Takes in an attitude. Gives the turn from the one before, if that is recent: its time and degrees clockwise.
-    fn set_attitude(&mut self, attitude: Attitude) -> Option<(f64, f64)> {
+    /// Takes in an attitude. Gives the turn from the one before, if that is recent.
+    fn set_attitude(&mut self, attitude: Attitude) -> Option<Change> {
         self.previous_attitude = self.attitude.replace(attitude);
         self.previous_attitude
             .filter(|before| attitude.time_s - before.time_s < 1.0)
-            .map(|before| (before.time_s, turn_deg(before.yaw_deg, attitude.yaw_deg)))
+            .map(|before| Change::Turn {
+                from_s: before.time_s,
+                turn_deg: turn_deg(before.yaw_deg, attitude.yaw_deg),
+            })
     }
 
-    /// Takes in a height. Gives the ratio to the one before.
-    fn set_height(&mut self, height: Height) -> Option<f64> {
-        self.height
-            .replace(height)
-            .filter(|before| height.time_s - before.time_s < Height::HOLD_S)
-            .map(|before| height.agl_m / before.agl_m)
+    /// Takes in a height. Gives the climb from the one before, if that is recent.
+    fn set_height(&mut self, height: Height) -> Option<Climb> {
+        let before = self.height.replace(height);
+        let before = before.filter(|before| height.time_s - before.time_s < Height::HOLD_S)?;
+        let climb = Climb::between(&before, &height);
+        self.reference_step_m = climb.reference_step_m.unwrap_or(self.reference_step_m);
+        Some(climb)
     }
 
     /// The latest height, if it is recent.
@@ -195,9 +227,11 @@ impl Telemetry {
     }
 
     fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
-        let agl_m = self.height_at(time_s).map(|height| height.agl_m);
-        let from_gsd_m = || Some(gsd_m? * options.focal_length_px?);
-        let Some(height_agl_m) = agl_m.or_else(from_gsd_m) else {
+        let reported = self
+            .height_at(time_s)
+            .map(|height| (height.agl_m, self.reference_step_m));
+        let from_gsd = || Some((gsd_m? * options.focal_length_px?, 0.0));
+        let Some((height_agl_m, reference_step_m)) = reported.or_else(from_gsd) else {
             return View::Centre;
         };
         let Some((attitude, sigma_deg)) = self.extrapolated(time_s) else {
@@ -210,7 +244,9 @@ impl Telemetry {
             attitude,
             height_agl_m,
             seen_below_m: height_agl_m,
+            reference_step_m,
             sigma_deg,
+            heading_deg: None,
         }
     }
 

@@ -14,7 +14,7 @@ use crate::{
     plane::LocalPlane,
     radius::radius95_m,
     rts,
-    sensors::Sensors,
+    sensors::{Change, Sensors},
 };
 
 /// A point of a smoothed track.
@@ -42,8 +42,8 @@ pub struct SmoothedPoint {
 /// Smooths a recorded flight (Rauch, Tung and Striebel 1965).
 ///
 /// A first pass of the filter decides which fixes are right: those that the hypothesis accepted that led half a minute or more
-/// later. A second pass takes those alone and smooths them. There is a point for each of these fixes, for each velocity and for
-/// each motion between frames. Inputs may come in any order; invalid ones and duplicates are left out.
+/// later. A second pass takes those alone and smooths them. There is a point for each of these fixes, for each velocity that an
+/// aircraft can have and for each motion between frames. Inputs may come in any order; invalid ones and duplicates are left out.
 ///
 /// # Errors
 /// [`OptionsError`] if an option is not finite or out of range.
@@ -83,9 +83,9 @@ pub fn smooth(
                 }
             }
             other => {
-                let turn = sensors.take(other);
+                let change = sensors.take(other);
                 if let Some(piece) = &mut piece {
-                    piece.follow(other, turn, &sensors, options);
+                    piece.follow(other, change, &sensors, options);
                 }
             }
         }
@@ -151,22 +151,24 @@ impl Piece {
     fn follow(
         &mut self,
         input: &Input,
-        turn: Option<(f64, f64)>,
+        change: Option<Change>,
         sensors: &Sensors,
         options: &TrackOptions,
     ) {
         match input {
             Input::Attitude(attitude) => {
-                self.hypothesis.attitude(attitude, turn, options);
+                self.hypothesis.attitude(attitude, change, options);
             }
             Input::Height(_) => {
-                if let Some((_, factor)) = turn {
-                    self.hypothesis.climb(factor);
+                if let Some(Change::Climb(climb)) = change {
+                    self.hypothesis.climb(climb);
                 }
             }
             Input::Velocity(velocity) => {
-                self.hypothesis.velocity(velocity, options);
-                self.hypothesis.write_epoch();
+                if let Some(Change::Velocity(how)) = change {
+                    self.hypothesis.velocity(velocity, how, options);
+                    self.hypothesis.write_epoch();
+                }
             }
             Input::Motion(motion) => {
                 self.hypothesis.motion(motion, sensors, options);

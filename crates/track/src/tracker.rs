@@ -101,6 +101,11 @@ impl Tracker {
         possible && !self.has_fix
     }
 
+    /// Whether [`TrackOptions::start`] waits for the first frame: its uncertainty grows from the first fix, miss or motion on.
+    pub fn awaits_start(&self) -> bool {
+        self.options.start.is_some() && !self.head().has_begun
+    }
+
     /// How many inputs were taken, and how.
     pub fn counts(&self) -> InputCounts {
         self.counts

@@ -57,8 +57,8 @@ impl Search {
         options: &TrackOptions,
     ) -> Self {
         let mut begun;
-        let filter = if filter.time_s == f64::NEG_INFINITY && time_s.is_finite() {
-            // Before the first input there is the start, if one is known.
+        let filter = if !filter.has_begun && time_s.is_finite() {
+            // Before the first frame there is the start, if one is known.
             begun = filter.clone();
             begun.begin(time_s, options);
             &begun

@@ -15,7 +15,7 @@ use grimnet_geo::MapOptions;
 use grimnet_net::{Calibration, FittedOn, Model};
 use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_photo::PhotoLimits;
-use grimnet_photo::pictures::{file_name, picture_files_below};
+use grimnet_photo::pictures::file_name;
 
 use super::data_set_map::open_map;
 use super::elsewhere::{source, width_m};
@@ -115,8 +115,12 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
     let (observations, data) = match &arguments.observed {
         Some(path) => {
             inputs::check_regular(path)?;
-            let observations = observation::read(path)
-                .with_context(|| format!("cannot read {}", path.display()))?;
+            let observations = observation::read(path).with_context(|| {
+                format!(
+                    "cannot read {}; expected a file that `grim calibrate --observations` wrote",
+                    path.display()
+                )
+            })?;
             (observations, "observations of an earlier run".to_owned())
         }
         None => observe(arguments, &model, &policy)?,
@@ -249,8 +253,7 @@ fn observe(
         .collect::<Result<Vec<Source>>>()?;
     policy.add_inputs(sources.iter().flat_map(|source| &source.pictures));
     for pictures in &arguments.pictures {
-        // Whether it can be read is said when photos are cut from it.
-        policy.add_inputs(picture_files_below(pictures).unwrap_or_default());
+        policy.add_inputs(source(pictures, true)?.pictures);
     }
     let folder = tempfile::tempdir()?;
     let limits = arguments.limits.photo();

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use clap::Args;
 use grimnet_geo::{LonLat, distance_m};
 use grimnet_locate::{Localizer, Options};
@@ -21,7 +21,7 @@ use crate::formats::{AnswerOutput, Format, TextTarget};
 pub use crate::localise::{adapt_to_flight, locate_one};
 use crate::outputs::OverwriteChoice;
 use crate::{errors, inputs, interrupt, photos, progress, values};
-use grimnet_answer::Answer;
+use grimnet_answer::{Answer, printable_text};
 
 /// Examples under the help of `grim locate`.
 pub const EXAMPLES: &str = "\
@@ -93,11 +93,7 @@ const OUTPUT: &str = "Output";
 /// # Errors
 /// Unreadable pack, model or map; answers that cannot be written. A photo that cannot be read is answered in its own line.
 pub fn run(arguments: &LocateArgs) -> Result<Exit> {
-    if arguments.map.is_none() && arguments.place.is_given() {
-        bail!(
-            "--crs, --corners and --zoom say where the map of --map lies: a pack already knows it"
-        );
-    }
+    arguments.place.check_is_used(arguments.map.is_some())?;
     let paths = photos::expand(&arguments.photos)?;
     let policy = policy(arguments, &paths);
     let out = TextTarget::of(arguments.out.as_deref());
@@ -123,15 +119,21 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     });
     let mut stream = AnswerOutput::open(format, out, &policy)?;
     let partial = stream.partial_path();
-    locate_all(arguments, &localizer, &paths, &mut stream, &mut drawings)
-        .and_then(|exit| stream.finish().map(|()| exit))
-        .map_err(|error| match partial {
-            Some(path) => error.context(format!(
-                "stopped; the answers so far are in {}",
-                path.display()
-            )),
-            None => error,
-        })
+    locate_all(
+        arguments,
+        &localizer,
+        &paths,
+        format,
+        &mut stream,
+        &mut drawings,
+    )
+    .and_then(|exit| stream.finish().map(|()| exit))
+    .map_err(|error| match partial {
+        Some(path) if std::fs::metadata(&path).is_ok_and(|found| found.len() > 0) => error.context(
+            format!("stopped; the answers so far are in {}", path.display()),
+        ),
+        _ => error,
+    })
 }
 
 /// What may be replaced: no photo, pack, model or map of this run.
@@ -186,6 +188,7 @@ fn locate_all(
     arguments: &LocateArgs,
     localizer: &Localizer,
     paths: &[PathBuf],
+    format: Format,
     stream: &mut AnswerOutput,
     drawings: &mut Option<Drawings>,
 ) -> Result<Exit> {
@@ -215,6 +218,10 @@ fn locate_all(
             Err(error) => {
                 unreadable += 1;
                 let message = errors::message_with_hint(&error);
+                if format == Format::Gpx {
+                    // GPX has only photos with a fix: nothing else would say which photo it is.
+                    bar.suspend(|| tracing::warn!("{}", printable_text(&message)));
+                }
                 Answer {
                     damaged: errors::is_damaged_photo(&error),
                     ..Answer::no_fix(&path.display().to_string(), message)

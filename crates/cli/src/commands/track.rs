@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
-use anyhow::{Context as _, Result, bail};
+use anyhow::{Result, bail};
 use grimnet_flight::Flight;
 use grimnet_locate::Localizer;
 use grimnet_output::OutputPolicy;
@@ -14,8 +14,10 @@ use grimnet_pack::Pack;
 use grimnet_track::{TrackOptions, TrackPoint};
 use indicatif::ProgressBar;
 
+use super::track_options::OutputArgs;
 pub use super::track_options::TrackArgs;
-use super::track_output::{check_outputs, open_nmea, open_output, stopped};
+use super::track_output::{check_outputs, open_nmea, open_output, stopped, while_read};
+use super::track_reader::WhileRead;
 use super::track_replay::replay;
 use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
@@ -62,6 +64,8 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     let Some(pack) = &arguments.pack else {
         bail!("expected a map pack, --pack AREA.grim");
     };
+    let OutputArgs { place, map, .. } = &arguments.output;
+    place.check_is_used(map.is_some())?;
     let source = Source::of(arguments)?;
     source.check_times(arguments)?;
     let telemetry_file = telemetry_file(arguments, &source);
@@ -113,13 +117,15 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
             nmea,
         },
         truth,
+        named_in_truth: 0,
         session_file,
         scored: Vec::new(),
         lines: Vec::new(),
         keeps_lines: output.smooth || report.is_some(),
     };
     let partial = stream.partial_path();
-    let interrupted = write_track(&mut followed, frames.as_mut(), stream, output.smooth)
+    let rows = while_read(stream, arguments);
+    let interrupted = write_track(&mut followed, frames.as_mut(), rows, output.smooth)
         .map_err(|error| stopped(error, partial))?;
     if let Some(report) = report {
         report.write(&followed.scored)?;
@@ -128,9 +134,9 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     if let Some(file) = &followed.session_file {
         file.write()?;
     }
-    let exit = summarise(&followed, frames.as_ref(), interrupted)?;
+    let exit = summarise(&followed, frames.as_ref(), interrupted);
     if let Some(nmea) = followed.beside.nmea {
-        nmea.finish()?;
+        nmea.finish(TextStream::finish)?;
     }
     followed.session.finish()?;
     Ok(exit)
@@ -207,6 +213,8 @@ struct Followed<'a> {
     session_file: Option<SessionFile<'a>>,
     beside: Beside,
     truth: Option<Truth>,
+    /// Frames of which that says something.
+    named_in_truth: usize,
     scored: Vec<Scored>,
     /// The lines, where they are needed at the end.
     lines: Vec<(f64, TrackLine)>,
@@ -218,7 +226,7 @@ struct Beside {
     telemetry: Option<RecordedTelemetry>,
     live: Live,
     /// Sentences that are written into a file.
-    nmea: Option<TextStream<TrackPoint>>,
+    nmea: Option<WhileRead<TextStream<TrackPoint>>>,
 }
 
 impl Followed<'_> {
@@ -246,7 +254,7 @@ impl Followed<'_> {
         live.publish(self.session.flight());
         if let (Some(nmea), Some(point)) = (nmea, &tracked.point) {
             check_time_of_day(epoch)?;
-            nmea.write(point)?;
+            nmea.write(|nmea| nmea.write(point))?;
         }
         Ok(tracked)
     }
@@ -282,18 +290,18 @@ fn telemetry(
 fn write_track(
     followed: &mut Followed<'_>,
     frames: &mut dyn Frames,
-    mut stream: RowOutput<'_, TrackLine>,
+    mut rows: WhileRead<RowOutput<TrackLine>>,
     smooth: bool,
 ) -> Result<bool> {
-    let interrupted = follow(followed, frames, &mut stream, smooth)?;
+    let interrupted = follow(followed, frames, &mut rows, smooth)?;
     if smooth {
         let options = followed.session.flight().tracker().options();
         let inputs = followed.session.inputs();
         for line in smoothed_lines(&followed.lines, &inputs, frames.epoch(), options)? {
-            stream.write(&line)?;
+            rows.write(|rows| rows.write(&line))?;
         }
     }
-    stream.finish()?;
+    rows.finish(RowOutput::finish)?;
     Ok(interrupted)
 }
 
@@ -301,7 +309,7 @@ fn write_track(
 fn follow(
     followed: &mut Followed<'_>,
     frames: &mut dyn Frames,
-    stream: &mut RowOutput<'_, TrackLine>,
+    rows: &mut WhileRead<RowOutput<TrackLine>>,
     only_at_end: bool,
 ) -> Result<bool> {
     let stop = Arc::new(AtomicBool::new(false));
@@ -320,10 +328,12 @@ fn follow(
         }
         show(&bar, &tracked, followed.session.counts().frames, since);
         if !only_at_end {
-            bar.suspend(|| stream.write(&tracked.line))?;
+            bar.suspend(|| rows.write(|rows| rows.write(&tracked.line)))?;
         }
         if followed.truth.is_some() || followed.keeps_lines {
             let truth = followed.truth.as_ref();
+            let is_named = truth.is_some_and(|truth| truth.names(tracked.line.photo()));
+            followed.named_in_truth += usize::from(is_named);
             followed.scored.push(Scored::of(&tracked, truth));
             followed.lines.push((tracked.time_s, tracked.line));
         }
@@ -350,7 +360,7 @@ fn show(bar: &ProgressBar, tracked: &Tracked, frames: usize, since: Instant) {
 }
 
 /// Tells what became of the frames.
-fn summarise(followed: &Followed<'_>, frames: &dyn Frames, interrupted: bool) -> Result<Exit> {
+fn summarise(followed: &Followed<'_>, frames: &dyn Frames, interrupted: bool) -> Exit {
     let counts = followed.session.counts();
     if frames.dropped() > 0 {
         tracing::warn!(
@@ -373,15 +383,20 @@ fn summarise(followed: &Followed<'_>, frames: &dyn Frames, interrupted: bool) ->
         counts.usable
     );
     if let Some(text) = super::track_report::figures_text(&followed.scored) {
-        let mut out = std::io::stderr();
-        writeln!(out, "{text}").context("cannot write to standard error")?;
+        // There is nobody left to tell if standard error is gone.
+        let _ = writeln!(std::io::stderr(), "{text}");
+    } else if let Some(truth) = &followed.truth
+        && followed.named_in_truth == 0
+        && counts.frames > 0
+    {
+        tracing::warn!("{}", truth.names_none_text(counts.frames));
     }
     let left_out = counts.unusable + frames.without_time();
-    Ok(if interrupted {
+    if interrupted {
         Exit::Interrupted
     } else if counts.usable == 0 || left_out > 0 {
         Exit::SomeWithoutFix
     } else {
         Exit::Done
-    })
+    }
 }

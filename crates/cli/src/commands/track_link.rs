@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use clap::Args;
 use grimnet_link::{Address, CameraMount, LinkOptions, NmeaTarget};
 
@@ -36,7 +36,7 @@ pub struct TrackLinkArgs {
     #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = values::sigma_m, allow_hyphen_values = true, help_heading = LINK)]
     pub mavlink_velocity_sigma: f64,
 
-    /// Print what would be sent to the autopilot, and send nothing
+    /// Print what would be sent to the autopilot, and send nothing; --nmea then takes a file or `-`
     #[arg(long, requires = "mavlink", help_heading = LINK)]
     pub dry_run: bool,
 
@@ -58,7 +58,7 @@ impl TrackLinkArgs {
     /// What runs beside the flight, whose frames are so old when they come if they have a clock of their own.
     ///
     /// # Errors
-    /// A key that cannot be read.
+    /// A key that cannot be read, or sentences that would be sent in a dry run.
     pub fn live_options(&self, frame_latency_s: Option<f64>) -> Result<LiveOptions> {
         let mavlink = match &self.mavlink {
             Some(address) => {
@@ -75,6 +75,9 @@ impl TrackLinkArgs {
             None => None,
         };
         let nmea = match &self.nmea {
+            Some(NmeaTarget::Address(address)) if self.dry_run => bail!(
+                "--dry-run sends nothing, and --nmea {address} sends sentences; --nmea - or --nmea FILE shows them"
+            ),
             Some(NmeaTarget::Address(address)) => Some(address.clone()),
             _ => None,
         };

@@ -112,9 +112,10 @@ pub struct FrameArgs {
     #[arg(long, value_name = "S", requires = "follow", value_parser = values::duration_s, allow_hyphen_values = true, help_heading = FRAMES)]
     pub idle: Option<f64>,
 
-    /// With --follow: a photo that waited longer than this is left out for a newer one, and counted
-    #[arg(long, value_name = "S", requires = "follow", value_parser = values::duration_s, allow_hyphen_values = true, default_value_t = 2.0, help_heading = FRAMES)]
-    pub most_wait: f64,
+    /// With --follow: a photo that waited for this long is left out for a newer one, and counted [default: 2; with --mavlink or
+    /// --nmea ADDRESS 0, so that the newest photo is taken]
+    #[arg(long, value_name = "S", requires = "follow", value_parser = values::duration_s, allow_hyphen_values = true, help_heading = FRAMES)]
+    pub most_wait: Option<f64>,
 
     /// Where the times of photos come from; a clock without time zone is taken for UTC
     #[arg(long, value_enum, default_value_t, conflicts_with = "fps", help_heading = FRAMES)]
@@ -156,7 +157,7 @@ impl FrameArgs {
 /// What the user knows.
 #[derive(Debug, Args)]
 pub struct KnownArgs {
-    /// Where the aircraft is at the beginning, to 95 % within the radius [default: anywhere on the map]
+    /// Where the aircraft is at the first frame, to 95 % within the radius [default: anywhere on the map]
     #[arg(long, value_name = "LAT,LON,RADIUS_M", allow_hyphen_values = true, help_heading = KNOWN)]
     pub start: Option<Near>,
 

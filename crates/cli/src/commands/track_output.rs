@@ -7,6 +7,7 @@ use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_track::TrackPoint;
 
 use super::track_options::TrackArgs;
+use super::track_reader::WhileRead;
 use super::track_report::PAGE;
 use crate::formats::{NOT_TEXT, RowOutput, TextStream, TextTarget};
 use crate::tracking::formats::TrackFormat;
@@ -57,10 +58,7 @@ fn track_target(arguments: &TrackArgs) -> TextTarget<'_> {
 ///
 /// # Errors
 /// The file may not be written, or the format needs a file.
-pub fn open_output<'a>(
-    arguments: &'a TrackArgs,
-    policy: &'a OutputPolicy,
-) -> Result<RowOutput<'a, TrackLine>> {
+pub fn open_output(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<RowOutput<TrackLine>> {
     let target = track_target(arguments);
     let by_ending = || target.file().and_then(TrackFormat::of);
     let format = arguments.output.format.or_else(by_ending);
@@ -79,6 +77,17 @@ pub fn open_output<'a>(
     Ok(RowOutput::Text(TextStream::rows_to(text, target, policy)?))
 }
 
+/// The rows of the track: of a flight that has other outputs or links, the end of whoever reads them is not its end.
+pub fn while_read(
+    rows: RowOutput<TrackLine>,
+    arguments: &TrackArgs,
+) -> WhileRead<RowOutput<TrackLine>> {
+    let TrackArgs { link, output, .. } = arguments;
+    let has_link = link.mavlink.is_some() || link.nmea.is_some();
+    let has_file = output.record.is_some() || output.report.is_some() || output.session.is_some();
+    WhileRead::new(rows, "the rows of the track", has_link || has_file)
+}
+
 /// Opens the file or standard output for NMEA sentences, if they are asked for there.
 ///
 /// # Errors
@@ -86,11 +95,12 @@ pub fn open_output<'a>(
 pub fn open_nmea(
     arguments: &TrackArgs,
     policy: &OutputPolicy,
-) -> Result<Option<TextStream<TrackPoint>>> {
+) -> Result<Option<WhileRead<TextStream<TrackPoint>>>> {
     let target = arguments.link.nmea_target();
-    target
-        .map(|target| TextStream::rows_to(Box::new(NmeaRows), target, policy))
-        .transpose()
+    let stream = target.map(|target| TextStream::rows_to(Box::new(NmeaRows), target, policy));
+    // The track is written beside them.
+    let while_read = |stream| WhileRead::new(stream, "the sentences of --nmea", true);
+    Ok(stream.transpose()?.map(while_read))
 }
 
 /// An error that ended the track, with where the track so far is: in the `partial` file, if that holds any of it.

@@ -51,10 +51,7 @@ fn warn_of_others(recorded: &Replay) {
 }
 
 /// Writes the track of all frames. Gives their number, and the number of those that give another track than the recorded one.
-fn write_track(
-    mut recorded: Replay,
-    mut stream: RowOutput<'_, TrackLine>,
-) -> Result<(usize, usize)> {
+fn write_track(mut recorded: Replay, mut stream: RowOutput<TrackLine>) -> Result<(usize, usize)> {
     let (mut frames, mut others) = (0, 0);
     while let Some(frame) = recorded.next_frame()? {
         frames += 1;

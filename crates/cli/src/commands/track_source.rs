@@ -22,6 +22,9 @@ use crate::tracking::video::{
 };
 use crate::{inputs, photos};
 
+/// A photo of a folder that waited for this long is left out for a newer one, where no link asks for the position now.
+const MOST_WAIT: Duration = Duration::from_secs(2);
+
 /// Where frames come from, as the command line names it.
 pub enum Source {
     /// Photos, sorted by time.
@@ -154,7 +157,7 @@ impl Source {
                 &folder,
                 options,
                 frames.idle.map(Duration::from_secs_f64),
-                Duration::from_secs_f64(frames.most_wait),
+                most_wait(arguments),
                 policy.clone(),
             )?),
             Self::Video(path) => {
@@ -178,4 +181,15 @@ impl Source {
             }
         })
     }
+}
+
+/// How long a photo of a folder may wait for its turn where a newer one is there. Between photos a link is given positions from the
+/// last one that was searched, so that its age counts.
+fn most_wait(arguments: &TrackArgs) -> Duration {
+    let given = arguments.frames.most_wait.map(Duration::from_secs_f64);
+    given.unwrap_or(if arguments.link.is_connected() {
+        Duration::ZERO
+    } else {
+        MOST_WAIT
+    })
 }

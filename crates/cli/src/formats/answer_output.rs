@@ -7,14 +7,14 @@ use grimnet_output::OutputPolicy;
 use super::{AnswerStream, Format, RowOutput, TextTarget};
 
 /// Where the answers of a run go.
-pub type AnswerOutput<'a> = RowOutput<'a, Answer>;
+pub type AnswerOutput = RowOutput<Answer>;
 
-impl<'a> AnswerOutput<'a> {
+impl AnswerOutput {
     /// Opens a file, or standard output.
     ///
     /// # Errors
     /// The file may not be replaced or cannot be written, or the format needs a file.
-    pub fn open(format: Format, out: TextTarget<'a>, policy: &'a OutputPolicy) -> Result<Self> {
+    pub fn open(format: Format, out: TextTarget<'_>, policy: &OutputPolicy) -> Result<Self> {
         #[cfg(feature = "sqlite")]
         if let (Format::Gpkg, Some(path)) = (format, out.file()) {
             return Self::database(

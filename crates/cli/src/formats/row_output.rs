@@ -1,14 +1,15 @@
 //! Where the rows of a run go.
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use grimnet_output::OutputPolicy;
+use grimnet_output::{AtomicFile, OutputPolicy};
 
 use super::TextStream;
 
 /// Rows as text, written one by one, or as a database that is written when the run ends.
-pub enum RowOutput<'a, R> {
+pub enum RowOutput<R> {
     /// Text.
     Text(TextStream<R>),
     /// A database.
@@ -16,18 +17,17 @@ pub enum RowOutput<'a, R> {
         not(feature = "sqlite"),
         allow(dead_code, reason = "builds without SQLite write no databases")
     )]
-    Database(DatabaseOutput<'a, R>),
+    Database(DatabaseOutput<R>),
 }
 
-/// A database, its file, and what may be replaced.
-pub struct DatabaseOutput<'a, R> {
+/// A database and its file, which is `FILE.partial` until it is complete: what comes in its way in the meantime does not cost the rows.
+pub struct DatabaseOutput<R> {
     rows: Vec<R>,
     bytes_of: fn(&[R]) -> Result<Vec<u8>>,
-    path: &'a Path,
-    policy: &'a OutputPolicy,
+    file: AtomicFile,
 }
 
-impl<'a, R: Clone> RowOutput<'a, R> {
+impl<R: Clone> RowOutput<R> {
     /// A file that is made of all rows by `bytes_of`.
     ///
     /// # Errors
@@ -38,23 +38,21 @@ impl<'a, R: Clone> RowOutput<'a, R> {
     )]
     pub fn database(
         bytes_of: fn(&[R]) -> Result<Vec<u8>>,
-        path: &'a Path,
-        policy: &'a OutputPolicy,
+        path: &Path,
+        policy: &OutputPolicy,
     ) -> Result<Self> {
-        policy.check_file(path, &[])?;
         Ok(Self::Database(DatabaseOutput {
             rows: Vec::new(),
             bytes_of,
-            path,
-            policy,
+            file: policy.create_partial(path)?,
         }))
     }
 
-    /// Where the rows are until the run ends; `None` if they are written through, or kept in memory.
+    /// Where the rows are until the run ends, of a database when it is written; `None` if they are written through.
     pub fn partial_path(&self) -> Option<PathBuf> {
         match self {
             Self::Text(stream) => stream.partial_path(),
-            Self::Database(_) => None,
+            Self::Database(database) => database.file.partial_path().map(Path::to_owned),
         }
     }
 
@@ -79,13 +77,32 @@ impl<'a, R: Clone> RowOutput<'a, R> {
     pub fn finish(self) -> Result<()> {
         match self {
             Self::Text(stream) => stream.finish(),
-            Self::Database(database) => {
+            Self::Database(mut database) => {
                 let bytes = (database.bytes_of)(&database.rows)?;
-                database.policy.write(database.path, |file| {
-                    std::io::Write::write_all(file, &bytes)
-                })?;
-                Ok(())
+                database.file.write_all(&bytes)?;
+                Ok(database.file.commit()?)
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_comes_in_the_way_does_not_cost_the_rows() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("answers.gpkg");
+        let policy = OutputPolicy::new();
+        let mut output =
+            RowOutput::database(|rows: &[u8]| Ok(rows.to_vec()), &path, &policy).unwrap();
+        let partial = output.partial_path().unwrap();
+        output.write(&7).unwrap();
+        fs_err::write(&path, "of somebody else").unwrap();
+        output.write(&8).unwrap();
+        assert!(output.finish().is_err());
+        assert_eq!(fs_err::read(&path).unwrap(), b"of somebody else");
+        assert_eq!(fs_err::read(&partial).unwrap(), [7, 8]);
     }
 }

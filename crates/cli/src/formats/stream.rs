@@ -63,6 +63,8 @@ pub struct TextStream<R> {
     format: Box<dyn TextFormat<R>>,
     out: Out,
     opened: bool,
+    /// Bytes of a file up to the closing.
+    end: u64,
 }
 
 enum Out {
@@ -98,6 +100,7 @@ impl<R> TextStream<R> {
                 TextTarget::File(path) => Out::File(policy.create_partial(path)?),
             },
             opened: false,
+            end: 0,
         })
     }
 
@@ -121,8 +124,20 @@ impl<R> TextStream<R> {
             // What was written to a pipe cannot be taken back: the closing waits for the end.
             Out::File(file) if file.partial_path().is_some() => {
                 text += closing;
-                file.write_all(text.as_bytes())?;
-                file.seek(SeekFrom::Current(-(closing.len() as i64)))?;
+                let written = file
+                    .write_all(text.as_bytes())
+                    .and_then(|()| file.seek(SeekFrom::Current(-(closing.len() as i64))));
+                match written {
+                    Ok(end) => self.end = end,
+                    Err(error) => {
+                        // As on a full disk: without the row the text is well-formed, and its closing had room before.
+                        file.cut_back(self.end)?;
+                        if self.end > 0 {
+                            file.write_all(closing.as_bytes())?;
+                        }
+                        return Err(error.into());
+                    }
+                }
             }
             out => out.write(&text)?,
         }

@@ -10,7 +10,7 @@ use grimnet_output::OutputPolicy;
 use grimnet_photo::pictures::is_picture;
 
 use super::frame_time::Epoch;
-use super::frames::{Frame, FrameOptions, Frames, frame_from_file};
+use super::frames::{EQUAL_TIMES, Frame, FrameOptions, Frames, frame_from_file};
 use grimnet_answer::printable;
 
 /// How often the folder is looked at.
@@ -24,7 +24,7 @@ pub struct Following {
     options: FrameOptions,
     /// Ends after so long without a new file.
     idle: Option<Duration>,
-    /// A frame that waited longer than this is left out if there is a newer one.
+    /// A frame that waited for this long is left out if there is a newer one.
     most_wait: Duration,
     /// Gets every photo that is found as an input.
     policy: OutputPolicy,
@@ -32,6 +32,9 @@ pub struct Following {
     growing: HashMap<PathBuf, (Look, Instant)>,
     seen: HashSet<PathBuf>,
     ready: Vec<Ready>,
+    /// The times of the photos that were ready, as bits.
+    times: HashSet<u64>,
+    warned_of_equal_times: bool,
     epoch: Option<Epoch>,
     is_coarse: bool,
     last_new: Instant,
@@ -76,6 +79,8 @@ impl Following {
             growing: HashMap::new(),
             seen: HashSet::new(),
             ready: Vec::new(),
+            times: HashSet::new(),
+            warned_of_equal_times: false,
             epoch: None,
             is_coarse: false,
             last_new: Instant::now(),
@@ -149,6 +154,14 @@ impl Following {
         }
         self.taken += 1;
         self.is_coarse |= !time.has_fraction;
+        let is_equal = !self.times.insert(time.time_s.to_bits());
+        if is_equal && !std::mem::replace(&mut self.warned_of_equal_times, true) {
+            let name = path.display().to_string();
+            tracing::warn!(
+                "{}: has the time of a photo before it, as others may have: {EQUAL_TIMES}",
+                printable(&name)
+            );
+        }
         self.ready.push(Ready {
             path,
             time_s: time.time_s,
@@ -159,7 +172,7 @@ impl Following {
     /// The next frame by time; those that waited for too long are dropped for newer ones.
     fn next_ready(&mut self, now: Instant) -> Option<Ready> {
         self.ready.sort_by(|a, b| a.time_s.total_cmp(&b.time_s));
-        while self.ready.len() > 1 && now.duration_since(self.ready[0].since) > self.most_wait {
+        while self.ready.len() > 1 && now.duration_since(self.ready[0].since) >= self.most_wait {
             let late = self.ready.remove(0);
             self.dropped += 1;
             tracing::info!("{}: dropped for a newer one", late.path.display());
@@ -272,6 +285,34 @@ mod tests {
         assert_eq!(following.dropped, 1);
         following.take(folder.path().join("no time.jpg"), later);
         assert_eq!(following.without_time, 1);
+    }
+
+    #[test]
+    fn without_a_wait_the_newest_is_taken_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::ZERO);
+        let begin = Instant::now();
+        for name in ["f_1.0.jpg", "f_2.0.jpg", "f_3.0.jpg"] {
+            following.take(folder.path().join(name), begin);
+        }
+        assert_eq!(following.next_ready(begin).unwrap().time_s, 3.0);
+        assert_eq!(following.dropped, 2);
+        following.take(folder.path().join("f_4.0.jpg"), begin);
+        assert_eq!(following.next_ready(begin).unwrap().time_s, 4.0);
+    }
+
+    #[test]
+    fn equal_times_are_noticed() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut following = following(folder.path(), Duration::from_secs(1));
+        for (name, expected) in [
+            ("a_1.5.jpg", false),
+            ("a_2.5.jpg", false),
+            ("b_1.5.jpg", true),
+        ] {
+            following.take(folder.path().join(name), Instant::now());
+            assert_eq!(following.warned_of_equal_times, expected, "{name}");
+        }
     }
 
     #[test]

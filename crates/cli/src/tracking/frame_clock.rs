@@ -6,6 +6,7 @@
 use std::collections::VecDeque;
 
 use super::frame_time::Epoch;
+use super::own_clock::OwnClock;
 
 /// The date of a first photo that differs by more from the system's is of another time: of a clock that was never set, or of a flight
 /// that is played again, seconds.
@@ -20,6 +21,16 @@ const COMPARED: usize = 10;
 const LATE_COMPARED: usize = 5;
 /// From so many frames on there is a warning that photos are too old: the first ones may have waited for the program.
 const LATE_BEFORE_WARNING: usize = 3;
+
+/// A clock of the frames' own that is wrong by more than this part is warned of. It moves velocities by as much, and positions by the
+/// way that is flown in a fraction of a second.
+const WARNED_GAIN: f64 = 0.01;
+/// That is told by frames that came so long after each other, seconds: single ones come some tenths of a second late.
+const WARNED_OVER_S: f64 = 45.0;
+/// With a clock that is wrong by more than this part no position is given.
+const MAX_GAIN: f64 = 0.1;
+/// As [`WARNED_OVER_S`].
+const MAX_GAIN_OVER_S: f64 = 15.0;
 
 /// What the clocks show when a frame is taken in, seconds.
 #[derive(Debug, Clone, Copy)]
@@ -48,6 +59,8 @@ enum Agreement {
     Early(f64),
     /// Frames come so many seconds after their time, at least.
     Late(f64),
+    /// Their own clock gains so many seconds in a second.
+    Gains(f64),
 }
 
 impl Agreement {
@@ -65,11 +78,13 @@ pub struct FrameClock {
     latency_s: Option<f64>,
     base: Option<Base>,
     ahead_s: f64,
-    frames: usize,
+    /// Where that is not the system's.
+    own: OwnClock,
     /// How old the last frames were when they came, beyond the latency, seconds.
     ages_s: VecDeque<f64>,
     agreement: Agreement,
     reported: Agreement,
+    warned_of_gain: bool,
 }
 
 impl FrameClock {
@@ -81,10 +96,11 @@ impl FrameClock {
             latency_s,
             base: None,
             ahead_s: 0.0,
-            frames: 0,
+            own: OwnClock::default(),
             ages_s: VecDeque::with_capacity(COMPARED),
             agreement: Agreement::Agrees,
             reported: Agreement::Agrees,
+            warned_of_gain: false,
         }
     }
 
@@ -109,18 +125,15 @@ impl FrameClock {
         // A photo that waited says nothing of the clock.
         let newest_s = newest_s.map_or(time_s, |newest_s| newest_s.max(time_s));
         let base_text = self.choose_base(newest_s, epoch, now);
-        if self.base == Some(Base::System) {
+        // If the frame came at the moment of its exposure, or as long after it as is said.
+        let least_ahead_s = newest_s + self.latency_s.unwrap_or(0.0) - now.link_s;
+        self.ahead_s = if self.base == Some(Base::System) {
             // It may have been set since the links' clock began.
-            self.ahead_s = now.system_s - now.link_s;
-        }
-        let mut age_s = now.link_s + self.ahead_s - newest_s - self.latency_s.unwrap_or(0.0);
-        self.frames += 1;
-        if self.base != Some(Base::System) && self.frames <= COMPARED && age_s < 0.0 {
-            // The first frame had waited.
-            self.ahead_s -= age_s;
-            self.ages_s.clear();
-            age_s = 0.0;
-        }
+            now.system_s - now.link_s
+        } else {
+            self.own.take(now.link_s, least_ahead_s)
+        };
+        let age_s = self.ahead_s - least_ahead_s;
         if self.ages_s.len() == COMPARED {
             self.ages_s.pop_front();
         }
@@ -129,7 +142,10 @@ impl FrameClock {
             let last_s = self.ages_s.iter().rev().take(count);
             last_s.copied().fold(f64::INFINITY, f64::min)
         };
-        self.agreement = if least_of_s(COMPARED) < -MAX_EARLY_S {
+        let gain = self.own.gain_over(MAX_GAIN_OVER_S).unwrap_or(0.0);
+        self.agreement = if gain.abs() > MAX_GAIN && self.base != Some(Base::System) {
+            Agreement::Gains(gain)
+        } else if least_of_s(COMPARED) < -MAX_EARLY_S {
             Agreement::Early(-least_of_s(COMPARED))
         } else if least_of_s(LATE_COMPARED) > MAX_LATE_S {
             Agreement::Late(least_of_s(LATE_COMPARED))
@@ -139,7 +155,9 @@ impl FrameClock {
         if self.base == Some(Base::OtherTime) {
             return base_text;
         }
-        base_text.or_else(|| self.agreement_text())
+        base_text
+            .or_else(|| self.agreement_text())
+            .or_else(|| self.gain_text())
     }
 
     /// Chooses the frames' clock, again where a later frame has the system's after all.
@@ -152,7 +170,6 @@ impl FrameClock {
                 None
             }
             None => {
-                self.ahead_s = newest_s + self.latency_s.unwrap_or(0.0) - now.link_s;
                 if is_dated {
                     self.base = Some(Base::OtherTime);
                     return Some(other_time_text(now.system_s - newest_s));
@@ -194,14 +211,33 @@ impl FrameClock {
                 "the photos are {by_s:.1} s old when they come: their clock is behind this computer's, or they come too late. No \
                  position is given until that changes. Set the clocks, or give --clock-offset {by_s:.1}"
             ),
-            Agreement::Early(by_s) => format!(
-                "the photos come {by_s:.1} s earlier than the times since the first one say, so that positions would be wrong: none is \
-                 given until they agree. Does --fps, or the photos' clock, fit?"
-            ),
+            // A clock of their own is the one by which they do not come early.
+            Agreement::Early(_) => return None,
             Agreement::Late(by_s) => format!(
                 "the photos come {by_s:.1} s later than the times since the first one say: they are processed more slowly than they \
                  were taken, or --fps or the photos' clock does not fit. No position is given until that changes"
             ),
+            Agreement::Gains(gain) => format!(
+                "the photos come {}: --fps or the photos' clock does not fit, or they are processed more slowly than they were taken. \
+                 No position is given until that changes",
+                speed_text(gain)
+            ),
+        })
+    }
+
+    /// What is reported once where a clock of the frames' own goes wrong by little.
+    fn gain_text(&mut self) -> Option<String> {
+        let gain = self.own.gain_over(WARNED_OVER_S)?;
+        let is_new = self.agrees()
+            && self.base != Some(Base::System)
+            && gain.abs() > WARNED_GAIN
+            && !std::mem::replace(&mut self.warned_of_gain, true);
+        is_new.then(|| {
+            format!(
+                "the photos come {}, so that velocities are wrong by as much, and positions by the way that is flown in some tenths of \
+                 a second: does --fps, or the photos' clock, fit, and is no photo lost?",
+                speed_text(gain)
+            )
         })
     }
 }
@@ -210,6 +246,12 @@ impl FrameClock {
 const UNKNOWN_LATENCY: &str = "the times of the frames are not of this computer's clock, so that each frame is taken for exposed when \
     it comes: the time that it takes to come, often some tenths of a second, makes positions wrong by the way that is flown in it, which \
     the stated radius does not contain. Measure it and give --frame-latency S (docs/autopilot.md, \"One clock\")";
+
+/// How fast photos come, where their clock gains so many seconds in a second.
+fn speed_text(gain: f64) -> String {
+    let faster = if gain > 0.0 { "faster" } else { "more slowly" };
+    format!("{:.1} % {faster} than their times say", 100.0 * gain.abs())
+}
 
 /// What is reported where the newest photo is so many seconds old by its date.
 fn other_time_text(age_s: f64) -> String {
@@ -316,20 +358,48 @@ mod tests {
         assert!(clock.agrees());
     }
 
+    /// Frames without dates, `per_s` of their seconds in a second, for so many seconds. Gives the lines that are logged.
+    fn stream(clock: &mut FrameClock, per_s: f64, seconds: u32) -> Vec<String> {
+        (0..seconds)
+            .filter_map(|second| {
+                let now = at(BEGAN_S + f64::from(second));
+                clock.frame(per_s * f64::from(second), Epoch::Start, None, now)
+            })
+            .collect()
+    }
+
     #[test]
-    fn seconds_since_the_first_frame_that_drift_are_reported() {
-        // One frame a second, with times that go twice as fast, or half as fast.
-        for (speed, expected) in [(2.0, "earlier than"), (0.5, "later than")] {
+    fn a_clock_of_the_frames_that_goes_much_too_fast_or_too_slow_gives_no_position() {
+        for (per_s, expected) in [(2.0, "100.0 % faster"), (0.5, "50.0 % more slowly")] {
             let mut clock = FrameClock::new(true, Some(0.3));
-            let lines: Vec<String> = (0..60)
-                .filter_map(|second| {
-                    let now = at(BEGAN_S + f64::from(second));
-                    clock.frame(speed * f64::from(second), Epoch::Start, None, now)
-                })
-                .collect();
-            assert_eq!(lines.len(), 1, "{lines:?}");
-            assert!(lines[0].contains(expected), "{lines:?}");
-            assert!(!clock.agrees());
+            let lines = stream(&mut clock, per_s, 600);
+            assert!(lines.last().unwrap().contains(expected), "{lines:?}");
+            let late = "later than the times since the first one say";
+            assert!(lines.len() == 1 || lines[0].contains(late), "{lines:?}");
+            assert!(lines.len() <= 2 && !clock.agrees(), "{lines:?}");
+        }
+    }
+
+    /// Such as a camera of 29.97 frames a second with `--fps 30`, or a second that is 10 ms too short.
+    #[test]
+    fn a_clock_of_the_frames_that_drifts_is_followed_for_hours() {
+        for (per_s, warned) in [
+            (29.97 / 30.0, None),
+            (1.0005, None),
+            (1.0 / 0.985, Some("1.5 % faster")),
+            (1.0 / 1.02, Some("2.0 % more slowly")),
+        ] {
+            let mut clock = FrameClock::new(true, Some(0.0));
+            let lines = stream(&mut clock, per_s, 7200);
+            assert!(clock.agrees(), "{per_s}");
+            assert_eq!(lines.len(), usize::from(warned.is_some()), "{lines:?}");
+            if let Some(warned) = warned {
+                assert!(lines[0].contains(warned), "{lines:?}");
+            }
+            // At the last frame, which came at the moment of its exposure.
+            let frame_s = 7199.0 + BEGAN_S + clock.ahead_s().unwrap();
+            let off_s = frame_s - per_s * 7199.0;
+            assert!((-1e-6..0.61).contains(&off_s), "{per_s}: {off_s}");
         }
     }
 

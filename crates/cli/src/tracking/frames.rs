@@ -122,6 +122,10 @@ impl FrameOptions {
     }
 }
 
+/// What equal times of photos mean, and what to do about them, for messages.
+pub const EQUAL_TIMES: &str = "of photos of one time the track takes in one, and nothing of the others; if the camera took photos \
+    evenly, --fps N says how many a second";
+
 /// What to do about a frame without time, for messages.
 const NO_TIME_HINT: &str = "neither its EXIF data nor its name state when it was taken; --fps N takes \
     frames in order, N a second";

@@ -11,10 +11,11 @@ use anyhow::{Context as _, Result, bail};
 use grimnet_answer::printable_text;
 use grimnet_flight::{Flight, LeftOut};
 use grimnet_link::{Address, Link, LinkClock, LinkEvent, LinkOptions, NmeaOutput, PointAt};
-use grimnet_track::{Input, Tracker};
+use grimnet_track::{Input, TrackPoint, TrackState, Tracker};
 
 use super::frame_clock::{FrameClock, Now};
 use super::frame_time::Epoch;
+use super::pace::Pace;
 
 /// How often telemetry is taken from the link.
 const PERIOD: Duration = Duration::from_millis(10);
@@ -48,6 +49,8 @@ struct Published {
     tracker: Option<Tracker>,
     /// The telemetry that the flight goes without.
     left_out: LeftOut,
+    /// For how long after its exposure the fix of the last frame is a recent one, seconds.
+    fix_is_recent_for_s: f64,
     /// The frames' clock, which is the filter's, is so far ahead of the links', seconds. `None` before the first frame.
     ahead_s: Option<f64>,
     /// Telemetry that the flight did not take in yet, at times of the links' clock, in order of arrival.
@@ -64,6 +67,7 @@ pub struct Live {
     /// Whether the frames come while the aircraft flies.
     is_live: bool,
     frame_clock: FrameClock,
+    pace: Pace,
     warned_of_coarse: bool,
     shared: Shared,
     running: Option<Running>,
@@ -91,6 +95,7 @@ impl Live {
             has_nmea: options.nmea.is_some(),
             is_live,
             frame_clock: FrameClock::new(is_live, options.frame_latency_s),
+            pace: Pace::default(),
             warned_of_coarse: false,
             shared,
             running,
@@ -144,6 +149,7 @@ impl Live {
                  stated radius does not contain: write EXIF SubSecTimeOriginal, or names with milliseconds (docs/flight.md)"
             );
         }
+        self.pace.frame(frame_s);
         let mut published = lock(&self.shared);
         published.ahead_s = self.frame_clock.ahead_s();
         if !self.frame_clock.agrees() {
@@ -163,11 +169,16 @@ impl Live {
     }
 
     fn publish_track(&self, tracker: &Tracker, left_out: LeftOut) {
-        if self.running.is_some() && self.frame_clock.agrees() {
-            let mut published = lock(&self.shared);
-            published.tracker = Some(tracker.clone());
-            published.left_out = left_out;
-        }
+        let Some(running) = self.running.as_ref().filter(|_| self.frame_clock.agrees()) else {
+            return;
+        };
+        let now_s = running.clock.now_s() + self.frame_clock.ahead_s().unwrap_or(0.0);
+        let age_s = self.pace.last_s().map_or(0.0, |last_s| now_s - last_s);
+        let least_s = tracker.options().coasting_after_s;
+        let mut published = lock(&self.shared);
+        published.tracker = Some(tracker.clone());
+        published.left_out = left_out;
+        published.fix_is_recent_for_s = self.pace.fix_is_recent_for_s(age_s, least_s);
     }
 }
 
@@ -177,8 +188,7 @@ impl Running {
         let asked = Arc::clone(shared);
         let point_at: PointAt = Arc::new(move |time_s| {
             let published = lock(&asked);
-            let frame_s = time_s + published.ahead_s?;
-            published.tracker.as_ref()?.point_at(frame_s)
+            published.point_at(time_s + published.ahead_s?)
         });
         let mavlink = match &options.mavlink {
             Some(options) => Some(Link::start(options.clone(), clock, Arc::clone(&point_at))?),
@@ -245,6 +255,20 @@ pub fn check_time_of_day(epoch: Epoch) -> Result<()> {
 }
 
 impl Published {
+    /// The track at a time of the frames' clock. Between two frames that come seldom, or late, it does not coast: the filter counts
+    /// from the exposure of the last one with a fix, and knows nothing of when the next one can be there.
+    fn point_at(&self, frame_s: f64) -> Option<TrackPoint> {
+        let mut point = self.tracker.as_ref()?.point_at(frame_s)?;
+        let age_s = point
+            .estimate
+            .and_then(|estimate| estimate.age_of_last_fix_s);
+        let is_recent = age_s.is_some_and(|age_s| age_s <= self.fix_is_recent_for_s);
+        if point.state == TrackState::Coasting && is_recent {
+            point.state = TrackState::Tracking;
+        }
+        Some(point)
+    }
+
     /// Takes in telemetry that came between two frames: keeps it for the flight, and moves the track that the links ask, unless the
     /// flight goes without it.
     fn take(&mut self, input: Input) {
@@ -298,7 +322,8 @@ fn tell(event: &LinkEvent) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grimnet_track::{TrackOptions, Velocity};
+    use grimnet_geo::LonLat;
+    use grimnet_track::{PositionFix, TrackOptions, Velocity};
 
     fn sentences(is_live: bool) -> Live {
         let options = LiveOptions {
@@ -358,6 +383,39 @@ mod tests {
         published.left_out = LeftOut::default();
         published.take(velocity);
         assert_ne!(of(&published.tracker), of(&before));
+    }
+
+    /// One photo in four seconds: the track coasts only where one of them gave no fix.
+    #[test]
+    fn the_links_are_given_a_track_that_does_not_coast_between_two_photos() {
+        let mut pace = Pace::default();
+        let mut tracker = tracker();
+        for number in 0..8 {
+            let time_s = 4.0 * f64::from(number);
+            pace.frame(time_s);
+            let fix = PositionFix {
+                time_s,
+                lonlat: LonLat::new(120.5, 24.25),
+                covariance_en_m2: [1.0, 0.0, 1.0],
+                map_error_m: 1.0,
+                heading_deg: Some(0.0),
+                gsd_m: 0.05,
+                confidence: 0.99,
+            };
+            tracker.push(Input::Fix(fix)).unwrap();
+        }
+        let mut published = Published {
+            tracker: Some(tracker),
+            ..Published::default()
+        };
+        let state = |published: &Published, after_s: f64| {
+            let point = published.point_at(28.0 + after_s).unwrap();
+            point.state
+        };
+        assert_eq!(state(&published, 4.5), TrackState::Coasting);
+        published.fix_is_recent_for_s = pace.fix_is_recent_for_s(0.5, 2.0);
+        assert_eq!(state(&published, 4.5), TrackState::Tracking);
+        assert_eq!(state(&published, 8.5), TrackState::Coasting);
     }
 
     /// The first frame gets its attitude and height, and nothing grows while the aircraft waits on the ground.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use anyhow::{Result, bail};
 
 use super::frame_time::{Epoch, FrameTime};
-use super::frames::{Frame, FrameOptions, Frames, frame_from_file};
+use super::frames::{EQUAL_TIMES, Frame, FrameOptions, Frames, frame_from_file};
 use grimnet_answer::printable;
 
 /// A step of time above this gets a warning, seconds: a clock may have been set, or the aircraft landed.
@@ -100,8 +100,7 @@ fn warn_of_odd_times(timed: &[(PathBuf, FrameTime)]) {
     }
     if equal > 0 {
         tracing::warn!(
-            "{equal} of {} photos have the time of the one before them, so that their order is that of their names and \
-             the velocity between them is unknown; if the camera took photos evenly, --fps N says how many a second",
+            "{equal} of {} photos have the time of the one before them: {EQUAL_TIMES}",
             timed.len()
         );
     }

@@ -1,13 +1,13 @@
 //! Frames of a stream, such as standard input: JPEG pictures one after the other, or lines with the names of photo files.
 
-use std::io::{self, BufRead, Read as _};
+use std::io::{BufRead, Read as _};
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
 use std::thread;
 use std::time::Duration;
 
-use anyhow::{Context as _, Result};
+use anyhow::{Context as _, Result, bail};
 use grimnet_output::OutputPolicy;
 use grimnet_photo::Metadata;
 
@@ -25,13 +25,17 @@ const JPEG_BEGIN: u8 = 0xff;
 /// How often a wait for the next frame looks whether it should stop.
 const PATIENCE: Duration = Duration::from_millis(100);
 const CANNOT_READ: &str = "cannot read standard input";
-/// A line longer than this is no name, bytes.
-const MOST_NAME_BYTES: u64 = 64 << 10;
+/// A line longer than this is no name, bytes (`PATH_MAX` of Linux).
+const MOST_NAME_BYTES: usize = 4096;
+/// What begins like this is no text, though it need not have a NUL near its beginning: PNG, GIF, YUV4MPEG2.
+const SIGNATURES: [&[u8]; 4] = [b"\x89PNG", b"GIF87a", b"GIF89a", b"YUV4MPEG2 "];
+const NEITHER: &str = "standard input is neither JPEG pictures nor lines with names of photos; `ffmpeg -i INPUT -f image2pipe -c:v \
+    mjpeg -` makes JPEG pictures of a video or of other pictures";
 
 /// See the module. The first byte says which of the two it is.
 pub struct StreamedFrames {
     /// From a thread that reads: a camera may be silent for long.
-    input: Taker<io::Result<Streamed>>,
+    input: Taker<Result<Streamed>>,
     options: FrameOptions,
     /// Gets every file that is named as an input.
     policy: OutputPolicy,
@@ -57,7 +61,7 @@ impl StreamedFrames {
     /// Waits for the first byte. `keep` says what becomes of a frame that waits while others come.
     ///
     /// # Errors
-    /// Nothing can be read, or no thread can be started.
+    /// Nothing can be read, it is neither pictures nor names, or no thread can be started.
     pub fn new(
         mut input: impl BufRead + Send + 'static,
         options: FrameOptions,
@@ -66,12 +70,18 @@ impl StreamedFrames {
     ) -> Result<Self> {
         let first = input.fill_buf().context(CANNOT_READ)?;
         let holds_pictures = first.first() == Some(&JPEG_BEGIN);
+        if !holds_pictures {
+            check_is_text(first)?;
+        }
         // Where all are kept, what comes while one waits and another is searched stays in the pipe.
         let (giver, taker) = handover();
         let read = move || {
             if holds_pictures {
                 let mut stream = JpegStream::new(input);
-                let next = || Ok(stream.next_picture()?.map(Content::Picture));
+                let next = || {
+                    let picture = stream.next_picture().context(CANNOT_READ)?;
+                    Ok(picture.map(Content::Picture))
+                };
                 give_all(next, &giver, keep);
             } else {
                 let next = || Ok(next_name(&mut input)?.map(Content::Name));
@@ -96,7 +106,7 @@ impl StreamedFrames {
     fn read(&mut self, stop: &AtomicBool) -> Result<Option<(usize, Frame, Metadata)>> {
         let Streamed { number, content } = loop {
             match self.input.take(PATIENCE) {
-                Ok(next) => break next.context(CANNOT_READ)?,
+                Ok(next) => break next?,
                 Err(RecvTimeoutError::Timeout) if !stop.load(Ordering::Relaxed) => {}
                 Err(_) => return Ok(None),
             }
@@ -120,8 +130,8 @@ impl StreamedFrames {
 
 /// Hands over what `next` gives until its end, an error, or nobody takes it.
 fn give_all(
-    mut next: impl FnMut() -> io::Result<Option<Content>>,
-    giver: &Giver<io::Result<Streamed>>,
+    mut next: impl FnMut() -> Result<Option<Content>>,
+    giver: &Giver<Result<Streamed>>,
     keep: Keep,
 ) {
     for number in 0.. {
@@ -141,12 +151,20 @@ fn give_all(
 }
 
 /// The name in the next line that is not empty; `None` at the end. One that is not UTF-8 is the name of no photo.
-fn next_name(input: &mut impl BufRead) -> io::Result<Option<PathBuf>> {
+///
+/// # Errors
+/// It cannot be read, or is no text.
+fn next_name(input: &mut impl BufRead) -> Result<Option<PathBuf>> {
     loop {
         let mut line = Vec::new();
-        let mut limited = input.by_ref().take(MOST_NAME_BYTES);
-        if limited.read_until(b'\n', &mut line)? == 0 {
+        let mut limited = input.by_ref().take(MOST_NAME_BYTES as u64 + 1);
+        let read = limited.read_until(b'\n', &mut line);
+        if read.context(CANNOT_READ)? == 0 {
             return Ok(None);
+        }
+        check_is_text(&line)?;
+        if line.len() > MOST_NAME_BYTES {
+            bail!(NEITHER);
         }
         let line = String::from_utf8_lossy(&line);
         let name = line.trim();
@@ -154,6 +172,18 @@ fn next_name(input: &mut impl BufRead) -> io::Result<Option<PathBuf>> {
             return Ok(Some(PathBuf::from(name)));
         }
     }
+}
+
+/// Checks that bytes of a stream may be lines with names.
+///
+/// # Errors
+/// They are those of pictures or videos.
+fn check_is_text(bytes: &[u8]) -> Result<()> {
+    let begins_with = |signature: &&[u8]| bytes.starts_with(signature);
+    if bytes.contains(&0) || SIGNATURES.iter().any(begins_with) {
+        bail!(NEITHER);
+    }
+    Ok(())
 }
 
 impl Frames for StreamedFrames {
@@ -199,6 +229,7 @@ impl Frames for StreamedFrames {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io;
 
     #[test]
     fn names_are_read_line_by_line() {
@@ -214,6 +245,36 @@ mod tests {
         assert_eq!(next().unwrap().time_s, 2.0);
         assert!(next().is_none());
         assert_eq!(frames.without_time(), 1);
+    }
+
+    #[test]
+    fn what_is_neither_pictures_nor_names_is_refused_once() {
+        let long = [b'a'; MOST_NAME_BYTES + 1];
+        let png = *b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR";
+        let names_apart_by_nul = b"a_1.5.jpg\0a_2.5.jpg\0";
+        for bytes in [
+            &long[..],
+            &png,
+            names_apart_by_nul,
+            b"YUV4MPEG2 W640 H480\nFRAME\n",
+        ] {
+            // Whatever comes with the first bytes.
+            for first in [1, 5, bytes.len()] {
+                let (first, rest) = bytes.split_at(first);
+                let [first, rest] = [first, rest].map(|part| io::Cursor::new(part.to_vec()));
+                let input = io::BufReader::new(first.chain(rest));
+                let error = refusal(input.chain(&b"\nb_1.5.jpg\n"[..]));
+                assert!(error.starts_with("standard input is neither"), "{error}");
+            }
+        }
+    }
+
+    /// The error before the first frame.
+    fn refusal(input: impl BufRead + Send + 'static) -> String {
+        let (options, policy) = (FrameOptions::default(), OutputPolicy::new());
+        let next = StreamedFrames::new(input, options, policy, Keep::All)
+            .and_then(|mut frames| frames.next(&AtomicBool::new(false)));
+        next.err().expect("it is refused").to_string()
     }
 
     /// A camera that gave one byte, and then nothing for ever.

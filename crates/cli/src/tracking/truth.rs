@@ -1,9 +1,10 @@
 //! How far a track is from the truth.
 
 use std::collections::HashMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
+use grimnet_answer::printable;
 use grimnet_eval::datasets::truth::{self, TruthFrame};
 use grimnet_geo::LonLat;
 use grimnet_track::measure::{Instant, Measure, TrackSummary};
@@ -11,6 +12,9 @@ use grimnet_track::{PositionOf, TrackPoint};
 
 /// True positions by file name.
 pub struct Truth {
+    path: PathBuf,
+    /// The photo that it names first.
+    first: String,
     of_photo: HashMap<String, TruthFrame>,
 }
 
@@ -32,15 +36,37 @@ impl Truth {
     pub fn read(path: &Path) -> Result<Self> {
         crate::inputs::check_regular(path)?;
         let frames = truth::read(path)?;
-        if frames.is_empty() {
+        let Some(first) = frames.first() else {
             bail!("{}: holds no true position", path.display());
-        }
+        };
         Ok(Self {
+            path: path.to_owned(),
+            first: first.photo.clone(),
             of_photo: frames
                 .into_iter()
                 .map(|frame| (frame.photo.clone(), frame))
                 .collect(),
         })
+    }
+
+    fn frame(&self, photo: &str) -> Option<&TruthFrame> {
+        let name = Path::new(photo).file_name()?.to_str()?;
+        self.of_photo.get(name)
+    }
+
+    /// Whether it says something of a photo.
+    pub fn names(&self, photo: &str) -> bool {
+        self.frame(photo).is_some()
+    }
+
+    /// What is said where it names none of so many frames.
+    pub fn names_none_text(&self, frames: usize) -> String {
+        let (path, first) = (self.path.display().to_string(), &self.first);
+        format!(
+            "{} names none of the {frames} frames, so that the track is compared with nothing (the first photo that it names: {})",
+            printable(&path),
+            printable(first)
+        )
     }
 
     /// Compares the track at a frame; `None` if the truth of that photo is not known, or not of the point that the track tells: an
@@ -51,8 +77,7 @@ impl Truth {
         time_s: f64,
         point: Option<&TrackPoint>,
     ) -> Option<Compared> {
-        let name = Path::new(photo).file_name()?.to_str()?;
-        let frame = self.of_photo.get(name)?;
+        let frame = self.frame(photo)?;
         let estimate = point.and_then(|point| point.estimate.as_ref());
         let of_centre = estimate.is_some_and(|e| e.position_of == PositionOf::ImageCentre);
         let truth = if of_centre {
@@ -118,5 +143,20 @@ mod tests {
         );
         let answer = of_both.unwrap().instant.answer.unwrap();
         assert!(answer.error_m() < 0.5, "{answer:?}");
+    }
+
+    #[test]
+    fn a_file_of_another_flight_names_none_of_the_frames() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("truth.csv");
+        fs_err::write(&path, "photo,gps_lat,gps_lon\nDJI_0001.JPG,24.25,120.5\n").unwrap();
+        let truth = Truth::read(&path).unwrap();
+        assert!(truth.names("flight/DJI_0001.JPG"));
+        assert!(!truth.names("flight/a.jpg"));
+        let text = truth.names_none_text(30);
+        assert!(
+            text.contains("none of the 30 frames") && text.contains("DJI_0001.JPG"),
+            "{text}"
+        );
     }
 }

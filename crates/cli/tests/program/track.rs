@@ -434,6 +434,58 @@ fn a_smoothed_track_is_surer_than_the_live_one() {
     assert!(radius_m(&smoothed, "frame_001.jpg").is_some());
 }
 
+/// Such as `head` behind a pipe, or a node of ROS that ends.
+#[test]
+fn a_flight_goes_on_for_its_other_outputs_where_nothing_reads_its_rows() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let unread = |arguments: &[&str]| {
+        let mut child = Command::new(assert_cmd::cargo::cargo_bin("grim"))
+            .current_dir(folder.path())
+            .args(["track", "--pack"])
+            .arg(pack())
+            .args(arguments)
+            .args((1..=6).map(frame))
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        (errors, output.status.code())
+    };
+    let (errors, status) = unread(&["--record", "recorded", "--nmea", "sentences.nmea"]);
+    assert_eq!(status, Some(0), "{errors}");
+    let warning = "nothing reads the rows of the track any more";
+    assert_eq!(errors.matches(warning).count(), 1, "{errors}");
+    let recording = fs::read_to_string(path("recorded/flight.jsonl")).unwrap();
+    assert_eq!(recording.matches("\"frame\":{\"time_s\"").count(), 6);
+    assert!(path("sentences.nmea").is_file());
+    let (errors, status) = unread(&["--nmea", "-", "--out", "track.gpx"]);
+    assert_eq!(status, Some(0), "{errors}");
+    assert!(errors.contains("nothing reads the sentences of --nmea any more"));
+    assert!(path("track.gpx").is_file());
+    // There is nothing else to be done for anybody.
+    let (errors, status) = unread(&[]);
+    assert_eq!((errors.as_str(), status), ("", Some(0)));
+}
+
+#[test]
+fn a_truth_of_another_flight_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let truth = folder.path().join("truth.csv");
+    fs::write(&truth, "photo,gps_lat,gps_lon\nDJI_0001.JPG,24.25,120.5\n").unwrap();
+    let frames: Vec<PathBuf> = (1..=3).map(frame).collect();
+    let frames: Vec<&Path> = frames.iter().map(PathBuf::as_path).collect();
+    let (_, errors, _) = track(&["--truth", truth.to_str().unwrap()], &frames);
+    let warning = "names none of the 3 frames";
+    assert_eq!(errors.matches(warning).count(), 1, "{errors}");
+    let truth = demo().join("flight_truth.csv");
+    let (_, errors, _) = track(&["--truth", truth.to_str().unwrap()], &frames);
+    assert!(!errors.contains("names none"), "{errors}");
+}
+
 #[test]
 fn wrong_use_is_told() {
     for (arguments, expected) in [
@@ -442,6 +494,23 @@ fn wrong_use_is_told() {
         (&["gone.mp4"], "cannot read gone.mp4"),
         (&["--follow", "gone"], "expected a folder"),
         (&["--start", "120,24,9", "x.jpg"], "--start"),
+        (&["--zoom", "17", "x.jpg"], "where the map of --map lies"),
+        (
+            &["--nmea", "udp:127.0.0.1:5000", "x.jpg"],
+            "expected udpout:HOST:PORT",
+        ),
+        (
+            &[
+                "--follow",
+                ".",
+                "--mavlink",
+                "udpout:127.0.0.1:9",
+                "--dry-run",
+                "--nmea",
+                "udpout:127.0.0.1:9",
+            ],
+            "--dry-run sends nothing",
+        ),
     ] {
         grim()
             .args(["track", "--pack"])

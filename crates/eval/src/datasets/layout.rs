@@ -112,13 +112,17 @@ impl DataSet {
         if !folder.is_dir() {
             return Err(DataSetError::NoFolder(folder.to_owned()));
         }
-        if folder.join(TRUTH_FILE).is_file() {
+        if has_truth_file(folder) {
             Self::plain(request)
         } else if visloc::is_scene(folder) {
             Self::visloc(request)
         } else if anyvisloc::is_scene(folder) {
             Self::anyvisloc(request)
         } else {
+            tracing::warn!(
+                "{}: no {TRUTH_FILE}; the truth is the receiver's position in the photos' EXIF",
+                folder.display()
+            );
             Self::by_exif(request)
         }
     }
@@ -126,7 +130,7 @@ impl DataSet {
     /// Returns whether a folder is recognised as a data set by its files alone.
     #[must_use]
     pub fn is_recognised(folder: &Path) -> bool {
-        folder.join(TRUTH_FILE).is_file() || visloc::is_scene(folder) || anyvisloc::is_scene(folder)
+        has_truth_file(folder) || visloc::is_scene(folder) || anyvisloc::is_scene(folder)
     }
 
     /// Folders of the scenes in a folder, in order: those of MSDI, or each subfolder that is recognised as a data set; the folder itself
@@ -362,6 +366,11 @@ fn is_on(map: &dyn Raster, shot: &Shot) -> bool {
         })
 }
 
+/// Whether a folder has a truth file. One that cannot be read, as behind a broken link, is an error where it is read, and not another truth.
+fn has_truth_file(folder: &Path) -> bool {
+    folder.join(TRUTH_FILE).symlink_metadata().is_ok()
+}
+
 /// The truths that can be scored: the photo exists and its position is known. All others are logged as warnings.
 fn scorable(
     truth: Vec<TruthFrame>,
@@ -374,6 +383,12 @@ fn scorable(
             tracing::warn!(
                 "{}: listed more than once in the truth file; the first row counts",
                 frame.photo
+            );
+        } else if Path::new(&frame.photo).file_name() != Some(frame.photo.as_ref()) {
+            tracing::warn!(
+                "{}: expected the name of a file in {}, without folders; skipped",
+                frame.photo,
+                photos.display()
             );
         } else if !path.is_file() {
             tracing::warn!(
@@ -443,5 +458,39 @@ mod tests {
         assert!(corners_with(None).is_some());
         assert!(corners_with(Some(&own)).is_some());
         assert!(corners_with(Some(&root.path().join("other.tif"))).is_none());
+    }
+
+    fn request(folder: &Path) -> DataSetRequest<'_> {
+        DataSetRequest {
+            folder,
+            map: None,
+            map_options: MapOptions::default(),
+            photos_out: folder,
+            photo_limits: PhotoLimits::DEFAULT,
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn a_truth_file_that_cannot_be_read_is_no_reason_to_take_another_truth() {
+        let folder = tempfile::tempdir().unwrap();
+        std::os::unix::fs::symlink("nowhere.csv", folder.path().join(TRUTH_FILE)).unwrap();
+        let error = DataSet::find(&request(folder.path())).unwrap_err();
+        assert!(error.to_string().contains(TRUTH_FILE), "{error}");
+    }
+
+    #[test]
+    fn photos_lie_in_their_folder() {
+        let folder = tempfile::tempdir().unwrap();
+        let photos = folder.path().join(PHOTO_FOLDER);
+        fs_err::create_dir(&photos).unwrap();
+        for name in ["photos/a.jpg", "map.jpg"] {
+            fs_err::write(folder.path().join(name), "").unwrap();
+        }
+        let table = "photo,lat_deg,lon_deg\na.jpg,24.2,120.7\n../map.jpg,24.2,120.7\n";
+        fs_err::write(folder.path().join(TRUTH_FILE), table).unwrap();
+        let set = DataSet::find(&request(folder.path())).unwrap();
+        assert_eq!(set.frames.len(), 1);
+        assert_eq!(set.frames[0].1, photos.join("a.jpg"));
     }
 }

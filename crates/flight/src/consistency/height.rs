@@ -2,10 +2,12 @@
 //!
 //! The ground resolution of a fix times the focal length is the height above the ground. Feet, heights above the sea or above the place
 //! of take-off, and a wrong field of view differ from it by a factor that is the same in fix after fix. No photo is found where the
-//! height puts its scale wrong, so the searches try other scales while no fix has confirmed it.
+//! height puts its scale wrong, so the searches try other scales while no fix has confirmed it, and again after a gap in the fixes
+//! ([`super::confirmation`]).
 
 use std::collections::VecDeque;
 
+use super::confirmation::Confirmation;
 use super::median::median;
 
 /// So many of the latest fixes are compared.
@@ -38,7 +40,7 @@ impl std::fmt::Display for HeightWarning {
 /// Compares the reported height with fixes.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct HeightCheck {
-    is_confirmed: bool,
+    confirmation: Confirmation,
     /// Reported over measured heights, the latest last.
     factors: VecDeque<f64>,
     warning: Option<HeightWarning>,
@@ -48,7 +50,9 @@ impl HeightCheck {
     /// Takes in the height above ground that a fix shows and the one that was reported for it, metres.
     pub fn fix(&mut self, measured_m: f64, reported_m: f64) {
         let factor = reported_m / measured_m;
-        self.is_confirmed |= factor.ln().abs() < CONFIRMED.ln();
+        if factor.ln().abs() < CONFIRMED.ln() {
+            self.confirmation = Confirmation::Holds;
+        }
         if self.factors.len() == FIXES {
             self.factors.pop_front();
         }
@@ -65,9 +69,14 @@ impl HeightCheck {
         }
     }
 
-    /// Whether a fix has ever confirmed it.
-    pub fn is_confirmed(&self) -> bool {
-        self.is_confirmed
+    /// The whole map was searched so often in a row without a fix.
+    pub fn searched_in_vain(&mut self, vain_searches: u32) {
+        self.confirmation.searched_in_vain(vain_searches);
+    }
+
+    /// Whether searches are to try other scales than the reported height's.
+    pub fn is_tested(&self, vain_searches: u32) -> bool {
+        self.confirmation.is_tested(vain_searches)
     }
 
     /// What is inconsistent; once it is, it stays so.
@@ -89,15 +98,26 @@ mod tests {
     }
 
     #[test]
+    fn a_height_that_gets_another_reference_in_flight_is_noticed() {
+        let stepped = flown(|number| if number < 12 { 1.0 } else { 0.52 });
+        assert_eq!(stepped.warning().unwrap().factor, 0.52);
+        let mut check = flown(|_| 1.0);
+        check.searched_in_vain(4);
+        assert!(check.is_tested(4));
+        check.fix(100.0, 105.0);
+        assert!(!check.is_tested(4));
+    }
+
+    #[test]
     fn feet_are_noticed_and_roofs_and_wrong_fixes_are_consistent() {
         let feet = flown(|number| if number % 7 == 3 { 0.4 } else { 3.28 });
         let warning = feet.warning().unwrap();
         assert_eq!(warning.factor, 3.28);
-        assert!(!feet.is_confirmed());
+        assert_eq!(feet.confirmation, Confirmation::None);
         assert!(warning.to_string().contains("3.28 times"), "{warning}");
         let roofs = flown(|number| 1.0 + 0.03 * (number % 10) as f64);
         assert_eq!(roofs.warning(), None);
-        assert!(roofs.is_confirmed());
+        assert_eq!(roofs.confirmation, Confirmation::Holds);
         let wrong = flown(|number| [0.3, 1.0, 2.8, 5.0][number % 4]);
         assert_eq!(wrong.warning(), None, "they agree on no factor");
     }

@@ -281,3 +281,28 @@ fn velocities_that_stay_wrong_stay_left_out() {
         }
     }
 }
+
+#[test]
+fn a_single_impossible_velocity_is_no_inconsistency() {
+    let single_m_s = |time_s: f64| {
+        if (time_s - SPOOFED_FROM_S).abs() < 0.05 {
+            100.0
+        } else {
+            0.0
+        }
+    };
+    for base in [usual().swap_remove(0)].into_iter().chain(hard()) {
+        for seed in 1..=4 {
+            let options = FlightOptions {
+                seed,
+                ..base.clone()
+            };
+            let left_out_s = |spoofed_m_s: &dyn Fn(f64) -> f64| -> Vec<f64> {
+                let changes_s = changes_s(options.clone(), spoofed_m_s, usize::MAX);
+                changes_s.into_iter().step_by(2).collect()
+            };
+            let (single_s, none_s) = (left_out_s(&single_m_s), left_out_s(&|_| 0.0));
+            assert_eq!(single_s, none_s, "{options:?}");
+        }
+    }
+}

@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::buffer::AlignedBuffer;
+use crate::tensor::elements_with_halo;
 
 /// Bytes of a word: what one lane of a dot-product instruction multiplies.
 pub(crate) const WORD: usize = 4;
@@ -56,10 +57,11 @@ impl ByteTensor {
         if (self.height, self.width, self.channels, self.pitch) == shape && self.zero == zero {
             return;
         }
+        let len = elements_with_halo(height, width, pitch);
         (self.height, self.width, self.channels, self.pitch) = shape;
         self.zero.clear();
         self.zero.extend_from_slice(zero);
-        let (row, len) = (self.row_stride(), self.len());
+        let row = self.row_stride();
         self.data.grow(len.div_ceil(size_of::<f32>()));
         let zero = std::mem::take(&mut self.zero);
         let fill = |pixels: &mut [u8]| {

@@ -19,8 +19,16 @@ pub(super) struct BatchShape {
 }
 
 impl BatchShape {
+    /// Number of elements.
+    ///
+    /// # Panics
+    /// If it does not fit `usize`.
     pub(super) fn len(&self) -> usize {
-        self.batch * self.height * self.width * self.channels
+        let mut sides = [self.height, self.width, self.channels].into_iter();
+        match sides.try_fold(self.batch, usize::checked_mul) {
+            Some(len) => len,
+            None => panic!("the batch does not fit the address space"),
+        }
     }
 
     pub(super) fn tiles(&self) -> usize {

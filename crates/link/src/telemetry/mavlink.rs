@@ -61,6 +61,8 @@ pub(crate) struct MavlinkTelemetry {
     relative_m: Stamped<f64>,
     amsl_m: Stamped<f64>,
     above_ground: Stamped<()>,
+    /// How far the ground below was under the home position when a rangefinder last measured it, metres: 0 until one does.
+    home_above_ground_m: f64,
 }
 
 impl MavlinkTelemetry {
@@ -76,6 +78,7 @@ impl MavlinkTelemetry {
             relative_m: None,
             amsl_m: None,
             above_ground: None,
+            home_above_ground_m: 0.0,
         }
     }
 
@@ -216,10 +219,13 @@ impl MavlinkTelemetry {
         let relative_m = f64::from(data.relative_alt) * 1e-3;
         self.amsl_m = amsl_m.map(|amsl_m| (now_s, amsl_m)).or(self.amsl_m);
         self.relative_m = Some((now_s, relative_m));
-        if relative_m >= LOWEST_M && recent(self.above_ground, now_s, PREFER_S).is_none() {
+        // Where the rangefinder no longer reaches the ground, heights above home go on from its last one: a step is no climb, and the
+        // ground last seen is nearer than home.
+        let agl_m = relative_m + self.home_above_ground_m;
+        if agl_m >= LOWEST_M && recent(self.above_ground, now_s, PREFER_S).is_none() {
             inputs.push(Input::Height(Height {
                 time_s,
-                agl_m: relative_m,
+                agl_m,
                 amsl_m,
             }));
         }
@@ -243,6 +249,9 @@ impl MavlinkTelemetry {
         let agl_m = f64::from(data.bottom_clearance);
         if agl_m.is_finite() && agl_m >= LOWEST_M {
             self.above_ground = Some((now_s, ()));
+            if let Some(relative_m) = recent(self.relative_m, now_s, HOLD_S) {
+                self.home_above_ground_m = agl_m - relative_m;
+            }
             let amsl_m = Some(f64::from(data.altitude_amsl)).filter(|value| value.is_finite());
             inputs.push(Input::Height(Height {
                 time_s: now_s,
@@ -268,4 +277,70 @@ impl MavlinkTelemetry {
 fn rotation(wxyz: [f32; 4]) -> Option<UnitQuaternion<f64>> {
     let [w, x, y, z] = wxyz.map(f64::from);
     UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5).filter(|q| q.w.is_finite())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The heights above ground of a flight whose height above home and, where the rangefinder reaches the ground, above ground come
+    /// five times a second, metres.
+    fn heights_agl_m(flown: &[(f64, Option<f64>)]) -> Vec<f64> {
+        let mut telemetry = MavlinkTelemetry::new(TelemetryOptions::default(), AutopilotKind::Px4);
+        let mut inputs = Vec::new();
+        for (number, (relative_m, clearance_m)) in flown.iter().enumerate() {
+            let now_s = 0.2 * number as f64;
+            let messages = [
+                MavMessage::GLOBAL_POSITION_INT(GLOBAL_POSITION_INT_DATA {
+                    relative_alt: (relative_m * 1e3) as i32,
+                    ..GLOBAL_POSITION_INT_DATA::default()
+                }),
+                MavMessage::ALTITUDE(ALTITUDE_DATA {
+                    bottom_clearance: clearance_m
+                        .map_or(f32::NAN, |clearance_m| clearance_m as f32),
+                    ..ALTITUDE_DATA::default()
+                }),
+            ];
+            for message in messages {
+                telemetry.take(&message, now_s, &|_| now_s, &mut inputs);
+            }
+        }
+        inputs
+            .iter()
+            .filter_map(|input| match input {
+                Input::Height(height) => Some(height.agl_m),
+                _ => None,
+            })
+            .collect()
+    }
+
+    #[test]
+    fn heights_above_home_go_on_from_those_of_the_rangefinder() {
+        // Over ground 40 m above home, from 5 s on beyond the range of the rangefinder, 0.2 m higher each time.
+        let flown: Vec<(f64, Option<f64>)> = (0..50)
+            .map(|number| {
+                let agl_m = 60.0 + 0.2 * f64::from(number);
+                (agl_m + 40.0, (number < 25).then_some(agl_m))
+            })
+            .collect();
+        let heights_m = heights_agl_m(&flown);
+        assert_eq!(heights_m[0], 100.0, "before the rangefinder");
+        for (before_m, after_m) in heights_m[1..].iter().zip(&heights_m[2..]) {
+            // A second passes before heights above home are taken.
+            assert!((0.1..1.3).contains(&(after_m - before_m)), "{heights_m:?}");
+        }
+        assert!(
+            (heights_m.last().unwrap() - 69.8).abs() < 1e-3,
+            "{heights_m:?}"
+        );
+        assert!(heights_m.len() > 40);
+    }
+
+    #[test]
+    fn without_a_rangefinder_heights_are_above_home() {
+        assert_eq!(
+            heights_agl_m(&[(80.0, None), (0.5, None), (81.0, None)]),
+            [80.0, 81.0]
+        );
+    }
 }

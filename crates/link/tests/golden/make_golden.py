@@ -98,8 +98,8 @@ def messages():
         TIME_S % 250, 0.0, SIGMA, 0.0, e7[0], e7[1], NAN)
     week, ms = gps_time()
     yield "gps_input", mav.MAVLink_gps_input_message(
-        int(TIME_S * 1e6), 2, mav.GPS_INPUT_IGNORE_FLAG_VEL_VERT, ms, week, 3, e7[0], e7[1], AMSL, SIGMA / 5, SIGMA / 5,
-        V_NORTH, V_EAST, 0.0, V_SIGMA, SIGMA, 5.0, 10, 0)
+        int(TIME_S * 1e6), 2, mav.GPS_INPUT_IGNORE_FLAG_VEL_VERT | mav.GPS_INPUT_IGNORE_FLAG_SPEED_ACCURACY, ms, week, 3,
+        e7[0], e7[1], AMSL, SIGMA / 5, SIGMA / 5, V_NORTH, V_EAST, 0.0, V_SIGMA, SIGMA, 5.0, 10, 0)
 
 
 def write_mavlink():

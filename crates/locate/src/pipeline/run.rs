@@ -1,6 +1,7 @@
 //! The whole search in default mode: round after round until an answer is clear, then a second matching of the best answers.
 
 use grimnet_photo::{Damage, Photo, View};
+use image::{Pixel, RgbImage};
 use nalgebra::Point2;
 
 use crate::{
@@ -34,7 +35,15 @@ pub(crate) struct Located {
 impl Located {
     /// The answer for a damaged photo: parts of it may be shifted, which a homography can fit with many inliers.
     pub(crate) fn damaged(damage: Damage, view: &View) -> Self {
-        let reason = Reason::DamagedPhoto { damage };
+        Self::without_search(Reason::DamagedPhoto { damage }, view)
+    }
+
+    /// The answer for a photo of one brightness, in which the network would find the edges of its own mask at most.
+    fn blank(view: &View) -> Self {
+        Self::without_search(Reason::TooFewKeypoints { found: 0 }, view)
+    }
+
+    fn without_search(reason: Reason, view: &View) -> Self {
         Self {
             outcome: no_fix(reason, None, EvidenceUsed::of(view)),
             features: None,
@@ -42,6 +51,24 @@ impl Located {
             time_ms: TimeMs::default(),
         }
     }
+}
+
+/// Least standard deviation of the brightness of a photo that shows anything, grey levels of 255. JPEG leaves less of a capped lens.
+const LEAST_CONTRAST: f64 = 1.0;
+
+/// Whether a photo is of one brightness: a capped lens, night, or cloud and snow overexposed.
+fn is_blank(image: &RgbImage) -> bool {
+    // A thousandth of a photo of some megapixels is enough.
+    let step = (image.pixels().len() / 4096).max(1);
+    let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for pixel in image.pixels().step_by(step) {
+        let luma = f64::from(pixel.to_luma().0[0]);
+        count += 1.0;
+        sum += luma;
+        squares += luma * luma;
+    }
+    let mean = sum / count;
+    squares / count - mean * mean < LEAST_CONTRAST * LEAST_CONTRAST
 }
 
 /// Localises one photo.
@@ -53,6 +80,9 @@ pub(crate) fn locate(
     budget: TimeBudget,
 ) -> Result<Located> {
     let options = context.options;
+    if is_blank(&photo.image) {
+        return Ok(Located::blank(view));
+    }
     let results = search(context, photo, view, prior, budget)?;
     let trace = Trace {
         rounds: results.iter().map(|result| result.trace.clone()).collect(),

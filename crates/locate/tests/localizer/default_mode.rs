@@ -125,18 +125,23 @@ fn other_places_and_empty_photos_have_no_fix() {
         assert!(matches!(no_fix.reason, Reason::Rejected(_)), "{no_fix}");
         assert!(draw(&elsewhere, &outcome, None, &DrawOptions::default()).is_ok());
     }
-    let water = Photo::from_image(
-        RgbImage::from_pixel(640, 400, Rgb([30, 60, 80])),
-        Metadata::default(),
-    );
-    let Outcome::NoFix(no_fix) = localizer.locate(&water, &prior).unwrap() else {
-        panic!("water was found")
+    // Water, a capped lens, snow.
+    for colour in [[30, 60, 80], [0, 0, 0], [255, 255, 255]] {
+        let plain = RgbImage::from_pixel(640, 400, Rgb(colour));
+        let plain = Photo::from_image(plain, Metadata::default());
+        let Outcome::NoFix(no_fix) = localizer.locate(&plain, &prior).unwrap() else {
+            panic!("{colour:?} was found")
+        };
+        assert_eq!(no_fix.reason, Reason::TooFewKeypoints { found: 0 });
+    }
+    // As if it had been taken from a twentieth of its height.
+    let near = Prior::none().with_gsd_m(PHOTO_GSD_M / 20.0);
+    let sharp = photo(&town(1), PLACES[0].0, 10.0);
+    let Outcome::NoFix(no_fix) = localizer.locate(&sharp, &near).unwrap() else {
+        panic!("a photo of a few pixels was found")
     };
     assert!(
-        matches!(
-            no_fix.reason,
-            Reason::TooFewKeypoints { .. } | Reason::Rejected(_)
-        ),
+        matches!(no_fix.reason, Reason::TooFewPixels { side_px } if side_px < 64.0),
         "{no_fix}"
     );
     let tiny = Photo::from_image(RgbImage::new(1, 1), Metadata::default());

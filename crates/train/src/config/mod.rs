@@ -209,6 +209,9 @@ impl TrainConfig {
             })
         };
         self.validate_numbers()?;
+        if self.out.as_os_str().is_empty() {
+            return wrong("`out` is empty; name the folder of the run");
+        }
         let values = self.spec()?.global_len();
         if (1..=values).contains(&self.export.whitening_pairs) {
             return wrong(&format!(

@@ -28,6 +28,7 @@ const MAX_TOKEN_BYTES: u64 = 4096;
 /// # Errors
 /// Unreadable pack, model, map or token; an address that cannot be listened on.
 pub fn run(arguments: &ServeArgs) -> Result<Exit> {
+    arguments.place.check_is_used(!arguments.map.is_empty())?;
     let access = access(arguments)?;
     let limits = limits(arguments);
     let options = Options {

@@ -59,7 +59,7 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
             trainer.state().position.step,
             path.display()
         )?;
-        return Ok(Exit::Done);
+        return Ok(Exit::Interrupted);
     }
     finish(trainer.state(), config, &data, &device, &folder)
 }

@@ -1,0 +1,319 @@
+//! Telemetry that steps: what no aircraft can do moves no track without saying so.
+
+#![allow(clippy::unwrap_used)]
+
+use grimnet_geo::{LonLat, destination_en_m, distance_m};
+use grimnet_track::{
+    Attitude, Estimate, Height, Input, Miss, PositionFix, RelativeMotion, Start, TrackOptions,
+    Tracker, Velocity,
+};
+
+const START: LonLat = LonLat::new(120.7, 24.2);
+const GSD_M: f64 = 0.2;
+const SPEED_M_S: f64 = 10.0;
+
+fn fix(time_s: f64) -> Input {
+    Input::Fix(PositionFix {
+        time_s,
+        lonlat: destination_en_m(START, SPEED_M_S * time_s, 0.0),
+        covariance_en_m2: [0.3, 0.0, 0.3],
+        map_error_m: 1.0,
+        heading_deg: Some(90.0),
+        gsd_m: GSD_M,
+        confidence: 0.99,
+    })
+}
+
+fn attitude(time_s: f64) -> Input {
+    Input::Attitude(Attitude {
+        time_s,
+        yaw_deg: 90.0,
+        pitch_deg: 0.0,
+        roll_deg: 0.0,
+    })
+}
+
+fn height(time_s: f64, agl_m: f64) -> Input {
+    Input::Height(Height {
+        time_s,
+        agl_m,
+        amsl_m: None,
+    })
+}
+
+fn velocity(time_s: f64, east_m_s: f64) -> Input {
+    Input::Velocity(Velocity {
+        time_s,
+        east_m_s,
+        north_m_s: 0.0,
+        sigma_m_s: 0.5,
+    })
+}
+
+/// The error of an estimate for an aircraft that flies to the east at a constant speed, metres.
+fn error_m(estimate: &Estimate, time_s: f64) -> f64 {
+    let place = LonLat::new(estimate.lon_deg, estimate.lat_deg);
+    distance_m(place, destination_en_m(START, SPEED_M_S * time_s, 0.0))
+}
+
+/// Ten seconds with fixes, two a second, and five more without: velocities come four times a second. Gives the estimates of the latter
+/// and their errors, metres.
+fn flown_on(reported_m_s: impl Fn(f64) -> f64) -> Vec<(Estimate, f64)> {
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    let mut after = Vec::new();
+    for tick in 0..=60 {
+        let time_s = 0.25 * f64::from(tick);
+        let inputs = [
+            attitude(time_s),
+            height(time_s, 100.0),
+            velocity(time_s, reported_m_s(time_s)),
+        ];
+        for input in inputs {
+            tracker.push(input).unwrap();
+        }
+        if time_s > 10.0 {
+            let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+            after.push((estimate, error_m(&estimate, time_s)));
+        } else if tick % 2 == 0 {
+            tracker.push(fix(time_s)).unwrap();
+        }
+    }
+    after
+}
+
+#[test]
+fn a_single_impossible_velocity_moves_nothing() {
+    let usual = flown_on(|_| SPEED_M_S);
+    let single = flown_on(|time_s| if time_s == 12.0 { 110.0 } else { SPEED_M_S });
+    for ((usual, _), (single, error_m)) in usual.iter().zip(&single) {
+        assert!(*error_m < 2.0, "{single:?}");
+        assert!(single.radius95_m < 1.1 * usual.radius95_m, "{single:?}");
+    }
+}
+
+#[test]
+fn a_velocity_that_steps_for_good_is_as_uncertain_as_the_step() {
+    for step_m_s in [20.0, -40.0, 100.0] {
+        let stepped = flown_on(|time_s| {
+            if time_s < 12.0 {
+                SPEED_M_S
+            } else {
+                SPEED_M_S + step_m_s
+            }
+        });
+        for (estimate, error_m) in &stepped {
+            assert!(
+                *error_m < estimate.radius95_m,
+                "{step_m_s}: {error_m} m, {estimate:?}"
+            );
+        }
+        let (last, _) = stepped.last().unwrap();
+        let reported_m_s = SPEED_M_S + step_m_s;
+        assert!(
+            (last.velocity_east_m_s - reported_m_s).abs() < 1.0,
+            "{last:?}"
+        );
+    }
+}
+
+#[test]
+fn fixes_tell_at_once_which_velocity_was_right() {
+    for old_is_right in [true, false] {
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        for tick in 0..=52 {
+            let time_s = 0.25 * f64::from(tick);
+            let is_off = (time_s >= 10.0) == old_is_right;
+            let off_m_s = if is_off { 30.0 } else { 0.0 };
+            tracker.push(velocity(time_s, SPEED_M_S + off_m_s)).unwrap();
+            // While velocities are wrong from the beginning, nothing is known.
+            if tick % 2 == 0 && (old_is_right || time_s >= 10.0) {
+                tracker.push(fix(time_s)).unwrap();
+            }
+        }
+        let point = tracker.point_at(13.0).unwrap();
+        assert!(point.state.is_usable(), "{point:?}");
+        let estimate = point.estimate.unwrap();
+        let off_m_s = estimate.velocity_east_m_s - SPEED_M_S;
+        assert!(off_m_s.abs() < 2.0, "{estimate:?}");
+        let error_m = error_m(&estimate, 13.0);
+        assert!(error_m < estimate.radius95_m, "{error_m} m, {estimate:?}");
+    }
+}
+
+/// Eight seconds with fixes, then motion between frames alone, while the reported height is 100 m and then as given.
+fn tracked_by_motion(agl_m: impl Fn(f64) -> f64) -> Tracker {
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    for frame in 0..=32 {
+        let time_s = 0.5 * f64::from(frame);
+        tracker.push(attitude(time_s)).unwrap();
+        tracker.push(height(time_s, agl_m(time_s))).unwrap();
+        if frame > 0 {
+            let motion = RelativeMotion {
+                from_time_s: time_s - 0.5,
+                time_s,
+                forward_px: 0.5 * SPEED_M_S / GSD_M,
+                right_px: 0.0,
+                turn_deg: 0.0,
+                sigma_px: 0.1,
+                surface_sigma_px: Some(0.0),
+            };
+            tracker.push(Input::Motion(motion)).unwrap();
+        }
+        if time_s < 8.0 {
+            tracker.push(fix(time_s)).unwrap();
+        }
+    }
+    tracker
+}
+
+#[test]
+fn a_height_of_another_reference_changes_no_ground_resolution() {
+    let stepped = tracked_by_motion(|time_s| if time_s < 8.0 { 100.0 } else { 60.0 });
+    let estimate = stepped.point_at(16.0).unwrap().estimate.unwrap();
+    let error_m = error_m(&estimate, 16.0);
+    assert!(
+        error_m < 8.0 && error_m < estimate.radius95_m,
+        "{error_m} m, {estimate:?}"
+    );
+    let (low_m, high_m) = stepped.search(16.0, 60.0).windows[0].gsd_m.unwrap();
+    assert!(low_m < GSD_M && GSD_M < high_m, "{low_m} {high_m}");
+    let usual = tracked_by_motion(|_| 100.0);
+    let (usual_low_m, usual_high_m) = usual.search(16.0, 60.0).windows[0].gsd_m.unwrap();
+    assert!(
+        high_m / low_m > 1.02 * usual_high_m / usual_low_m,
+        "less certain"
+    );
+}
+
+#[test]
+fn a_tilted_view_is_not_displaced_by_a_height_of_another_reference() {
+    // The camera looks 15 degrees ahead from 100 m.
+    let ahead_m = 100.0 * 15f64.to_radians().tan();
+    let focal_length_px = 100.0 / GSD_M;
+    for focal_length_px in [Some(focal_length_px), None] {
+        let mut tracker = Tracker::new(TrackOptions {
+            focal_length_px,
+            ..TrackOptions::default()
+        })
+        .unwrap();
+        for frame in 0..=40 {
+            let time_s = 0.5 * f64::from(frame);
+            let agl_m = if time_s < 8.0 { 100.0 } else { 55.0 };
+            tracker
+                .push(Input::Attitude(Attitude {
+                    time_s,
+                    yaw_deg: 90.0,
+                    pitch_deg: 15.0,
+                    roll_deg: 0.0,
+                }))
+                .unwrap();
+            tracker.push(height(time_s, agl_m)).unwrap();
+            let Input::Fix(straight) = fix(time_s) else {
+                unreachable!()
+            };
+            let seen = Input::Fix(PositionFix {
+                lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
+                // Along the axis of a tilted view a pixel covers more ground.
+                gsd_m: GSD_M / 15f64.to_radians().cos().powf(1.5),
+                ..straight
+            });
+            tracker.push(seen).unwrap();
+            let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+            let error_m = error_m(&estimate, time_s);
+            // Without a focal length no fix tells the height, so that what is said of its error holds for a few fixes.
+            let is_known = focal_length_px.is_some() || time_s < 11.0;
+            assert!(
+                !is_known || error_m < estimate.radius95_m.max(4.0),
+                "{focal_length_px:?}, {time_s} s: {error_m} m, {estimate:?}"
+            );
+        }
+    }
+}
+
+#[test]
+fn a_yaw_that_is_reset_does_not_turn_the_tilt() {
+    let ahead_m = 100.0 * 15f64.to_radians().tan();
+    let mut tracker = Tracker::new(TrackOptions {
+        focal_length_px: Some(100.0 / GSD_M),
+        ..TrackOptions::default()
+    })
+    .unwrap();
+    for frame in 0..=30 {
+        let time_s = 0.5 * f64::from(frame);
+        tracker
+            .push(Input::Attitude(Attitude {
+                time_s,
+                yaw_deg: if time_s < 8.0 { 90.0 } else { 210.0 },
+                pitch_deg: 15.0,
+                roll_deg: 0.0,
+            }))
+            .unwrap();
+        tracker.push(height(time_s, 100.0)).unwrap();
+        let Input::Fix(straight) = fix(time_s) else {
+            unreachable!()
+        };
+        let seen = PositionFix {
+            lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
+            ..straight
+        };
+        tracker.push(Input::Fix(seen)).unwrap();
+        let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+        let error_m = error_m(&estimate, time_s);
+        assert!(error_m < 4.0, "{time_s} s: {error_m} m, {estimate:?}");
+        let heading_deg = estimate.heading_deg.unwrap();
+        assert!(
+            (heading_deg - 90.0).abs() < 2.0,
+            "{time_s} s: {heading_deg}"
+        );
+    }
+}
+
+#[test]
+fn a_climb_changes_the_ground_resolution() {
+    let climbed = tracked_by_motion(|time_s| 100.0 + 5.0 * (time_s - 8.0).max(0.0));
+    let (low_m, high_m) = climbed.search(16.0, 60.0).windows[0].gsd_m.unwrap();
+    let middle_m = (low_m * high_m).sqrt();
+    assert!((middle_m / GSD_M - 1.4).abs() < 0.05, "{middle_m}");
+}
+
+#[test]
+fn a_start_is_of_the_first_frame_and_not_of_the_telemetry_before_it() {
+    let options = TrackOptions {
+        start: Some(Start {
+            lonlat: START,
+            radius95_m: 50.0,
+        }),
+        ..TrackOptions::default()
+    };
+    let first_s = 600.0;
+    let mut stated_m = Vec::new();
+    for (before_s, has_velocity) in [(0.0, false), (600.0, false), (600.0, true)] {
+        let mut tracker = Tracker::new(options.clone()).unwrap();
+        let ticks = (before_s * 5.0) as u32;
+        for tick in 0..=ticks {
+            let time_s = first_s - before_s + 0.2 * f64::from(tick);
+            tracker.push(attitude(time_s)).unwrap();
+            if has_velocity {
+                tracker.push(velocity(time_s, 0.0)).unwrap();
+            }
+        }
+        assert!(tracker.awaits_start());
+        let search = tracker.search(first_s, 60.0);
+        let window = search.windows[0];
+        assert!(distance_m(window.centre, START) < 0.1);
+        assert!(window.radius_m < 180.0, "{before_s} s: {window:?}");
+        assert_eq!(window.heading_deg.map(|(yaw_deg, _)| yaw_deg), Some(90.0));
+        tracker.push(Input::Miss(Miss { time_s: first_s })).unwrap();
+        assert!(!tracker.awaits_start());
+        let estimate = tracker.point_at(first_s).unwrap().estimate.unwrap();
+        stated_m.push(estimate.radius95_m);
+        let later = tracker.point_at(first_s + 5.0).unwrap().estimate.unwrap();
+        assert!(
+            later.radius95_m > estimate.radius95_m,
+            "it grows from there on"
+        );
+    }
+    for radius_m in stated_m {
+        assert!((radius_m - 50.0).abs() < 0.5, "{radius_m}");
+    }
+}

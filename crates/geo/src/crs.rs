@@ -14,6 +14,18 @@ use crate::{GeoError, LonLat};
 
 const WGS84: &str = "+proj=longlat +datum=WGS84 +no_defs";
 
+/// Keys of PROJ strings that belong to the datum.
+const DATUM_KEYS: [&str; 8] = [
+    "+datum=",
+    "+ellps=",
+    "+towgs84=",
+    "+a=",
+    "+b=",
+    "+rf=",
+    "+pm=",
+    "+nadgrids=",
+];
+
 static WGS84_PROJ: LazyLock<Option<Proj>> = LazyLock::new(|| Proj::from_proj_string(WGS84).ok());
 
 /// A coordinate reference system. It is serialised as `EPSG:CODE` or as a PROJ string.
@@ -139,6 +151,13 @@ impl Crs {
     /// The PROJ string that is in use.
     pub fn proj_string(&self) -> &str {
         &self.proj_string
+    }
+
+    /// The parts of the PROJ string that say ellipsoid, prime meridian and shift to WGS 84: another projection may have them, too.
+    pub(crate) fn datum(&self) -> String {
+        let parts = self.proj_string.split_whitespace();
+        let of_datum = |part: &&str| DATUM_KEYS.iter().any(|key| part.starts_with(key));
+        parts.filter(of_datum).collect::<Vec<_>>().join(" ")
     }
 
     /// Whether coordinates are degrees of longitude and latitude.

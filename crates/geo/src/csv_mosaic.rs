@@ -6,6 +6,7 @@ use std::sync::Arc;
 use crate::antimeridian::AroundTheWorld;
 use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
+use crate::map_form::{MapForm, form_of};
 use crate::picture::Picture;
 use crate::windowed::{check, empty_patch, read_window};
 use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, RasterPatch, WindowPx};
@@ -49,6 +50,13 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<CsvMosa
     let mut placed = Vec::with_capacity(rows.len());
     let mut files = vec![path.to_path_buf()];
     for row in &rows {
+        if form_of(&row.file)? == MapForm::Tiff {
+            let reason = format!(
+                "{} is a TIFF file, and the picture of a row must be JPEG, PNG or WebP; GeoTIFFs go into a list (.txt)",
+                row.file.display()
+            );
+            return Err(bad(path, row.line, &reason));
+        }
         let picture = Picture::open(&row.file)?;
         let corners = row.corners(path, picture.size_px())?;
         files.push(row.file.clone());
@@ -268,7 +276,7 @@ fn csv_error(path: &Path, error: csv::Error) -> GeoError {
     let line = error.position().map_or(0, csv::Position::line);
     match error.into_kind() {
         csv::ErrorKind::Io(source) => GeoError::io(path, source),
-        csv::ErrorKind::Utf8 { err, .. } => bad(path, line, &err.to_string()),
+        csv::ErrorKind::Utf8 { err, .. } => bad(path, line, &format!("{err}; save it as UTF-8")),
         csv::ErrorKind::UnequalLengths {
             expected_len, len, ..
         } => bad(

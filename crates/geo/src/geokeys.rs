@@ -4,9 +4,10 @@ use std::path::Path;
 
 use geotiff_core::geokeys::{self as ids, GeoKeyDirectory, GeoKeyValue};
 
+use crate::projection::{ProjectionMethod, ProjectionParameters};
 use crate::units::{
     USER_DEFINED, degrees_per_angular_unit, degrees_per_unit_of_epsg, is_same_unit,
-    metres_per_linear_unit,
+    metres_per_linear_unit, proj_units,
 };
 use crate::{Crs, GeoError};
 
@@ -233,23 +234,7 @@ fn number(keys: &GeoKeyDirectory, key: u16) -> Option<f64> {
 fn datum(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     // A known geographic CRS under an own projection: its ellipsoid and shift.
     if let Some(code) = code(keys, ids::GEODETIC_CRS_TYPE) {
-        let crs = Crs::from_epsg(u32::from(code))?;
-        let kept = [
-            "+datum=",
-            "+ellps=",
-            "+towgs84=",
-            "+a=",
-            "+b=",
-            "+rf=",
-            "+pm=",
-            "+nadgrids=",
-        ];
-        let parts: Vec<&str> = crs
-            .proj_string()
-            .split_whitespace()
-            .filter(|part| kept.iter().any(|k| part.starts_with(k)))
-            .collect();
-        return Ok(parts.join(" "));
+        return Ok(Crs::from_epsg(u32::from(code))?.datum());
     }
     let mut text = match code(keys, ids::GEODETIC_DATUM) {
         Some(6326) => "+datum=WGS84".to_string(),
@@ -299,19 +284,6 @@ fn ellipsoid(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     }
 }
 
-/// A linear unit as a PROJ parameter.
-fn proj_units(unit_m: f64) -> String {
-    if unit_m == 1.0 {
-        "+units=m".to_string()
-    } else if is_same_unit(unit_m, 0.3048) {
-        "+units=ft".to_string()
-    } else if is_same_unit(unit_m, 1200.0 / 3937.0) {
-        "+units=us-ft".to_string()
-    } else {
-        format!("+to_meter={unit_m}")
-    }
-}
-
 /// The projection of ProjMethodGeoKey (OGC GeoTIFF 1.1, table of projection methods) as a PROJ
 /// string without datum.
 fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
@@ -350,35 +322,27 @@ fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     ])
     .unwrap_or(0.0)
         * unit_m;
-    let k = any(&[KEY_SCALE_AT_NATURAL_ORIGIN, KEY_SCALE_AT_CENTER]).unwrap_or(1.0);
-    let lat_1 = angle_deg(keys, KEY_STD_PARALLEL_1)?;
-    let lat_2 = angle_deg(keys, KEY_STD_PARALLEL_2)?;
-    let parallels = || match (lat_1, lat_2) {
-        (Some(a), Some(b)) => Ok(format!("+lat_1={a} +lat_2={b}")),
-        _ => Err(Problem::Unsupported(
-            "a conic projection without its parallels".to_string(),
-        )),
+    let parameters = ProjectionParameters {
+        lat_0_deg: lat_0,
+        lon_0_deg: lon_0,
+        lat_1_deg: angle_deg(keys, KEY_STD_PARALLEL_1)?,
+        lat_2_deg: angle_deg(keys, KEY_STD_PARALLEL_2)?,
+        scale: any(&[KEY_SCALE_AT_NATURAL_ORIGIN, KEY_SCALE_AT_CENTER]).unwrap_or(1.0),
+        false_easting_m: x_0,
+        false_northing_m: y_0,
     };
-    let offsets = format!("+lon_0={lon_0} +x_0={x_0} +y_0={y_0}");
-    Ok(match method {
-        1 => format!("+proj=tmerc +lat_0={lat_0} +k={k} {offsets}"),
-        7 => match lat_1 {
-            Some(lat_ts) => format!("+proj=merc +lat_ts={lat_ts} {offsets}"),
-            None => format!("+proj=merc +k={k} {offsets}"),
-        },
-        8 => format!("+proj=lcc {} +lat_0={lat_0} {offsets}", parallels()?),
-        9 => format!("+proj=lcc +lat_1={lat_0} +lat_0={lat_0} +k_0={k} {offsets}"),
-        10 => format!("+proj=laea +lat_0={lat_0} {offsets}"),
-        11 => format!("+proj=aea {} +lat_0={lat_0} {offsets}", parallels()?),
-        15 => {
-            let pole = if lat_0 < 0.0 { -90 } else { 90 };
-            if (lat_0.abs() - 90.0).abs() < 1e-9 {
-                format!("+proj=stere +lat_0={pole} +k={k} {offsets}")
-            } else {
-                format!("+proj=stere +lat_0={pole} +lat_ts={lat_0} {offsets}")
-            }
-        }
-        16 => format!("+proj=sterea +lat_0={lat_0} +k={k} {offsets}"),
+    let method = match method {
+        1 => ProjectionMethod::TransverseMercator,
+        7 => ProjectionMethod::Mercator,
+        8 => ProjectionMethod::LambertConformal2,
+        9 => ProjectionMethod::LambertConformal1,
+        10 => ProjectionMethod::LambertAzimuthal,
+        11 => ProjectionMethod::Albers,
+        15 => ProjectionMethod::PolarStereographic,
+        16 => ProjectionMethod::ObliqueStereographic,
         other => return Err(Problem::Unsupported(format!("projection method {other}"))),
-    })
+    };
+    method
+        .proj_string(&parameters)
+        .map_err(Problem::Unsupported)
 }

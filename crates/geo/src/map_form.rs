@@ -121,7 +121,7 @@ fn folder_with_tiffs(path: &Path) -> Result<Option<PathBuf>, GeoError> {
 }
 
 /// The first bytes of a file.
-fn start_of(path: &Path) -> Result<Vec<u8>, GeoError> {
+pub(crate) fn start_of(path: &Path) -> Result<Vec<u8>, GeoError> {
     let mut start = Vec::new();
     std::fs::File::open(path)
         .and_then(|file| file.take(64).read_to_end(&mut start))

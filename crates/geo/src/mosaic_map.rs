@@ -17,8 +17,10 @@ use crate::placing::{corners_georeference, georeference, place_tiff, stated_else
 use crate::sidecar_values::SidecarValues;
 use crate::single_map::SingleMap;
 use crate::source_file::{OpenFiles, Source, SourceFile};
+use crate::stated_crs::StatedCrs;
 use crate::tiff::TiffMap;
 use crate::vrt::read_vrt;
+use crate::world_file::BYTE_ORDER_MARK;
 use crate::{Crs, GeoError, Georeference, WindowPx};
 
 /// Pictures, at most.
@@ -69,29 +71,32 @@ pub(crate) fn open_vrt(
         members.add(file, &opened, source.nodata, &sidecars);
     }
     let mut own_crs = vrt.crs.clone();
-    if own_crs.is_none()
+    if own_crs == StatedCrs::Absent
         && let Some(first) = vrt.sources.first()
         && let Ok(map) = TiffMap::open(&first.file)
         && let Ok(placed) = place_tiff(&first.file, &map, None, &MapOptions::default())
     {
-        // Well-known text without a code: gdalbuildvrt demands that all pictures have the same system.
-        own_crs = Some(placed.georeference.crs().clone());
+        // gdalbuildvrt demands that all pictures have the same system.
+        own_crs = StatedCrs::Known(placed.georeference.crs().clone());
         placed.sidecars.add_to(&mut members.values);
     }
-    let by_vrt = |crs: Option<Crs>| {
+    let by_vrt = |crs: StatedCrs| {
         let affine = vrt.affine.ok_or_else(|| GeoError::NoGeoreference {
             path: path.to_path_buf(),
             reason: "the VRT has no GeoTransform".to_string(),
         })?;
-        let crs = crs.ok_or_else(|| GeoError::MissingCrs {
+        let crs = crs.in_file(path)?.ok_or_else(|| GeoError::MissingCrs {
             path: path.to_path_buf(),
-            reason: "the VRT has none, or one without an EPSG code".to_string(),
+            reason: "neither the VRT nor its first picture has one".to_string(),
         })?;
         georeference(path, affine, crs.into(), vrt.size_px)
     };
     let place = match corners_georeference(&crs, options, vrt.size_px)? {
         Some(place) => place,
-        None => by_vrt(crs.clone().or_else(|| own_crs.clone()))?,
+        None => by_vrt(
+            crs.clone()
+                .map_or_else(|| own_crs.clone(), StatedCrs::Known),
+        )?,
     };
     let caveat = match by_vrt(own_crs) {
         Ok(stated) if crs.is_some() || options.corners.is_some() => {
@@ -233,7 +238,8 @@ fn geotiffs_in(folder: &Path) -> Result<Vec<PathBuf>, GeoError> {
     Ok(files)
 }
 
-/// The files of a list, relative to its folder. Empty lines and those that begin with `#` are left out.
+/// The files of a list, relative to its folder; names may stand in quotation marks. Empty lines and those that begin with `#` are left
+/// out.
 fn listed(path: &Path) -> Result<Vec<PathBuf>, GeoError> {
     let length = std::fs::metadata(path)
         .map_err(|e| GeoError::io(path, e))?
@@ -241,17 +247,32 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, GeoError> {
     if length > MAX_LIST_BYTES {
         return Err(GeoError::damaged(path, format!("it has {length} bytes")));
     }
-    let text = std::fs::read_to_string(path).map_err(|e| GeoError::io(path, e))?;
+    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::InvalidData => GeoError::Unsupported {
+            path: path.to_path_buf(),
+            what: "a list that is not UTF-8 text".to_string(),
+            advice: "save it as UTF-8",
+        },
+        _ => GeoError::io(path, e),
+    })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let files: Vec<PathBuf> = text
-        .trim_start_matches('\u{feff}')
+        .trim_start_matches(BYTE_ORDER_MARK)
         .lines()
         .map(str::trim)
         .filter(|line| !line.is_empty() && !line.starts_with('#'))
-        .map(|line| folder.join(line))
+        .map(|line| folder.join(without_quotes(line)))
         .collect();
     check_count(path, files.len())?;
     Ok(files)
+}
+
+/// A name without the quotation marks around it, which Windows writes when a path is copied.
+fn without_quotes(line: &str) -> &str {
+    let inner = line
+        .strip_prefix('"')
+        .and_then(|rest| rest.strip_suffix('"'));
+    inner.unwrap_or(line)
 }
 
 fn check_count(path: &Path, count: usize) -> Result<(), GeoError> {

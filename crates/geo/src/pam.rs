@@ -3,16 +3,20 @@
 use std::path::{Path, PathBuf};
 
 use crate::sidecar_values::SidecarValues;
-use crate::wkt::crs_from_text;
+use crate::stated_crs::StatedCrs;
 use crate::xml_tree::{Element, read_xml};
 use crate::{Affine, GeoError};
 
-/// The PAM file of a picture, if there is one.
-pub(crate) fn find_pam(picture: &Path) -> Option<PathBuf> {
+/// The name of the PAM file of a picture.
+pub(crate) fn pam_path(picture: &Path) -> PathBuf {
     let mut name = picture.as_os_str().to_os_string();
     name.push(".aux.xml");
-    let path = PathBuf::from(name);
-    path.is_file().then_some(path)
+    PathBuf::from(name)
+}
+
+/// The PAM file of a picture, if there is one.
+pub(crate) fn find_pam(picture: &Path) -> Option<PathBuf> {
+    Some(pam_path(picture)).filter(|path| path.is_file())
 }
 
 /// What the PAM file of a picture says; nothing if there is none. Statistics, histograms and metadata are not used, and a value of
@@ -30,14 +34,9 @@ pub(crate) fn read_pam(picture: &Path) -> Result<SidecarValues, GeoError> {
         Some(text) => Some(affine_of(&path, text)?),
         None => None,
     };
-    // One that is not known is none: the file or the options may give one that is.
-    let crs = root
-        .child_text("SRS")
-        .filter(|text| !text.is_empty())
-        .and_then(|text| crs_from_text(text, &path).ok().flatten());
     Ok(SidecarValues {
         affine,
-        crs,
+        crs: StatedCrs::from_text(root.child_text("SRS").unwrap_or_default()),
         nodata: nodata_of(&root),
     })
 }

@@ -1,6 +1,7 @@
 //! Plain pictures as maps: JPEG, PNG, WebP.
 
-use std::io::Cursor;
+use std::fs::File;
+use std::io::{BufReader, Cursor};
 use std::path::{Path, PathBuf};
 
 use grimnet_limits::MapLimits;
@@ -9,10 +10,32 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use crate::GeoError;
 use crate::block::{Block, BlockLayout, BlockSource};
 use crate::error::ADVICE_TILE_IT;
+use crate::map_form::{is_tiff_name, start_of};
 use crate::picture_block::{block_of_picture, decode_jpeg};
 
 /// Largest picture that is decoded, pixels (768 MiB as RGB): it must be in memory as a whole.
 const MAX_PIXELS: u64 = MapLimits::DEFAULT.max_picture_px;
+
+/// What files begin with, in small letters, that are often taken for maps, and what they are.
+const NO_PICTURES: [(&[u8], &str); 4] = [
+    // The magic of a pack (`grimnet-pack`).
+    (
+        b"grimpack",
+        "it is a grimnet pack, which is built from a map",
+    ),
+    (
+        b"version https://git-lfs",
+        "it is a pointer of Git LFS, not the file itself: fetch that with git lfs pull",
+    ),
+    (
+        b"<!doctype html",
+        "it is a web page: a server may have sent an error page in place of the file",
+    ),
+    (
+        b"<html",
+        "it is a web page: a server may have sent an error page in place of the file",
+    ),
+];
 
 /// What is wrong with a picture of another size than when it was opened.
 const CHANGED: &str = "it changed while it was open";
@@ -27,8 +50,9 @@ pub(crate) struct Picture {
 impl Picture {
     /// Opens a picture and reads its size, not its pixels.
     pub fn open(path: &Path) -> Result<Self, GeoError> {
-        let reader = ImageReader::open(path)
-            .and_then(ImageReader::with_guessed_format)
+        // By what it begins with: its name may be that of another format.
+        let reader = File::open(path)
+            .and_then(|file| ImageReader::new(BufReader::new(file)).with_guessed_format())
             .map_err(|e| GeoError::io(path, e))?;
         let not_a_map = |reason: String| GeoError::NotAMap {
             path: path.to_path_buf(),
@@ -37,11 +61,7 @@ impl Picture {
         let format = match reader.format() {
             Some(f @ (ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::WebP)) => f,
             Some(other) => return Err(not_a_map(format!("{other:?} pictures are not supported"))),
-            None => {
-                return Err(not_a_map(
-                    "it is not a picture in a known format".to_string(),
-                ));
-            }
+            None => return Err(not_a_map(kind_of_no_picture(path)?)),
         };
         let (width, height) = reader
             .into_dimensions()
@@ -116,6 +136,21 @@ impl Picture {
         };
         decode_jpeg(bytes, is_as_opened).map_err(|reason| GeoError::damaged(&self.path, reason))
     }
+}
+
+/// What a file without a picture is, by what it begins with.
+fn kind_of_no_picture(path: &Path) -> Result<String, GeoError> {
+    let start = start_of(path)?.to_ascii_lowercase();
+    let known = NO_PICTURES
+        .iter()
+        .find(|(magic, _)| start.trim_ascii_start().starts_with(magic));
+    Ok(match known {
+        Some((_, kind)) => (*kind).to_string(),
+        None if is_tiff_name(path.as_os_str()) => {
+            "it does not begin as a TIFF file: it may be damaged, or of another format".to_string()
+        }
+        None => "it is not a picture in a known format".to_string(),
+    })
 }
 
 impl BlockSource for Picture {

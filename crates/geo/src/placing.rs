@@ -4,8 +4,9 @@ use std::path::{Path, PathBuf};
 
 use crate::geokeys::{FileCrs, crs_from_geokeys};
 use crate::map_options::MapOptions;
-use crate::pam::{find_pam, read_pam};
+use crate::pam::{find_pam, pam_path, read_pam};
 use crate::sidecar_values::SidecarValues;
+use crate::stated_crs::StatedCrs;
 use crate::tiff::TiffMap;
 use crate::tiff_georeference::{TiffPlace, place_of};
 use crate::world_file::{find_world_file, read_world_file};
@@ -101,7 +102,7 @@ fn place_by_files(
         (Some(crs), _) => Some(crs.clone().into()),
         (None, Some(keys)) => match crs_from_geokeys(keys, path) {
             // Some files have keys for other things only.
-            Err(GeoError::MissingCrs { .. }) if pam.crs.is_some() => None,
+            Err(GeoError::MissingCrs { .. }) if pam.crs != StatedCrs::Absent => None,
             crs => Some(crs?),
         },
         (None, None) => None,
@@ -120,10 +121,7 @@ fn place_by_files(
                 no_georeference(path, reason)
             })?;
             sidecars.affine = Some(affine);
-            (
-                affine,
-                format!("{} does not give one that is known", file.display()),
-            )
+            (affine, format!("{} does not give one", file.display()))
         }
     };
     // Some writers store the transform in the file and the coordinate system beside it, or the other way round.
@@ -131,23 +129,27 @@ fn place_by_files(
         Some(crs) => crs,
         None => {
             sidecars.crs = pam.crs.clone();
-            let crs = pam.crs.clone().ok_or_else(|| GeoError::MissingCrs {
+            let crs = pam.crs.clone().in_file(&pam_path(path))?;
+            crs.ok_or_else(|| GeoError::MissingCrs {
                 path: path.to_path_buf(),
                 reason: without_crs,
-            })?;
-            crs.into()
+            })?
+            .into()
         }
     };
     let georeference = georeference(path, affine, file_crs.clone(), size_px)?;
-    let of_pam = SidecarValues {
-        crs: pam.crs.clone().filter(|_| crs.is_none()),
-        ..pam.clone()
+    let mut of_pam = pam.clone();
+    if crs.is_some() {
+        of_pam.crs = StatedCrs::Absent;
+    }
+    let caveat = match &of_pam.crs {
+        StatedCrs::Unknown { name, reason } => Some(unknown_in_pam(name, reason)),
+        _ => pam_elsewhere(path, &of_pam, affine, file_crs, &georeference, size_px),
     };
-    let caveats = pam_elsewhere(path, &of_pam, affine, file_crs, &georeference, size_px);
     Ok(Placed {
         georeference,
         sidecars,
-        caveats: caveats.into_iter().collect(),
+        caveats: caveat.into_iter().collect(),
     })
 }
 
@@ -171,10 +173,10 @@ fn pam_elsewhere(
     used: &Georeference,
     size_px: (u64, u64),
 ) -> Option<String> {
-    if pam.affine.is_none() && pam.crs.is_none() {
+    if pam.affine.is_none() && pam.crs.known().is_none() {
         return None;
     }
-    let crs = pam.crs.clone().map_or(crs, FileCrs::from);
+    let crs = pam.crs.known().cloned().map_or(crs, FileCrs::from);
     let of_pam = georeference(path, pam.affine.unwrap_or(affine), crs, size_px).ok()?;
     let (centre, apart_m) = elsewhere(&of_pam, used)?;
     Some(format!(
@@ -182,6 +184,14 @@ fn pam_elsewhere(
          are used; GDAL takes the .aux.xml: where that is right, write it into the map: gdal_translate IN OUT.tif",
         centre.lat_deg, centre.lon_deg
     ))
+}
+
+/// In a sentence, that GDAL's `.aux.xml` states a coordinate system that is not known, and that of the file's tags is used.
+fn unknown_in_pam(name: &str, reason: &str) -> String {
+    format!(
+        "its .aux.xml states the coordinate system '{name}', which is not known ({reason}); that of the tags of the GeoTIFF is used. GDAL \
+         takes the .aux.xml: where that is right, write it into the map: gdalwarp -t_srs EPSG:4326 IN OUT.tif"
+    )
 }
 
 /// What the files state of a map's place, in a sentence, if the options put it elsewhere.

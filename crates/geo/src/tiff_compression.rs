@@ -1,10 +1,17 @@
 //! How the pixels in a TIFF file are compressed.
 
+use tiff_reader::{ExtraSample, Ifd};
+
 use crate::GeoError;
 use crate::error::ADVICE_TILE_IT;
 use crate::tiff_images::TiffImage;
 
 const WEBP: u16 = 50001;
+const LERC: u16 = 34887;
+/// TIFF 6.0, PlanarConfiguration: the samples of a pixel lie together.
+const CONTIGUOUS: u16 = 1;
+/// How to make a file with alpha that can be read.
+const ADVICE_DEFLATE: &str = "convert it: gdal_translate -of COG -co COMPRESS=DEFLATE IN OUT.tif";
 
 /// Compressions that are read: number (TIFF tag 259, as TIFF 6.0 and libtiff's tiff.h have them) and name.
 const READ: [(u16, &str); 9] = [
@@ -14,7 +21,7 @@ const READ: [(u16, &str); 9] = [
     (8, "Deflate"),
     (32946, "Deflate"),
     (32773, "PackBits"),
-    (34887, "LERC"),
+    (LERC, "LERC"),
     (50000, "ZSTD"),
     (WEBP, "WebP"),
 ];
@@ -62,5 +69,24 @@ pub(crate) fn check_compression(image: &TiffImage) -> Result<(), GeoError> {
     if number == WEBP && image.ifd.samples_per_pixel() != 3 {
         return Err(refused("WebP with alpha inside TIFF".to_owned()));
     }
+    if number == LERC && has_lerc_mask(&image.ifd) {
+        return Err(GeoError::Unsupported {
+            path: image.path.to_path_buf(),
+            what: "LERC with 8-bit alpha inside TIFF".to_owned(),
+            advice: ADVICE_DEFLATE,
+        });
+    }
     Ok(())
+}
+
+/// Whether libtiff (tif_lerc.c) stores the last sample as the mask of LERC, which the decoder does not give: 8-bit alpha that is not
+/// multiplied into the colours.
+fn has_lerc_mask(ifd: &Ifd) -> bool {
+    let ends_with_alpha = ifd
+        .extra_samples()
+        .is_ok_and(|extra| extra.last() == Some(&ExtraSample::UnassociatedAlpha));
+    let is_8_bit = ifd
+        .bits_per_sample()
+        .is_ok_and(|bits| bits.first() == Some(&8));
+    ends_with_alpha && is_8_bit && ifd.planar_configuration() == CONTIGUOUS
 }

@@ -1,4 +1,4 @@
-//! Units of the coordinates and parameters in GeoKeys.
+//! Units of coordinates and parameters: those of GeoKeys, and as PROJ parameters.
 
 use geotiff_core::geokeys::{self as ids, GeoKeyDirectory};
 
@@ -68,6 +68,19 @@ pub(crate) fn metres_per_linear_unit(keys: &GeoKeyDirectory) -> Result<Option<f6
         Some(other) => Err(format!(
             "linear unit EPSG:{other}; supported are metre, kilometre, foot, US survey foot and units with a size"
         )),
+    }
+}
+
+/// A linear unit, in metres, as a PROJ parameter.
+pub(crate) fn proj_units(unit_m: f64) -> String {
+    if unit_m == 1.0 {
+        "+units=m".to_string()
+    } else if is_same_unit(unit_m, 0.3048) {
+        "+units=ft".to_string()
+    } else if is_same_unit(unit_m, 1200.0 / 3937.0) {
+        "+units=us-ft".to_string()
+    } else {
+        format!("+to_meter={unit_m}")
     }
 }
 

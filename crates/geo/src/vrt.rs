@@ -6,9 +6,9 @@ use grimnet_limits::MapLimits;
 
 use crate::content_hash::ContentValues;
 use crate::pam::affine_of;
-use crate::wkt::crs_from_text;
+use crate::stated_crs::StatedCrs;
 use crate::xml_tree::{Element, read_xml};
-use crate::{Affine, Crs, GeoError, WindowPx};
+use crate::{Affine, GeoError, WindowPx};
 
 /// Pictures, at most.
 const MAX_SOURCES: usize = MapLimits::DEFAULT.max_mosaic_pictures as usize;
@@ -20,8 +20,7 @@ const MAX_SIDE_PX: u64 = 1 << 31;
 pub(crate) struct Vrt {
     pub size_px: (u64, u64),
     pub affine: Option<Affine>,
-    /// `None` if it has none, or one without a code.
-    pub crs: Option<Crs>,
+    pub crs: StatedCrs,
     pub is_grey: bool,
     /// Lowest first.
     pub sources: Vec<VrtSource>,
@@ -44,7 +43,7 @@ impl Vrt {
         if let Some(affine) = self.affine {
             values.add_numbers("transform", &affine.to_gdal());
         }
-        if let Some(crs) = &self.crs {
+        if let Some(crs) = self.crs.known() {
             values.add_text("crs", crs.definition());
         }
         for source in &self.sources {
@@ -82,10 +81,7 @@ pub(crate) fn read_vrt(path: &Path) -> Result<Vrt, GeoError> {
         Some(text) => Some(affine_of(path, text)?),
         None => None,
     };
-    let crs = match root.child_text("SRS") {
-        Some(text) if !text.is_empty() => crs_from_text(text, path)?,
-        _ => None,
-    };
+    let crs = StatedCrs::from_text(root.child_text("SRS").unwrap_or_default());
     let bands: Vec<&Element> = root.all("VRTRasterBand").collect();
     let (sources, is_grey) = reader.sources(&bands)?;
     Ok(Vrt {

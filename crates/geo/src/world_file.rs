@@ -4,6 +4,9 @@ use std::path::{Path, PathBuf};
 
 use crate::{Affine, GeoError};
 
+/// What some editors write before a text in UTF-8.
+pub(crate) const BYTE_ORDER_MARK: char = '\u{feff}';
+
 /// The world file of a picture, if there is one: `map.jgw`, `map.jpgw` or `map.wld` beside
 /// `map.jpg`, in any case.
 pub(crate) fn find_world_file(picture: &Path) -> Option<PathBuf> {
@@ -25,10 +28,11 @@ pub(crate) fn find_world_file(picture: &Path) -> Option<PathBuf> {
 /// transform is moved to that pixel's corner.
 pub(crate) fn read_world_file(path: &Path) -> Result<Affine, GeoError> {
     let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::InvalidData => bad(path, "it is not text"),
+        std::io::ErrorKind::InvalidData => bad(path, "it is not UTF-8 text"),
         _ => GeoError::io(path, e),
     })?;
     let numbers: Vec<f64> = text
+        .trim_start_matches(BYTE_ORDER_MARK)
         .split_whitespace()
         .map(|word| {
             word.parse()

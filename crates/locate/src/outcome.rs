@@ -185,8 +185,7 @@ pub enum Reason {
     /// The photo shows so little ground that it has hardly a pixel of the map's resolution: its height, field of view or ground
     /// resolution are wrong, or the map is far too coarse for it.
     #[error(
-        "the photo would have a side of {side_px:.0} pixels at the map's ground resolution, too few to recognise anything; check its \
-         height, field of view or ground resolution"
+        "the photo has {side_px:.0} pixels a side at the map's resolution: check its height, field of view or ground resolution"
     )]
     TooFewPixels {
         /// The square root of the photo's visible area at the resolution of the finest level it was compared with, pixels.

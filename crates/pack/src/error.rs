@@ -209,6 +209,9 @@ fn cause_of(error: &dyn std::error::Error) -> String {
         .map_or_else(String::new, |source| format!(": {source}"))
 }
 
+/// Actions of [`PackError::Io`] that change nothing.
+const READING: [&str; 4] = ["open", "read", "map into memory", "examine"];
+
 /// Result of this crate's functions.
 pub type Result<T> = std::result::Result<T, PackError>;
 
@@ -220,6 +223,9 @@ impl PackError {
             | io::ErrorKind::QuotaExceeded
             | io::ErrorKind::FileTooLarge => {
                 "; free some space and run the same command again, it continues where it stopped"
+            }
+            io::ErrorKind::PermissionDenied if READING.contains(&action) => {
+                "; change its permissions so that you may read it"
             }
             io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                 "; choose a folder that you may write to, or change its permissions"
@@ -241,5 +247,26 @@ impl PackError {
             path: path.to_path_buf(),
             what: what.into(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_to_do_fits_what_was_attempted() {
+        let advice = |action| {
+            let denied = io::Error::from(io::ErrorKind::PermissionDenied);
+            PackError::io(action, Path::new("town.grim"), denied).to_string()
+        };
+        for action in READING {
+            let advice = advice(action);
+            assert!(
+                advice.contains("read it") && !advice.contains("write"),
+                "{advice}"
+            );
+        }
+        assert!(advice("create").contains("you may write to"));
     }
 }

@@ -2,7 +2,7 @@
 
 use grimnet_jpeg::JpegSegments;
 
-/// Raw metadata blocks of one file.
+/// Raw metadata blocks of one file, other than XMP in EXIF.
 #[derive(Debug, Default)]
 pub(crate) struct Embedded {
     /// The TIFF structure of EXIF.
@@ -12,7 +12,7 @@ pub(crate) struct Embedded {
 }
 
 /// Larger metadata blocks are ignored.
-const MAX_BLOCK_BYTES: usize = 16 << 20;
+pub(crate) const MAX_BLOCK_BYTES: usize = 16 << 20;
 
 const XMP_SIGNATURE: &[u8] = b"http://ns.adobe.com/xap/1.0/\0";
 const EXIF_SIGNATURE: &[u8] = b"Exif\0\0";
@@ -93,12 +93,9 @@ impl Embedded {
         }
     }
 
-    /// A TIFF file is an EXIF structure itself, with XMP in tag 700 of its first directory. The structure is copied
-    /// as far as its directories may reach: they are read by offset, so the whole file counts.
+    /// A TIFF file is an EXIF structure itself. It is copied as far as its directories may reach: they are read by offset, so the
+    /// whole file counts.
     fn find_in_tiff(&mut self, bytes: &[u8]) {
-        if let Some(xmp) = tiff_xmp(bytes) {
-            self.xmp.push(xmp.to_vec());
-        }
         self.exif = Some(bytes.to_vec());
     }
 }
@@ -106,39 +103,4 @@ impl Embedded {
 fn after_nul(bytes: &[u8]) -> Option<&[u8]> {
     let at = bytes.iter().position(|&b| b == 0)?;
     bytes.get(at + 1..)
-}
-
-/// Bytes of tag 700 in the first directory of a TIFF file.
-fn tiff_xmp(bytes: &[u8]) -> Option<&[u8]> {
-    let little = bytes.starts_with(b"II");
-    let u16_at = |at: usize| -> Option<u16> {
-        let b = bytes.get(at..)?.first_chunk::<2>()?;
-        Some(if little {
-            u16::from_le_bytes(*b)
-        } else {
-            u16::from_be_bytes(*b)
-        })
-    };
-    let u32_at = |at: usize| -> Option<usize> {
-        let b = bytes.get(at..)?.first_chunk::<4>()?;
-        Some(if little {
-            u32::from_le_bytes(*b)
-        } else {
-            u32::from_be_bytes(*b)
-        } as usize)
-    };
-    let directory = u32_at(4)?;
-    let entries = u16_at(directory)?;
-    for index in 0..usize::from(entries) {
-        let entry = directory + 2 + 12 * index;
-        if u16_at(entry)? == 700 {
-            let length = u32_at(entry + 4)?;
-            let start = u32_at(entry + 8)?;
-            if length > MAX_BLOCK_BYTES {
-                return None;
-            }
-            return bytes.get(start..start.checked_add(length)?);
-        }
-    }
-    None
 }

@@ -11,6 +11,7 @@ use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Rgb
 use crate::area;
 use crate::budget::MemoryBudget;
 use crate::error::PhotoError;
+use crate::tiff_directory::why_not_the_photo;
 
 /// What the metadata of a PNG file may take, decompressed, bytes: colour profiles have less than 4 MiB, XMP less than 1 MiB.
 const MAX_PNG_METADATA_BYTES: u64 = 32 << 20;
@@ -79,6 +80,14 @@ pub(crate) fn decode(
             (decoded.image, full_px, decoded.damage)
         }
         ImageFormat::Png | ImageFormat::Tiff | ImageFormat::WebP => {
+            if format == ImageFormat::Tiff
+                && let Some(found) = why_not_the_photo(bytes)
+            {
+                return Err(PhotoError::Unsupported {
+                    path: path.into(),
+                    found: found.into(),
+                });
+            }
             let image = decode_other(path, bytes, format, &budget, limits)?;
             let size_px = image.dimensions();
             (image, size_px, None)

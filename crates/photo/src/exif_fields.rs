@@ -1,12 +1,17 @@
 //! Reads an EXIF structure into [`Metadata`].
 
-use exif::{Exif, In, Tag, Value};
+use exif::{Context, Exif, In, Tag, Value};
 
+use crate::container::MAX_BLOCK_BYTES;
 use crate::exposure_time::ExposureTime;
 use crate::metadata::{ImageDirection, Metadata};
 
-/// Reads an EXIF structure. A structure that cannot be parsed gives a note only.
-pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) {
+/// Where XMP packets are in EXIF: tag 700 of the first directory, as in a TIFF file (XMP part 3, section 3.2), or of the sub-directory,
+/// where some firmwares of DJI write it.
+const XMP: [Tag; 2] = [Tag(Context::Tiff, 700), Tag(Context::Exif, 700)];
+
+/// Reads an EXIF structure, and gives the XMP packets in it. A structure that cannot be parsed gives a note only.
+pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) -> Vec<Vec<u8>> {
     let parsed = exif::Reader::new()
         .continue_on_error(true)
         .read_raw(bytes)
@@ -19,7 +24,7 @@ pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) {
         Ok(exif) => exif,
         Err(error) => {
             metadata.note("EXIF", error.to_string(), "not readable");
-            return;
+            return Vec::new();
         }
     };
     let orientation = exif
@@ -58,6 +63,19 @@ pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) {
     metadata.original_size_px = side(Tag::PixelXDimension).zip(side(Tag::PixelYDimension));
     metadata.focal_plane_px = focal_plane_px(&exif, metadata.focal_length_mm);
     read_gps(&exif, metadata);
+    xmp_packets(&exif)
+}
+
+fn xmp_packets(exif: &Exif) -> Vec<Vec<u8>> {
+    let bytes_of = |tag: Tag| match &exif.get_field(tag, In::PRIMARY)?.value {
+        Value::Byte(bytes) | Value::Undefined(bytes, _) => Some(bytes),
+        _ => None,
+    };
+    let packets = XMP.into_iter().filter_map(bytes_of);
+    packets
+        .filter(|bytes| bytes.len() <= MAX_BLOCK_BYTES)
+        .cloned()
+        .collect()
 }
 
 /// When the photo was taken: `DateTimeOriginal` with its fraction and zone, else `DateTime` with those.

@@ -45,6 +45,7 @@ mod query;
 mod read_metadata;
 mod resolve;
 mod scale;
+mod tiff_directory;
 mod view;
 mod warp;
 mod xmp_fields;

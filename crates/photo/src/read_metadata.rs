@@ -37,12 +37,11 @@ impl Metadata {
             orientation: 1,
             ..Self::default()
         };
-        if let Some(exif) = embedded.exif {
-            exif_fields::read_into(exif, &mut metadata);
-        }
-        for packet in &embedded.xmp {
-            xmp_fields::read_into(packet, &mut metadata);
-        }
+        let in_exif = match embedded.exif {
+            Some(exif) => exif_fields::read_into(exif, &mut metadata),
+            None => Vec::new(),
+        };
+        xmp_fields::read_into(&embedded.xmp, &in_exif, &mut metadata);
         metadata
     }
 }

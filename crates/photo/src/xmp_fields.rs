@@ -23,8 +23,25 @@ enum Maker {
 /// One property: maker, local name, text.
 type Property = (Maker, String, String);
 
-/// Reads an XMP packet. A packet that cannot be parsed gives the properties before the fault, and a note.
-pub(crate) fn read_into(packet: &[u8], metadata: &mut Metadata) {
+/// Reads a file's own XMP packets, and of those in its EXIF structure what the packets before them lack.
+pub(crate) fn read_into(own: &[Vec<u8>], in_exif: &[Vec<u8>], metadata: &mut Metadata) {
+    let mut read = Vec::new();
+    for packet in own {
+        let properties = properties_of(packet, metadata);
+        take_properties(&properties, metadata);
+        read.extend(properties);
+    }
+    for packet in in_exif {
+        let mut properties = properties_of(packet, metadata);
+        let is_same = |a: &Property, b: &Property| a.0 == b.0 && a.1.eq_ignore_ascii_case(&b.1);
+        properties.retain(|new| !read.iter().any(|old| is_same(old, new)));
+        take_properties(&properties, metadata);
+        read.extend(properties);
+    }
+}
+
+/// The properties of an XMP packet. A packet that cannot be parsed gives those before the fault, and a note.
+fn properties_of(packet: &[u8], metadata: &mut Metadata) -> Vec<Property> {
     let text = String::from_utf8_lossy(packet);
     // Packets are padded with spaces, and a DJI firmware pads with NUL.
     let text = text.trim_matches(|c: char| c == '\0' || c.is_whitespace());
@@ -32,7 +49,7 @@ pub(crate) fn read_into(packet: &[u8], metadata: &mut Metadata) {
     if let Some(fault) = fault {
         metadata.note("XMP", fault, "not well-formed; the rest is ignored");
     }
-    take_properties(&properties, metadata);
+    properties
 }
 
 /// Collects the properties of the makers known here.

@@ -397,3 +397,54 @@ fn floating_point_samples_are_refused() {
     let bytes = file_of(DynamicImage::ImageRgb32F(image), ImageFormat::Tiff);
     assert!(matches!(fault(&bytes), PhotoError::Unsupported { .. }));
 }
+
+/// A TIFF file with one more entry of its first directory: tag, type (3 SHORT, 4 LONG) and one number.
+fn with_tiff_entry(tiff: &[u8], tag: u16, kind: u16, value: u32) -> Vec<u8> {
+    assert_eq!(&tiff[..2], b"II");
+    let directory = u32::from_le_bytes(tiff[4..8].try_into().unwrap()) as usize;
+    let count = usize::from(u16::from_le_bytes(
+        tiff[directory..directory + 2].try_into().unwrap(),
+    ));
+    let entries = &tiff[directory + 2..directory + 2 + 12 * count];
+    let mut entries: Vec<Vec<u8>> = entries.chunks(12).map(<[u8]>::to_vec).collect();
+    let mut entry = [tag.to_le_bytes(), kind.to_le_bytes()].concat();
+    entry.extend(1_u32.to_le_bytes());
+    entry.extend(value.to_le_bytes());
+    entries.push(entry);
+    entries.sort_by_key(|entry| [entry[1], entry[0]]);
+    // The new directory, on an even byte, is the last thing in the file.
+    let mut bytes = tiff.to_vec();
+    bytes.resize(tiff.len().next_multiple_of(2), 0);
+    let at = u32::try_from(bytes.len()).unwrap();
+    bytes[4..8].copy_from_slice(&at.to_le_bytes());
+    bytes.extend((entries.len() as u16).to_le_bytes());
+    bytes.extend(entries.concat());
+    bytes.extend([0; 4]);
+    bytes
+}
+
+#[rstest]
+#[case::new_subfile_type(254, 4, 1, "thumbnail")]
+#[case::old_subfile_type(255, 3, 2, "thumbnail")]
+#[case::dng(50706, 4, 0x0000_0401, "raw photo")]
+fn a_thumbnail_is_not_taken_for_the_photo(
+    #[case] tag: u16,
+    #[case] kind: u16,
+    #[case] value: u32,
+    #[case] words: &str,
+) {
+    let tiff = encoded(&gradient(160, 120), ImageFormat::Tiff);
+    let error = fault(&with_tiff_entry(&tiff, tag, kind, value));
+    assert!(matches!(error, PhotoError::Unsupported { .. }), "{error:?}");
+    let text = error.to_string();
+    assert!(
+        text.contains(words) && text.contains("save it as JPEG"),
+        "{text}"
+    );
+    // A page of several is the photo.
+    assert!(read(&with_tiff_entry(&tiff, 254, 4, 2)).is_ok());
+    // CR2: the same first bytes, with a mark.
+    let mut raw = with_tiff_entry(&tiff, 254, 4, 0);
+    raw[8..10].copy_from_slice(b"CR");
+    assert!(fault(&raw).to_string().contains("raw photo"));
+}

@@ -10,7 +10,7 @@ use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
 use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build, working_files};
-use grimnet_photo::{HeadingPrior, Photo, QUERY_LONG_SIDE_PX, ViewPrior};
+use grimnet_photo::{HeadingPrior, Photo, PhotoLimits, QUERY_LONG_SIDE_PX, ViewPrior};
 
 use super::map_place::MapPlace;
 use super::{LimitsChoice, ModeChoice, ModelChoice};
@@ -26,6 +26,9 @@ Examples:
   grim map build town.tif -o town.grim
   grim map build town.tif -o town.grim --photo flight/DJI_0042.jpg    # only for photos like this one
   grim map build scan.png --corners 13.40,52.50,13.42,52.52 -o town.grim";
+
+/// Endings of the GeoTIFFs of a folder.
+const MAP_ENDINGS: [&str; 3] = ["tif", "tiff", "gtiff"];
 
 /// Heading of the options that choose ground resolutions.
 const LEVELS: &str = "Ground resolutions [default: all that photos may need]";
@@ -130,6 +133,10 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     if arguments.mode == ModeChoice::Default && arguments.resolution.is_some() {
         bail!("--resolution is of paper mode: give --mode paper as well, or leave it out");
     }
+    if arguments.photo.is_none() && arguments.limits.photo() != PhotoLimits::DEFAULT {
+        bail!("--max-photo-memory limits the photo of --photo: give that as well, or leave it out");
+    }
+    warn_if_among_maps(out, &arguments.map);
     let options = BuildOptions {
         levels: levels(arguments)?,
         adapt: arguments.adapt,
@@ -148,6 +155,25 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         print_report(&mut StandardOutput, &report, out)?;
     }
     Ok(Exit::Done)
+}
+
+/// Warns of a pack that the next build would take for one of the maps in the folder.
+fn warn_if_among_maps(out: &Path, map: &Path) {
+    let ending = out.extension().unwrap_or_default();
+    let is_map_name = MAP_ENDINGS
+        .iter()
+        .any(|known| ending.eq_ignore_ascii_case(known));
+    let folder = || {
+        let out = std::path::absolute(linked_path(out).ok()?).ok()?;
+        out.parent()?.canonicalize().ok()
+    };
+    if is_map_name && map.is_dir() && folder() == map.canonicalize().ok() {
+        tracing::warn!(
+            "{}: the pack has the name of a map and lies in the folder of the maps: that folder cannot be read as a map \
+             afterwards; give the pack a name that ends in .grim",
+            out.display()
+        );
+    }
 }
 
 fn print_report(to: &mut dyn Write, report: &BuildReport, out: &Path) -> Result<()> {

@@ -4,7 +4,7 @@ use std::io::{IsTerminal as _, Write};
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use grimnet_answer::printable_text;
 use grimnet_geo::{Concern, Raster, RasterPatch, concerns, overview};
@@ -16,10 +16,9 @@ use grimnet_program::map_place::MapPlace;
 use grimnet_program::model_choice::ModelChoice;
 use grimnet_program::outputs::OverwriteChoice;
 use grimnet_program::values;
-use image::ImageFormat;
 use serde::Serialize;
 
-use super::map_picture::terminal_picture;
+use super::map_picture::{picture_format, terminal_picture, write_picture};
 use super::map_sample::MapSample;
 use crate::standard_output::StandardOutput;
 
@@ -120,21 +119,11 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
     if let Some(picture) = &arguments.draw {
         policy.check_file(picture, &[])?;
     }
+    let format = arguments.draw.as_deref().map(picture_format).transpose()?;
     let model = arguments.model.open()?;
     let picture = overview(map.as_ref())?;
-    if let Some(path) = &arguments.draw {
-        let format = ImageFormat::from_path(path).with_context(|| {
-            format!(
-                "{}: expected the name of a picture, such as town.png",
-                path.display()
-            )
-        })?;
-        policy.write(path, |file| {
-            picture
-                .rgb
-                .write_to(file, format)
-                .map_err(std::io::Error::other)
-        })?;
+    if let (Some(path), Some(format)) = (&arguments.draw, format) {
+        write_picture(&picture.rgb, format, path, &policy)?;
     }
     let report = report(arguments, map.as_ref(), &model, &picture)?;
     let mut out = StandardOutput;

@@ -3,11 +3,11 @@
 use std::io::Write;
 use std::path::PathBuf;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use clap::Args;
 use grimnet_pack::Pack;
-use image::ImageFormat;
 
+use super::map_picture::{picture_format, write_picture};
 use super::map_place::{MapPlace, check_built_from};
 use crate::exit::Exit;
 use crate::outputs::OverwriteChoice;
@@ -47,7 +47,7 @@ pub struct InfoArgs {
     map: Option<PathBuf>,
 
     /// Level to draw; 0 is the finest
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "draw")]
     level: usize,
 
     #[command(flatten)]
@@ -69,15 +69,11 @@ pub struct VerifyArgs {
 /// # Errors
 /// Unreadable pack or map, a picture that cannot be written.
 pub fn info(arguments: &InfoArgs) -> Result<Exit> {
+    arguments.place.check_is_used(arguments.map.is_some())?;
     inputs::check_regular(&arguments.pack)?;
     let pack = Pack::open(&arguments.pack)?;
     if let (Some(picture), Some(map)) = (&arguments.draw, &arguments.map) {
-        let format = ImageFormat::from_path(picture).with_context(|| {
-            format!(
-                "{}: expected the name of a picture, such as tiles.png",
-                picture.display()
-            )
-        })?;
+        let format = picture_format(picture)?;
         let policy = arguments
             .overwrite
             .policy()
@@ -88,9 +84,7 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
         policy.check_file(picture, &[])?;
         check_built_from(&pack, raster.as_ref(), map)?;
         let drawn = grimnet_pack::draw(&pack, arguments.level, raster.as_ref())?;
-        policy.write(picture, |file| {
-            drawn.write_to(file, format).map_err(std::io::Error::other)
-        })?;
+        write_picture(&drawn, format, picture, &policy)?;
     }
     let info = pack.info();
     let mut out = StandardOutput;

@@ -1,11 +1,62 @@
-//! A small picture on a terminal.
+//! Pictures of a map: in files, and small ones on a terminal.
 
 use std::fmt::Write as _;
+use std::io::{Cursor, Write as _};
+use std::path::Path;
 
+use anyhow::{Context, Result, bail};
 use grimnet_geo::RasterPatch;
+use grimnet_output::OutputPolicy;
+use image::{ImageFormat, RgbImage};
+
+/// Formats in which pictures are written, by the ending of the name.
+const FORMATS: [(&str, ImageFormat); 6] = [
+    ("png", ImageFormat::Png),
+    ("jpg", ImageFormat::Jpeg),
+    ("jpeg", ImageFormat::Jpeg),
+    ("webp", ImageFormat::WebP),
+    ("tif", ImageFormat::Tiff),
+    ("tiff", ImageFormat::Tiff),
+];
 
 /// Columns of the picture.
 const COLUMNS: u32 = 48;
+
+/// The format that the name of a picture asks for.
+///
+/// # Errors
+/// Its ending is none of those that are written.
+pub fn picture_format(path: &Path) -> Result<ImageFormat> {
+    let ending = path.extension().unwrap_or_default();
+    let found = FORMATS
+        .iter()
+        .find(|(known, _)| ending.eq_ignore_ascii_case(known));
+    match found {
+        Some((_, format)) => Ok(*format),
+        None => bail!(
+            "{}: expected the name of a picture, which ends in .png, .jpg, .webp or .tif",
+            path.display()
+        ),
+    }
+}
+
+/// Writes a picture to a file.
+///
+/// # Errors
+/// It cannot be written, or `policy` forbids it.
+pub fn write_picture(
+    picture: &RgbImage,
+    format: ImageFormat,
+    path: &Path,
+    policy: &OutputPolicy,
+) -> Result<()> {
+    let mut bytes = Cursor::new(Vec::new());
+    picture
+        .write_to(&mut bytes, format)
+        .with_context(|| format!("cannot encode {}", path.display()))?;
+    policy.write(path, |file| file.write_all(bytes.get_ref()))?;
+    Ok(())
+}
 
 /// A picture in 24-bit colours: each character shows two pixels, one above the other. What has no data is left empty.
 pub fn terminal_picture(patch: &RasterPatch) -> String {

@@ -97,3 +97,105 @@ fn a_name_that_ends_in_gpkg_asks_for_a_geopackage() {
     let (text, status) = locate(&["--format", "gpkg"], &[photo(1)]);
     assert_eq!((text.as_str(), status), ("", 2));
 }
+
+#[test]
+fn options_without_effect_are_refused() {
+    let fails = |arguments: &[&str], says: &str| {
+        grim()
+            .args(["map"])
+            .args(arguments)
+            .assert()
+            .code(2)
+            .stderr(contains(says));
+    };
+    let (pack, map) = (pack(), demo().join("map.tif"));
+    let (pack, map) = (pack.to_str().unwrap(), map.to_str().unwrap());
+    for (option, value) in [("--level", "9"), ("--level", "0")] {
+        fails(&["info", pack, option, value], "--draw");
+    }
+    for (option, value) in [
+        ("--crs", "EPSG:25833"),
+        ("--corners", "1,2,3,4"),
+        ("--zoom", "3"),
+    ] {
+        fails(&["info", pack, option, value], "--map");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("x.grim");
+    let out = out.to_str().unwrap();
+    fails(
+        &["build", map, "-o", out, "--max-photo-memory", "9"],
+        "--photo",
+    );
+}
+
+#[test]
+fn the_name_of_a_picture_is_checked_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let gif = folder.path().join("map.gif");
+    let (pack, map) = (pack(), demo().join("map.tif"));
+    let (pack, map) = (pack.to_str().unwrap(), map.to_str().unwrap());
+    for arguments in [
+        ["check", map, "--model", "/no/such.safetensors"],
+        ["info", pack, "--map", "/no/such.tif"],
+    ] {
+        grim()
+            .arg("map")
+            .args(arguments)
+            .arg("--draw")
+            .arg(&gif)
+            .assert()
+            .code(2)
+            .stderr(contains(".png").and(contains("no/such").not()));
+    }
+    assert!(!gif.exists());
+}
+
+#[cfg(unix)]
+#[test]
+fn a_picture_that_does_not_fit_is_named_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = demo().join("map.tif");
+    let script = format!(
+        "trap '' XFSZ; ulimit -f 1; exec \"$GRIM\" map check {} --draw small.png",
+        map.display()
+    );
+    let output = std::process::Command::new("bash")
+        .args(["-c", &script])
+        .current_dir(folder.path())
+        .env("GRIM", assert_cmd::cargo::cargo_bin("grim"))
+        .env("GRIM_LOG", "error")
+        .output()
+        .unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    for words in ["small.png", "File too large"] {
+        assert_eq!(errors.matches(words).count(), 1, "{errors}");
+    }
+}
+
+#[test]
+fn a_pack_among_the_maps_is_warned_of_and_called_a_pack() {
+    let maps = tempfile::tempdir().unwrap();
+    std::fs::copy(demo().join("map.tif"), maps.path().join("map.tif")).unwrap();
+    let out = maps.path().join("out.tif");
+    let build = |out: &Path| {
+        grim()
+            .args(["map", "build", "--gsd", "1"])
+            .arg(maps.path())
+            .arg("-o")
+            .arg(out)
+            .assert()
+    };
+    build(&out)
+        .success()
+        .stderr(contains("lies in the folder of the maps"));
+    let other = maps.path().join("area.grim");
+    build(&other)
+        .code(2)
+        .stderr(contains("out.tif").and(contains("it is a grimnet pack")));
+    std::fs::remove_file(&out).unwrap();
+    build(&other)
+        .success()
+        .stderr(contains("lies in the folder").not());
+}

@@ -127,6 +127,33 @@ fn what_is_not_a_picture_is_refused() {
 }
 
 #[test]
+fn what_is_no_picture_is_called_what_it_is() {
+    let dir = folder();
+    for (name, start, words) in [
+        ("page.tif", "\n<!DOCTYPE html><html>", "web page"),
+        ("page.jpg", "<html><body>404", "web page"),
+        (
+            "pointer.tif",
+            "version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n",
+            "git lfs pull",
+        ),
+        ("pack.tif", "GRIMPACK\u{3}", "grimnet pack"),
+        (
+            "other.tif",
+            "nothing of the kind",
+            "does not begin as a TIFF",
+        ),
+        ("other.png", "nothing of the kind", "known format"),
+    ] {
+        let path = dir.path().join(name);
+        std::fs::write(&path, start).unwrap();
+        let error = refused(open(&path), &path, &[words]);
+        assert!(matches!(error, GeoError::NotAMap { .. }), "{error}");
+        assert!(!error.to_string().contains("not supported"), "{error}");
+    }
+}
+
+#[test]
 fn compressions_that_are_not_read_are_refused_with_what_to_do() {
     let dir = folder();
     // Numbers of tag 259 in libtiff's tiff.h; 52546 is that of DNG 1.7.
@@ -137,13 +164,16 @@ fn compressions_that_are_not_read_are_refused_with_what_to_do() {
         (4, 3, "CCITT"),
         (60000, 3, "compression 60000"),
         (50001, 4, "WebP with alpha inside TIFF"),
+        (34887, 4, "LERC with 8-bit alpha inside TIFF"),
+        (34887, 2, "LERC with 8-bit alpha inside TIFF"),
     ] {
         let path = dir.path().join("rare.tif");
         let mut tags = rgb_tags(64, 64);
         tags[2] = short(258, &vec![8; samples]);
         tags[3] = short(259, &[number]);
         tags[5] = short(277, &[samples as u16]);
-        if samples == 4 {
+        if samples != 3 {
+            tags[4] = short(262, &[if samples == 4 { 2 } else { 1 }]);
             tags.push(short(338, &[2]));
         }
         tags.extend(geo_tags(32651));

@@ -130,8 +130,8 @@ fn a_coordinate_system_beside_a_transform_is_used() {
     assert_ne!(hash(first.as_ref()), hash(open(&path).unwrap().as_ref()));
     // One that is not known, and one that the user knows.
     write("EPSG:9999");
-    let error = refused(open(&path), &path, &["coordinate system"]);
-    assert!(matches!(error, GeoError::MissingCrs { .. }), "{error}");
+    let error = refused(open(&path), &pam, &["coordinate system", "EPSG:9999"]);
+    assert!(matches!(error, GeoError::UnsupportedCrs { .. }), "{error}");
     assert!(with_crs(&path, "EPSG:32632").is_ok());
     // Keys that say something else only: pixels are areas.
     write("EPSG:32632");
@@ -173,6 +173,56 @@ fn another_place_beside_a_geotiff_than_in_it_is_said() {
         caveats.contains(".aux.xml") && caveats.contains("gdal_translate"),
         "{caveats}"
     );
+}
+
+/// Well-known text as ArcGIS writes it, without codes, in a projection.
+fn esri(projection: &str) -> String {
+    format!(
+        "PROJCS[\"WGS_1984_Own\",GEOGCS[\"GCS_WGS_1984\",DATUM[\"D_WGS_1984\",SPHEROID[\"WGS_1984\",6378137.0,298.257223563]],\
+         PRIMEM[\"Greenwich\",0.0],UNIT[\"Degree\",0.0174532925199433]],PROJECTION[\"{projection}\"],\
+         PARAMETER[\"False_Easting\",500000.0],PARAMETER[\"False_Northing\",0.0],PARAMETER[\"Central_Meridian\",15.0],\
+         PARAMETER[\"Scale_Factor\",0.9996],PARAMETER[\"Latitude_Of_Origin\",0.0],UNIT[\"Meter\",1.0]]"
+    )
+}
+
+#[test]
+fn a_coordinate_system_without_a_code_beside_a_picture_is_read_or_named() {
+    let dir = folder();
+    let tagged = dir.path().join("town.tif");
+    write_map(&tagged, (20, 10), geo_tags(32632), colours);
+    let plain = dir.path().join("town.png");
+    picture(&plain, 20, 10);
+    let world = "0.5 0 0 -0.5 300000.25 2699999.75";
+    std::fs::write(dir.path().join("town.pgw"), world).unwrap();
+    let write = |projection: &str| {
+        let text = format!("<PAMDataset><SRS>{}</SRS></PAMDataset>", esri(projection));
+        for name in ["town.tif.aux.xml", "town.png.aux.xml"] {
+            std::fs::write(dir.path().join(name), &text).unwrap();
+        }
+    };
+    // One that is read: GDAL puts the map a zone farther east, and the picture lies there.
+    write("Transverse_Mercator");
+    let caveats = open(&tagged).unwrap().caveats().join("\n");
+    assert!(caveats.contains("puts the centre at"), "{caveats}");
+    let map = open(&plain).unwrap();
+    let in_zone_33 = with_crs(&plain, "EPSG:32633").unwrap();
+    let centre = |map: &dyn Raster| {
+        let place = map.georeference();
+        place.lonlat_from_map_px(place.centre_px()).unwrap()
+    };
+    assert!(distance_m(centre(map.as_ref()), centre(in_zone_33.as_ref())) < 0.01);
+    // One that is not.
+    write("Other");
+    let map = open(&tagged).unwrap();
+    assert_eq!(map.georeference().crs().definition(), "EPSG:32632");
+    let caveats = map.caveats().join("\n");
+    assert!(
+        caveats.contains(".aux.xml") && caveats.contains("'WGS_1984_Own'"),
+        "{caveats}"
+    );
+    assert_eq!(with_crs(&tagged, "EPSG:32632").unwrap().caveats(), [""; 0]);
+    let pam = dir.path().join("town.png.aux.xml");
+    refused(open(&plain), &pam, &["WGS_1984_Own", "projection other"]);
 }
 
 #[test]
@@ -266,4 +316,19 @@ fn what_may_be_wrong_is_logged_when_a_map_is_opened() {
     });
     assert_eq!(map.caveats().len(), 1);
     assert_eq!(*warnings.0.lock().unwrap(), map.caveats());
+}
+
+#[test]
+fn world_files_may_begin_with_a_byte_order_mark() {
+    let dir = folder();
+    let path = dir.path().join("town.png");
+    picture(&path, 20, 10);
+    let world = dir.path().join("town.pgw");
+    let numbers = "0.5\n0\n0\n-0.5\n300000.25\n2699999.75\n";
+    std::fs::write(&world, format!("\u{feff}{numbers}")).unwrap();
+    let map = with_crs(&path, "EPSG:32632").unwrap();
+    assert_eq!(map.georeference().affine().to_gdal()[0], 300_000.0);
+    let utf_16: Vec<u8> = numbers.encode_utf16().flat_map(u16::to_le_bytes).collect();
+    std::fs::write(&world, [&[0xFF, 0xFE][..], &utf_16].concat()).unwrap();
+    refused(with_crs(&path, "EPSG:32632"), &world, &["UTF-8"]);
 }

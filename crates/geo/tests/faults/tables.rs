@@ -107,3 +107,39 @@ fn a_mosaic_joins_its_pictures_and_leaves_holes_without_data() {
     assert_eq!(at(150, 20), (0, 0));
     assert_eq!(at(20, 130), (0, 0));
 }
+
+#[test]
+fn geotiffs_in_a_table_are_sent_to_a_list() {
+    let dir = folder();
+    write_map(
+        &dir.path().join("a.tif"),
+        (20, 10),
+        geo_tags(32632),
+        colours,
+    );
+    let head = "filename,top_left_lat,top_left_lon,bottom_right_lat,bottom_right_lon\n";
+    let row = "a.tif,60.403962,22.460441,60.402409,22.464059\n";
+    let path = table(dir.path(), &format!("{head}{row}"));
+    let error = refused(open(&path), &path, &["line 2", "a.tif", "PNG", ".txt"]);
+    assert!(matches!(error, GeoError::BadTable { .. }), "{error}");
+}
+
+#[test]
+fn lists_may_have_quotation_marks_and_must_be_utf_8() {
+    let dir = folder();
+    write_map(
+        &dir.path().join("a map.tif"),
+        (20, 10),
+        geo_tags(32632),
+        colours,
+    );
+    let list = dir.path().join("list.txt");
+    std::fs::write(&list, "\u{feff}\"a map.tif\"\r\n").unwrap();
+    assert_eq!(open(&list).unwrap().size_px(), (20, 10));
+    let utf_16: Vec<u8> = "\u{feff}a map.tif\r\n"
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    std::fs::write(&list, utf_16).unwrap();
+    refused(open(&list), &list, &["save it as UTF-8"]);
+}

@@ -89,15 +89,63 @@ fn what_a_vrt_does_beyond_putting_pictures_together_is_refused() {
         let error = changed(from, to);
         assert!(error.contains(words), "{from} -> {to}: {error}");
     }
-    // Well-known text without a code: the system of the pictures.
-    std::fs::write(
-        &path,
-        text.replace("AUTHORITY[\"EPSG\",\"32632\"]", "EXTENSION[\"x\",\"y\"]"),
-    )
-    .unwrap();
+}
+
+#[test]
+fn a_vrt_lies_where_its_own_coordinate_system_says() {
+    let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
+    let dir = tempfile::tempdir().unwrap();
+    for part in 0..4 {
+        let name = format!("part_{part}.tif");
+        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
+    }
+    let path = dir.path().join("changed.vrt");
+    let write = |changes: &[(&str, &str)]| {
+        let mut text = text.clone();
+        for (from, to) in changes {
+            assert!(text.contains(from), "{from}");
+            text = text.replace(from, to);
+        }
+        std::fs::write(&path, text).unwrap();
+    };
+    let open = || open_map(&path, &MapOptions::default()).unwrap();
+    let no_code = ("AUTHORITY[\"EPSG\",\"32632\"]", "EXTENSION[\"x\",\"y\"]");
+    // The parameters say it.
+    write(&[no_code]);
+    check("changed.vrt", open().as_ref(), "parts.vrt");
+    write(&[
+        no_code,
+        (
+            "PARAMETER[\"central_meridian\",9]",
+            "PARAMETER[\"central_meridian\",15]",
+        ),
+    ]);
+    let centre = |map: &dyn grimnet_geo::Raster| {
+        let place = map.georeference();
+        place.lonlat_from_map_px(place.centre_px()).unwrap()
+    };
+    let east_deg = centre(open().as_ref()).lon_deg
+        - centre(
+            open_map(&path_of("parts.vrt"), &MapOptions::default())
+                .unwrap()
+                .as_ref(),
+        )
+        .lon_deg;
+    assert!((east_deg - 6.0).abs() < 1e-6, "{east_deg}");
+    // One that is not read is not that of the pictures.
+    write(&[no_code, ("\"Transverse_Mercator\"", "\"Other\"")]);
+    let error = refused(&path).to_string();
+    assert!(
+        error.contains("changed.vrt") && error.contains("UTM zone 32N") && error.contains("other"),
+        "{error}"
+    );
+    let with_crs = MapOptions {
+        crs: Some("EPSG:32632".to_string()),
+        ..MapOptions::default()
+    };
     check(
         "changed.vrt",
-        open_map(&path, &MapOptions::default()).unwrap().as_ref(),
+        open_map(&path, &with_crs).unwrap().as_ref(),
         "parts.vrt",
     );
 }

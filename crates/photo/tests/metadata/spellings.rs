@@ -180,3 +180,27 @@ fn png_webp_and_tiff_carry_the_same_blocks() {
     ]);
     expect(&tiff, "tiff");
 }
+
+#[rstest]
+#[case::first_directory(exif::Context::Tiff)]
+#[case::sub_directory(exif::Context::Exif)]
+fn xmp_in_exif_is_read_where_the_file_has_none_of_its_own(#[case] directory: exif::Context) {
+    let plain = jpeg(&gradient(32, 24));
+    let in_exif = exif_app1(&[
+        (Tag::Make, ascii("DJI")),
+        (
+            Tag(directory, 700),
+            Value::Byte(dji_elements(&FULL).into_bytes()),
+        ),
+    ]);
+    let metadata = Metadata::from_bytes(&with_app1(&plain, std::slice::from_ref(&in_exif)));
+    assert_eq!(metadata.gimbal_yaw_deg, Some(-44.2));
+    assert_eq!(metadata.relative_altitude_m, Some(40.1));
+    // The file's own packet says one of them.
+    let own = xmp_app1(&dji_elements(&[("GimbalYawDegree", "+12.5")]));
+    for bodies in [[own.clone(), in_exif.clone()], [in_exif, own]] {
+        let metadata = Metadata::from_bytes(&with_app1(&plain, &bodies));
+        assert_eq!(metadata.gimbal_yaw_deg, Some(12.5));
+        assert_eq!(metadata.relative_altitude_m, Some(40.1));
+    }
+}

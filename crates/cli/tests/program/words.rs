@@ -163,7 +163,7 @@ fn numbers_out_of_range_are_refused_with_their_option() {
         ),
         (
             &["locate", "-p", "p", "a", "--gsd", "1e-308"],
-            "from 0.0001 to 10000",
+            "from 0.00001 to 1000",
         ),
         (
             &["serve", "-p", "p", "--listen", "localhost:8080"],

@@ -42,7 +42,7 @@ pub struct LocateArgs {
     #[arg(short, long, value_name = "AREA.grim")]
     pack: PathBuf,
 
-    /// Photos, folders of photos, or patterns such as 'flight/*.jpg'
+    /// Photos (JPEG, PNG, WebP or TIFF), folders of photos, or patterns such as 'flight/*.jpg'
     #[arg(required = true)]
     photos: Vec<PathBuf>,
 

@@ -10,7 +10,7 @@ use grimnet_geo::LonLat;
 /// of straight down sees a centre some tens of metres in front of the drone.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TruthFrame {
-    /// File name of the photo, without folders.
+    /// File name of the photo, or its path from the folder of photos.
     pub photo: String,
     /// Position of the image centre: latitude and longitude in degrees, WGS 84.
     pub centre_lat_lon_deg: Option<(f64, f64)>,

@@ -121,8 +121,9 @@ impl Trainer {
             }
         };
         if !self.has_checkpoint {
-            // From now on this is the run in the folder: a checkpoint of the run before would be resumed in its place.
-            self.save(&folder)?;
+            // From now on this is the run in the folder: a checkpoint of the run before would be resumed in its place. There is nothing
+            // trained in it that an error could name.
+            folder.write(CHECKPOINT, &self.state.to_bytes()?)?;
         }
         let batches = BatchOptions {
             pair: config.pairs.clone(),

@@ -132,6 +132,7 @@ pub fn build_pack(
             },
             model: Some(open_model(model.as_ref(), precision)?),
             overwrite,
+            ..MapBuild::default()
         };
         Ok(build_interruptible(
             &map,

@@ -193,7 +193,7 @@ impl Localizer {
     }
 
     /// As [`Localizer::locate`], with the photo's keypoints and descriptors, from which [`Localizer::motion_between`] measures
-    /// the motion to another photo. `None` in paper mode.
+    /// the motion to another photo. `None` in paper mode, and for a photo that is damaged or of one brightness.
     ///
     /// # Errors
     /// As [`Localizer::locate`].

@@ -58,10 +58,13 @@ const LEAST_CONTRAST: f64 = 1.0;
 
 /// Whether a photo is of one brightness: a capped lens, night, or cloud and snow overexposed.
 fn is_blank(image: &RgbImage) -> bool {
-    // A thousandth of a photo of some megapixels is enough.
-    let step = (image.pixels().len() / 4096).max(1);
+    // A grid of 64 x 64 pixels is enough of any photo.
+    let [step_x, step_y] = [image.width(), image.height()].map(|side| (side / 64).max(1) as usize);
+    let rows = (0..image.height()).step_by(step_y);
+    let pixels = rows.flat_map(|y| (0..image.width()).step_by(step_x).map(move |x| (x, y)));
     let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-    for pixel in image.pixels().step_by(step) {
+    for (x, y) in pixels {
+        let pixel = image.get_pixel(x, y);
         let luma = f64::from(pixel.to_luma().0[0]);
         count += 1.0;
         sum += luma;
@@ -262,7 +265,19 @@ fn reason_without_candidates(results: &[RoundResult]) -> Reason {
 
 #[cfg(test)]
 mod tests {
-    use super::least_of_largest;
+    use super::*;
+
+    #[test]
+    fn a_photo_with_a_black_border_is_not_blank() {
+        for (width, height) in [(640, 512), (512, 512), (640, 480), (100, 4096), (7, 5)] {
+            let textured = RgbImage::from_fn(width, height, |x, y| {
+                let level = if x < 2 { 0 } else { (x * 37 + y * 91) % 200 };
+                image::Rgb([level as u8; 3])
+            });
+            assert!(!is_blank(&textured), "{width} x {height}");
+            assert!(is_blank(&RgbImage::new(width, height)));
+        }
+    }
 
     #[test]
     fn the_least_of_the_largest_leaves_so_many() {

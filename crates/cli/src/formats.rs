@@ -6,7 +6,7 @@ mod stream;
 mod table;
 mod text_target;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
@@ -19,6 +19,16 @@ pub use text_target::TextTarget;
 
 /// What is said where a database was asked for on standard output.
 pub const NOT_TEXT: &str = "a GeoPackage is a file; give its name with -o FILE.gpkg";
+
+/// An error that ended a run, with where its rows so far are: in the `partial` file, if that holds any. `so_far` is what the message says
+/// before its name.
+pub fn stopped(error: anyhow::Error, so_far: &str, partial: Option<PathBuf>) -> anyhow::Error {
+    let holds_rows = |path: &PathBuf| path.metadata().is_ok_and(|found| found.len() > 0);
+    match partial.filter(holds_rows) {
+        Some(path) => error.context(format!("stopped; {so_far} {}", path.display())),
+        None => error,
+    }
+}
 
 /// How answers are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]

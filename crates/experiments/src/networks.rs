@@ -108,14 +108,16 @@ type Listener = Box<dyn Fn(&str, &Progress)>;
 /// Trains variants of one configuration, all on the same data for the same seed.
 pub struct Networks {
     config: TrainConfig,
-    seeds: u64,
+    /// The data of each seed: procedural worlds differ with it, and are rendered once for all variants.
+    data: Vec<Data>,
     folder: PathBuf,
     stop: Arc<AtomicBool>,
     on_progress: Listener,
 }
 
 impl Networks {
-    /// Keeps networks in `folder`, `seeds` of each variant, each as `grim train` makes it of that configuration and seed. Setting `stop` ends training after the step in hand.
+    /// Keeps networks in `folder`, `seeds` of each variant, each as `grim train` makes it of that configuration and seed. Setting
+    /// `stop` ends training after the step in hand.
     ///
     /// # Errors
     /// A wrong configuration, data that cannot be read.
@@ -126,10 +128,14 @@ impl Networks {
         stop: Arc<AtomicBool>,
     ) -> Result<Self, NetworksError> {
         config.validate()?;
-        // Data that cannot be used are refused before anything else is done.
-        Data::open(&config)?;
+        let of_seed = |i| {
+            Data::open(&TrainConfig {
+                seed: config.seed + i,
+                ..config.clone()
+            })
+        };
         Ok(Self {
-            seeds: seeds.max(1),
+            data: (0..seeds.max(1)).map(of_seed).collect::<Result<_, _>>()?,
             // Every step is reported, so that a stop is heard at once.
             config: TrainConfig {
                 report_steps: 1,
@@ -156,17 +162,24 @@ impl Networks {
         name: &str,
         change: impl Fn(&mut TrainConfig),
     ) -> Result<Vec<Trained>, NetworksError> {
-        (0..self.seeds)
-            .map(|i| {
+        self.data
+            .iter()
+            .zip(0..)
+            .map(|(data, i)| {
                 let mut config = self.config.clone();
                 config.seed += i;
                 change(&mut config);
-                self.one(&format!("{name}, seed {}", config.seed), config)
+                self.one(&format!("{name}, seed {}", config.seed), config, data)
             })
             .collect()
     }
 
-    fn one(&self, name: &str, mut config: TrainConfig) -> Result<Trained, NetworksError> {
+    fn one(
+        &self,
+        name: &str,
+        mut config: TrainConfig,
+        data: &Data,
+    ) -> Result<Trained, NetworksError> {
         config.out = self.folder.join(self.key(name, &config)?);
         let path = config.out.join(MODEL);
         let last_fall = config.out.join(LAST_FALL);
@@ -179,10 +192,8 @@ impl Networks {
         }
         let device = config.device.device()?;
         let folder = RunFolder::open(&config, &OutputPolicy::new())?;
-        // Procedural worlds differ with the seed.
-        let data = Data::open(&config)?;
-        let (trainer, totals) = self.trained(name, &config, &data, &device, &folder)?;
-        let exported = export(trainer.state(), &config, &data, &device, &mut |_| ())?;
+        let (trainer, totals) = self.trained(name, &config, data, &device, &folder)?;
+        let exported = export(trainer.state(), &config, data, &device, &mut |_| ())?;
         let fall = last_fall_of(&totals);
         let text = format!("{}\n", serde_json::json!(fall));
         folder.write(LAST_FALL, text.as_bytes())?;
@@ -283,7 +294,8 @@ impl Networks {
         format!(
             "Each network ({}) was trained for {length} with each of {} seeds, of batches, worlds and random weights, starting from {start}; global \
              descriptors {whitening}.",
-            self.config.network, self.seeds
+            self.config.network,
+            self.data.len()
         )
     }
 }

@@ -9,6 +9,7 @@ use crate::content_hash::ContentHash;
 use crate::map_form::{MapForm, form_of};
 use crate::picture::Picture;
 use crate::windowed::{check, empty_patch, read_window};
+use crate::world_file::BYTE_ORDER_MARK;
 use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, RasterPatch, WindowPx};
 
 const ORDER: &str = "the columns are latitude and longitude of two corners, in degrees";
@@ -246,7 +247,7 @@ fn read_table(path: &Path) -> Result<Vec<Row>, GeoError> {
 }
 
 fn normal(name: &str) -> String {
-    name.trim_start_matches('\u{feff}')
+    name.trim_start_matches(BYTE_ORDER_MARK)
         .trim()
         .to_ascii_lowercase()
         .replace([' ', '-'], "_")

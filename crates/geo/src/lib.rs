@@ -101,6 +101,7 @@ pub use georeference::Georeference;
 pub use heading::turn_deg;
 pub use level_frame::LevelFrame;
 pub use level_px::LevelPx;
+pub use map_form::is_tiff_name;
 pub use map_options::MapOptions;
 pub use map_px::{MapPx, WindowPx};
 pub use metres::{

@@ -88,8 +88,8 @@ pub(crate) fn form_of(path: &Path) -> Result<MapForm, GeoError> {
     Ok(MapForm::Picture)
 }
 
-/// Whether a name is that of a GeoTIFF.
-pub(crate) fn is_tiff_name(name: &OsStr) -> bool {
+/// Whether a name, or a path, is that of a GeoTIFF: a folder that is read as a map consists of these.
+pub fn is_tiff_name(name: &OsStr) -> bool {
     let ending = Path::new(name).extension().unwrap_or_default();
     ["tif", "tiff", "gtiff"]
         .iter()

@@ -39,7 +39,7 @@ pub(crate) fn estimate() -> Estimate {
     }
 }
 
-fn autopilot(kind: AutopilotKind, major: u8, minor: u8) -> Autopilot {
+pub(crate) fn autopilot(kind: AutopilotKind, major: u8, minor: u8) -> Autopilot {
     Autopilot {
         system_id: 7,
         component_id: 1,

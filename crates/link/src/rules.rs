@@ -49,20 +49,7 @@ pub(crate) fn findings(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::autopilot::Version;
-
-    fn autopilot(kind: AutopilotKind, major: u8, minor: u8) -> Autopilot {
-        Autopilot {
-            system_id: 1,
-            component_id: 1,
-            kind,
-            version: Some(Version {
-                major,
-                minor,
-                patch: 0,
-            }),
-        }
-    }
+    use crate::golden_tests::autopilot;
 
     /// What is to be set, and whether it must be.
     fn to_set(

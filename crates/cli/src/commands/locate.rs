@@ -17,7 +17,7 @@ use super::map_place::{MapPlace, check_built_from};
 use super::{LimitsChoice, ModelChoice};
 use crate::drawings::Drawings;
 use crate::exit::Exit;
-use crate::formats::{AnswerOutput, Format, TextTarget};
+use crate::formats::{AnswerOutput, Format, TextTarget, stopped};
 pub use crate::localise::{adapt_to_flight, locate_one};
 use crate::outputs::OverwriteChoice;
 use crate::{errors, inputs, interrupt, photos, progress, values};
@@ -128,12 +128,7 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
         &mut drawings,
     )
     .and_then(|exit| stream.finish().map(|()| exit))
-    .map_err(|error| match partial {
-        Some(path) if std::fs::metadata(&path).is_ok_and(|found| found.len() > 0) => error.context(
-            format!("stopped; the answers so far are in {}", path.display()),
-        ),
-        _ => error,
-    })
+    .map_err(|error| stopped(error, "the answers so far are in", partial))
 }
 
 /// What may be replaced: no photo, pack, model or map of this run.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
-use grimnet_geo::Raster;
+use grimnet_geo::{Raster, is_tiff_name};
 use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
@@ -26,9 +26,6 @@ Examples:
   grim map build town.tif -o town.grim
   grim map build town.tif -o town.grim --photo flight/DJI_0042.jpg    # only for photos like this one
   grim map build scan.png --corners 13.40,52.50,13.42,52.52 -o town.grim";
-
-/// Endings of the GeoTIFFs of a folder.
-const MAP_ENDINGS: [&str; 3] = ["tif", "tiff", "gtiff"];
 
 /// Heading of the options that choose ground resolutions.
 const LEVELS: &str = "Ground resolutions [default: all that photos may need]";
@@ -159,15 +156,11 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
 
 /// Warns of a pack that the next build would take for one of the maps in the folder.
 fn warn_if_among_maps(out: &Path, map: &Path) {
-    let ending = out.extension().unwrap_or_default();
-    let is_map_name = MAP_ENDINGS
-        .iter()
-        .any(|known| ending.eq_ignore_ascii_case(known));
     let folder = || {
         let out = std::path::absolute(linked_path(out).ok()?).ok()?;
         out.parent()?.canonicalize().ok()
     };
-    if is_map_name && map.is_dir() && folder() == map.canonicalize().ok() {
+    if is_tiff_name(out.as_os_str()) && map.is_dir() && folder() == map.canonicalize().ok() {
         tracing::warn!(
             "{}: the pack has the name of a map and lies in the folder of the maps: that folder cannot be read as a map \
              afterwards; give the pack a name that ends in .grim",

@@ -16,13 +16,13 @@ use indicatif::ProgressBar;
 
 use super::track_options::OutputArgs;
 pub use super::track_options::TrackArgs;
-use super::track_output::{check_outputs, open_nmea, open_output, stopped, while_read};
+use super::track_output::{TRACK_SO_FAR, check_outputs, open_nmea, open_output, while_read};
 use super::track_reader::WhileRead;
 use super::track_replay::replay;
 use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
 use crate::exit::Exit;
-use crate::formats::{RowOutput, TextStream};
+use crate::formats::{RowOutput, TextStream, stopped};
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
 use crate::tracking::live::{Live, check_time_of_day};
@@ -126,7 +126,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     let partial = stream.partial_path();
     let rows = while_read(stream, arguments);
     let interrupted = write_track(&mut followed, frames.as_mut(), rows, output.smooth)
-        .map_err(|error| stopped(error, partial))?;
+        .map_err(|error| stopped(error, TRACK_SO_FAR, partial))?;
     if let Some(report) = report {
         report.write(&followed.scored)?;
     }

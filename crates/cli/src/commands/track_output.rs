@@ -1,7 +1,4 @@
 //! Where `grim track` writes to.
-
-use std::path::PathBuf;
-
 use anyhow::{Context as _, Result};
 use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_track::TrackPoint;
@@ -48,6 +45,9 @@ pub fn check_outputs(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<()>
     }
     Ok(())
 }
+
+/// What is said of the file that holds a track that was stopped.
+pub const TRACK_SO_FAR: &str = "the track so far is in";
 
 fn track_target(arguments: &TrackArgs) -> TextTarget<'_> {
     TextTarget::of(arguments.output.out.as_deref())
@@ -101,15 +101,4 @@ pub fn open_nmea(
     // The track is written beside them.
     let while_read = |stream| WhileRead::new(stream, "the sentences of --nmea", true);
     Ok(stream.transpose()?.map(while_read))
-}
-
-/// An error that ended the track, with where the track so far is: in the `partial` file, if that holds any of it.
-pub fn stopped(error: anyhow::Error, partial: Option<PathBuf>) -> anyhow::Error {
-    match partial.filter(|path| path.exists()) {
-        Some(path) => error.context(format!(
-            "stopped; the track so far is in {}",
-            path.display()
-        )),
-        None => error,
-    }
 }

@@ -6,9 +6,9 @@ use anyhow::{Result, bail};
 use grimnet_answer::printable;
 
 use super::track_options::TrackArgs;
-use super::track_output::{check_outputs, open_output, stopped};
+use super::track_output::{TRACK_SO_FAR, check_outputs, open_output};
 use crate::exit::Exit;
-use crate::formats::RowOutput;
+use crate::formats::{RowOutput, stopped};
 use crate::tracking::line::TrackLine;
 use crate::tracking::recording::Replay;
 
@@ -28,7 +28,7 @@ pub fn replay(arguments: &TrackArgs, given: &Path) -> Result<Exit> {
     let stream = open_output(arguments, &policy)?;
     let partial = stream.partial_path();
     let (frames, others) =
-        write_track(recorded, stream).map_err(|error| stopped(error, partial))?;
+        write_track(recorded, stream).map_err(|error| stopped(error, TRACK_SO_FAR, partial))?;
     if others > 0 {
         tracing::warn!("{others} of {frames} frames give another track than the recorded one");
         return Ok(Exit::SomeWithoutFix);

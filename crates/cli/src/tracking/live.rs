@@ -322,8 +322,9 @@ fn tell(event: &LinkEvent) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use grimnet_geo::LonLat;
-    use grimnet_track::{PositionFix, TrackOptions, Velocity};
+    use grimnet_track::{TrackOptions, Velocity};
+
+    use super::super::truth::tests::hovering;
 
     fn sentences(is_live: bool) -> Live {
         let options = LiveOptions {
@@ -389,23 +390,10 @@ mod tests {
     #[test]
     fn the_links_are_given_a_track_that_does_not_coast_between_two_photos() {
         let mut pace = Pace::default();
-        let mut tracker = tracker();
-        for number in 0..8 {
-            let time_s = 4.0 * f64::from(number);
-            pace.frame(time_s);
-            let fix = PositionFix {
-                time_s,
-                lonlat: LonLat::new(120.5, 24.25),
-                covariance_en_m2: [1.0, 0.0, 1.0],
-                map_error_m: 1.0,
-                heading_deg: Some(0.0),
-                gsd_m: 0.05,
-                confidence: 0.99,
-            };
-            tracker.push(Input::Fix(fix)).unwrap();
-        }
+        let times_s = [0.0, 4.0, 8.0, 12.0, 16.0, 20.0, 24.0, 28.0];
+        times_s.iter().for_each(|time_s| pace.frame(*time_s));
         let mut published = Published {
-            tracker: Some(tracker),
+            tracker: Some(hovering(times_s)),
             ..Published::default()
         };
         let state = |published: &Published, after_s: f64| {

@@ -103,17 +103,17 @@ pub fn summary(compared: &[Compared]) -> TrackSummary {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use grimnet_track::{Input, PositionFix, TrackOptions, Tracker};
 
     use super::*;
 
-    #[test]
-    fn an_image_centre_is_not_compared_with_the_position_of_the_aircraft() {
+    /// The track of a camera that is found at one place at these times, seconds.
+    pub(in crate::tracking) fn hovering(times_s: impl IntoIterator<Item = f64>) -> Tracker {
         let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
-        for number in 0..8 {
+        for time_s in times_s {
             let fix = PositionFix {
-                time_s: f64::from(number),
+                time_s,
                 lonlat: LonLat::new(120.5, 24.25),
                 covariance_en_m2: [1.0, 0.0, 1.0],
                 map_error_m: 1.0,
@@ -123,6 +123,12 @@ mod tests {
             };
             tracker.push(Input::Fix(fix)).unwrap();
         }
+        tracker
+    }
+
+    #[test]
+    fn an_image_centre_is_not_compared_with_the_position_of_the_aircraft() {
+        let tracker = hovering([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
         let point = tracker.point_at(7.0).unwrap();
         assert_eq!(
             point.estimate.unwrap().position_of,

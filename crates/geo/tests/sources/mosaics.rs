@@ -6,6 +6,16 @@ use grimnet_geo::{MapOptions, WindowPx, open_map};
 
 use crate::gdal::{check, open, path_of, refused};
 
+/// A folder with the four GeoTIFFs of a mosaic.
+fn parts() -> tempfile::TempDir {
+    let dir = tempfile::tempdir().unwrap();
+    for part in 0..4 {
+        let name = format!("part_{part}.tif");
+        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
+    }
+    dir
+}
+
 #[test]
 fn vrts_are_what_gdal_reads() {
     for name in ["parts.vrt", "nodata.vrt", "cut.vrt"] {
@@ -16,11 +26,7 @@ fn vrts_are_what_gdal_reads() {
 #[test]
 fn lists_and_folders_of_geotiffs_are_the_vrt_of_them() {
     check("parts.txt", open("parts.txt").as_ref(), "parts.vrt");
-    let dir = tempfile::tempdir().unwrap();
-    for part in 0..4 {
-        let name = format!("part_{part}.tif");
-        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
-    }
+    let dir = parts();
     let map = open_map(dir.path(), &MapOptions::default()).unwrap();
     check("folder", map.as_ref(), "parts.vrt");
     // The order matters, and each file's bytes.
@@ -53,11 +59,7 @@ fn what_a_vrt_does_beyond_putting_pictures_together_is_refused() {
         "{error}"
     );
     let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
-    let dir = tempfile::tempdir().unwrap();
-    for part in 0..4 {
-        let name = format!("part_{part}.tif");
-        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
-    }
+    let dir = parts();
     let path = dir.path().join("changed.vrt");
     let changed = |from: &str, to: &str| {
         assert!(text.contains(from));
@@ -94,11 +96,7 @@ fn what_a_vrt_does_beyond_putting_pictures_together_is_refused() {
 #[test]
 fn a_vrt_lies_where_its_own_coordinate_system_says() {
     let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
-    let dir = tempfile::tempdir().unwrap();
-    for part in 0..4 {
-        let name = format!("part_{part}.tif");
-        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
-    }
+    let dir = parts();
     let path = dir.path().join("changed.vrt");
     let write = |changes: &[(&str, &str)]| {
         let mut text = text.clone();
@@ -153,11 +151,7 @@ fn a_vrt_lies_where_its_own_coordinate_system_says() {
 #[test]
 fn statistics_that_gdal_keeps_in_a_vrt_leave_it_the_same_map() {
     let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
-    let dir = tempfile::tempdir().unwrap();
-    for part in 0..4 {
-        let name = format!("part_{part}.tif");
-        std::fs::copy(path_of(&name), dir.path().join(name)).unwrap();
-    }
+    let dir = parts();
     let path = dir.path().join("parts.vrt");
     let hash = |text: &str| {
         std::fs::write(&path, text).unwrap();

@@ -211,6 +211,7 @@ impl Flight {
             .yaw_deg(&self.recent)
             .filter(|_| self.checks.uses_yaw());
         let height_agl_m = self.recent.height_agl_m_at(exposure.time_s);
+        let height_agl_m = height_agl_m.filter(|_| !self.checks.leaves_out_height());
         let steering = Steering {
             known: exposure.known.prior,
             view: exposure.view,
@@ -218,7 +219,10 @@ impl Flight {
             yaw_is_in_doubt: self.checks.yaw_is_in_doubt(),
             tests_yaw: self.checks.tests_yaw(vain_searches),
             tests_height: self.checks.tests_height(vain_searches),
-            height_agl_m: height_agl_m.filter(|_| !self.checks.leaves_out_height()),
+            height_agl_m,
+            gsd_of_height_m: height_agl_m
+                .zip(exposure.focal_length_px())
+                .map(|(height_agl_m, focal_px)| height_agl_m / focal_px),
             whole_map: self
                 .whole_map
                 .is_due(search.whole_map, self.whole_map_after_misses),

@@ -41,6 +41,8 @@ pub(crate) struct Steering<'a> {
     pub tests_height: bool,
     /// Height above ground of the telemetry, metres, for photos that nothing else tells the scale of.
     pub height_agl_m: Option<f64>,
+    /// Metres that a photo pixel covers straight below at that height. `None` if the focal length or the height is not known.
+    pub gsd_of_height_m: Option<f64>,
     /// Whether the whole map is searched after the windows. Without windows it is in any case.
     pub whole_map: bool,
     /// Photo pixels for one pixel of the focal length that the track's ground resolutions refer to.
@@ -51,7 +53,9 @@ pub(crate) struct Steering<'a> {
 pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearch> {
     let mut searches = Vec::new();
     if let Some(window) = joined(&search.windows) {
-        searches.push(in_window(&window, steering));
+        let as_tracked = in_window(&window, steering);
+        searches.push(as_tracked);
+        searches.extend(at_reported_height(as_tracked, steering));
     }
     if searches.is_empty() || steering.whole_map {
         let as_steered = on_whole_map(search.windows.first(), steering);
@@ -91,6 +95,20 @@ fn in_window(window: &SearchWindow, steering: &Steering<'_>) -> PlannedSearch {
             radius_m: near.radius_m,
         },
     }
+}
+
+/// The same search with the height of the telemetry, if that contradicts the track's ground resolution: the ground may have fallen away
+/// below the aircraft.
+fn at_reported_height(as_tracked: PlannedSearch, steering: &Steering<'_>) -> Option<PlannedSearch> {
+    if steering.known.view.gsd_m.is_some() || steering.view.footprint.is_some() {
+        return None;
+    }
+    let of_track_m = as_tracked.prior.view.gsd_m?;
+    let factor = steering.gsd_of_height_m? / of_track_m;
+    let mut search = as_tracked;
+    search.prior.view.gsd_m = None;
+    search.prior.view.height_agl_m = steering.height_agl_m;
+    (factor.ln().abs() > LARGEST_GSD_FACTOR.ln()).then_some(search)
 }
 
 fn on_whole_map(leading: Option<&SearchWindow>, steering: &Steering<'_>) -> PlannedSearch {
@@ -226,6 +244,7 @@ mod tests {
             tests_yaw: false,
             tests_height: false,
             height_agl_m: None,
+            gsd_of_height_m: None,
             whole_map: false,
             px_per_reference_px: 1.0,
         }
@@ -249,6 +268,34 @@ mod tests {
             }
         );
         assert!((prior.view.gsd_m.unwrap() - 0.0497).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_height_that_contradicts_the_tracks_scale_is_tried_as_well() {
+        let view = View::default();
+        let search = Search {
+            windows: vec![window(0.0, 90.0)],
+            whole_map: false,
+        };
+        let searches = |gsd_of_height_m: Option<f64>| {
+            let steering = Steering {
+                height_agl_m: Some(100.0),
+                gsd_of_height_m,
+                ..steering(&view)
+            };
+            plan(&search, &steering)
+        };
+        for agrees in [None, Some(0.05), Some(0.06), Some(0.04)] {
+            assert_eq!(searches(agrees).len(), 1, "{agrees:?}");
+        }
+        for contradicts in [0.1, 0.025] {
+            let searches = searches(Some(contradicts));
+            assert_eq!(searches.len(), 2);
+            let [of_track, of_height] = [0, 1].map(|number: usize| searches[number].prior.view);
+            assert_eq!((of_track.height_agl_m, of_height.gsd_m), (None, None));
+            assert_eq!(of_height.height_agl_m, Some(100.0));
+            assert_eq!(searches[0].prior.near, searches[1].prior.near);
+        }
     }
 
     #[test]

@@ -467,6 +467,39 @@ fn a_height_that_gets_another_reference_in_flight_is_noticed_and_costs_a_few_fra
     assert!(fixes.count() >= 12);
 }
 
+/// The plateau below ends at a cliff, and the rangefinder says so.
+#[test]
+fn a_height_that_steps_because_the_ground_does_costs_no_frame() {
+    let mut flight = flight(None);
+    for number in 0..20 {
+        let time_s = number as f64 / FRAMES_PER_S;
+        let pose = Pose {
+            height_agl_m: if number < 10 { 70.0 } else { 125.0 },
+            ..pose(180.0 + 5.0 * number as f64, 320.0)
+        };
+        let height = Height {
+            time_s,
+            agl_m: pose.height_agl_m,
+            amsl_m: None,
+        };
+        flight.push(Input::Height(height)).unwrap();
+        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+        let has_fix = matches!(answer.outcome, Ok(Outcome::Fix(_)));
+        assert!(has_fix || number < 10, "{number}: {answer:?}");
+        // The first fix after the step tells the scale.
+        let most_searches = if number == 10 { 2 } else { 1 };
+        assert!(answer.searches <= most_searches, "{number}: {answer:?}");
+        let frame = (answer, lonlat(&pose));
+        if number >= UNTIL_TRACKED {
+            assert!(
+                error_m(&frame).is_some_and(|error_m| error_m < 5.0),
+                "{frame:?}"
+            );
+        }
+    }
+    assert_eq!(flight.warnings().count(), 0);
+}
+
 /// The velocities of the second before a frame, ten a second.
 fn velocities(
     time_s: f64,

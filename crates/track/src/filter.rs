@@ -24,7 +24,7 @@ const SIGMA_PER_RADIUS95: f64 = 0.408_508_6;
 pub(crate) struct Filter {
     /// Time of the latest input, seconds.
     pub time_s: f64,
-    /// Whether a frame was taken in, and with the first one the start.
+    /// Whether a frame was taken in, by this filter or one before it: the start is where the first one was taken.
     pub has_begun: bool,
     pub plane: Option<LocalPlane>,
     pub bank: Bank,
@@ -40,11 +40,11 @@ pub(crate) struct Filter {
 }
 
 impl Filter {
-    /// The filter before any input.
-    pub fn new() -> Self {
+    /// The filter before any input. `has_begun`: after one that took in a frame, so that nobody knows where the start is from here.
+    pub fn new(has_begun: bool) -> Self {
         Self {
             time_s: f64::NEG_INFINITY,
-            has_begun: false,
+            has_begun,
             plane: None,
             bank: Bank::new(),
             sensors: Sensors::default(),

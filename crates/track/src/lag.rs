@@ -40,10 +40,19 @@ pub enum Taken {
 
 impl Lag {
     pub fn new() -> Self {
+        Self::of(Filter::new(false))
+    }
+
+    /// Without any input, after what was taken in before.
+    pub fn restarted(&self) -> Self {
+        Self::of(Filter::new(self.head.has_begun))
+    }
+
+    fn of(filter: Filter) -> Self {
         Self {
-            base: Filter::new(),
+            base: filter.clone(),
             entries: VecDeque::new(),
-            head: Filter::new(),
+            head: filter,
         }
     }
 

@@ -51,7 +51,7 @@ pub struct Start {
 pub struct TrackOptions {
     /// The vehicle.
     pub vehicle: Vehicle,
-    /// Where the aircraft is at the first frame. `None` if unknown.
+    /// Where the aircraft is at the first frame. `None` if unknown. A filter that begins again during the flight goes without.
     pub start: Option<Start>,
     /// Focal length of the full-size photo, pixels. With it and a fix's ground resolution the height is known where no
     /// [`crate::Height`] comes.

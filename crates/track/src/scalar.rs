@@ -11,7 +11,7 @@ pub(crate) struct HeadingFilter {
     pub variance_deg2: f64,
 }
 
-/// A measured heading that is off by more standard deviations than this shows that the turns since the last one were not what was
+/// What is measured and off by more standard deviations than this shows that the turns or climbs since the last time were not what was
 /// reported: 99.99 % of a normal distribution lie within.
 const MOST_SIGMAS: f64 = 3.9;
 /// Above this the heading is unknown: a uniform heading has 104 degrees.
@@ -95,8 +95,14 @@ impl GsdFilter {
         self.variance = (self.variance + variance).min(1.0);
     }
 
-    /// Takes in a measured ground resolution.
+    /// Takes in a measured ground resolution. One that is far from what was known is of another surface, such as behind a cliff: what
+    /// was known says nothing of that.
     pub fn update(&mut self, gsd_m: f64, sigma: f64) {
+        let off = (gsd_m.ln() - self.ln_gsd).abs();
+        if off > MOST_SIGMAS * self.variance.sqrt().hypot(sigma) {
+            *self = Self::new(gsd_m, sigma);
+            return;
+        }
         let gain = self.variance / (self.variance + sigma * sigma);
         self.ln_gsd += gain * (gsd_m.ln() - self.ln_gsd);
         self.variance *= 1.0 - gain;
@@ -131,10 +137,14 @@ mod tests {
 
     #[test]
     fn ground_resolutions_average_as_ratios() {
-        let mut filter = GsdFilter::new(0.04, 0.1);
-        filter.update(0.09, 0.1);
+        let mut filter = GsdFilter::new(0.04, 0.2);
+        filter.update(0.09, 0.2);
         assert_relative_eq!(filter.gsd_m(), 0.06, epsilon = 1e-12);
         filter.scale(2.0, 0.0);
         assert_relative_eq!(filter.gsd_m(), 0.12, epsilon = 1e-12);
+        // Of another surface.
+        let mut filter = GsdFilter::new(0.04, 0.02);
+        filter.update(0.08, 0.02);
+        assert_eq!(filter, GsdFilter::new(0.08, 0.02));
     }
 }

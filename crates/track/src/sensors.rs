@@ -5,7 +5,7 @@ use nalgebra::Vector2;
 
 use crate::{
     attitude::Attitude,
-    climb::Climb,
+    climb::{Climb, ReferenceStep},
     input::{Height, Input, PositionFix, RelativeMotion, Velocity},
     options::TrackOptions,
     tilt::{CentreOffset, gsd_over_nadir},
@@ -19,6 +19,9 @@ const ATTITUDE_SPREAD_DEG_S: f64 = 5.0;
 const LEAST_RATE_INTERVAL_S: f64 = 0.015;
 /// An attitude is extrapolated by no more than so many times what it changed between the last two.
 const MOST_EXTRAPOLATED: f64 = 2.0;
+
+/// A height that comes again was measured up to so long before, seconds: a sensor of 1 Hz may be reported ten times a second.
+const MOST_REPEATED_S: f64 = 1.0;
 
 /// Where a fix's ground resolution and the reported height differ by a larger factor, the focal length or the height is wrong and not a
 /// roof in the way: the surface is then taken to be as far away as the height says.
@@ -39,8 +42,10 @@ struct Telemetry {
     previous_attitude: Option<Attitude>,
     attitude: Option<Attitude>,
     height: Option<Height>,
-    /// By how much the height's reference stepped the last time, metres: either one may be the ground below. 0 if it never did.
-    reference_step_m: f64,
+    /// Time of the first height in a row that is the same as that one, seconds.
+    same_height_since_s: f64,
+    /// The last step of the height's reference.
+    reference_step: Option<ReferenceStep>,
 }
 
 /// What an input says beside itself, together with those before it.
@@ -203,9 +208,16 @@ impl Telemetry {
     /// Takes in a height. Gives the climb from the one before, if that is recent.
     fn set_height(&mut self, height: Height) -> Option<Climb> {
         let before = self.height.replace(height);
+        let measured_s = self.same_height_since_s;
+        if before.is_none_or(|before| before.agl_m != height.agl_m) {
+            self.same_height_since_s = height.time_s;
+        }
         let before = before.filter(|before| height.time_s - before.time_s < Height::HOLD_S)?;
-        let climb = Climb::between(&before, &height);
-        self.reference_step_m = climb.reference_step_m.unwrap_or(self.reference_step_m);
+        let measured_s = measured_s.max(before.time_s - MOST_REPEATED_S);
+        let climb = Climb::between(&before, measured_s, &height);
+        if let Some(by_m) = climb.reference_step_m {
+            self.reference_step = ReferenceStep::next(self.reference_step, height.time_s, by_m);
+        }
         Some(climb)
     }
 
@@ -227,9 +239,10 @@ impl Telemetry {
     }
 
     fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
+        let reference_step_m = self.reference_step.map_or(0.0, |step| step.by_m.abs());
         let reported = self
             .height_at(time_s)
-            .map(|height| (height.agl_m, self.reference_step_m));
+            .map(|height| (height.agl_m, reference_step_m));
         let from_gsd = || Some((gsd_m? * options.focal_length_px?, 0.0));
         let Some((height_agl_m, reference_step_m)) = reported.or_else(from_gsd) else {
             return View::Centre;
@@ -342,6 +355,37 @@ mod tests {
             (roll_deg - 3.8).abs() < 2.0 * sigma_deg,
             "{roll_deg} {sigma_deg}"
         );
+    }
+
+    /// What the last of heights ten times a second says, metres.
+    fn last_climb(agl_m: impl IntoIterator<Item = f64>) -> Climb {
+        let mut sensors = Sensors::default();
+        let changes = agl_m.into_iter().enumerate().map(|(number, agl_m)| {
+            sensors.take(&Input::Height(Height {
+                time_s: 0.1 * number as f64,
+                agl_m,
+                amsl_m: None,
+            }))
+        });
+        match changes.last().flatten() {
+            Some(Change::Climb(climb)) => climb,
+            change => panic!("{change:?}"),
+        }
+    }
+
+    #[test]
+    fn a_height_that_is_repeated_until_the_next_one_climbs_with_it() {
+        let held = |repeats: usize| [vec![100.0; repeats], vec![110.0]].concat();
+        for repeats in [5, 10, 100] {
+            let climb = last_climb(held(repeats));
+            assert_eq!((climb.factor, climb.reference_step_m), (1.1, None));
+        }
+        assert_eq!(
+            last_climb([99.0, 100.0, 110.0]).reference_step_m,
+            Some(10.0)
+        );
+        let hovered = [vec![100.0; 100], vec![60.0]].concat();
+        assert_eq!(last_climb(hovered).reference_step_m, Some(-40.0));
     }
 
     #[test]

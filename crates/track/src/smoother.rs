@@ -98,7 +98,7 @@ pub fn smooth(
 
 /// For each fix, in order, the founder of the hypothesis that accepted it and led later on.
 fn accepted_by(inputs: &[Input], options: &TrackOptions) -> Vec<Option<u64>> {
-    let mut filter = Filter::new();
+    let mut filter = Filter::new(false);
     let mut roots: Vec<Option<u64>> = Vec::new();
     for input in inputs {
         filter.apply(input, options);

@@ -144,7 +144,7 @@ impl Tracker {
             }
             Verdict::StartAgain { by_s, inputs } => {
                 self.clock_step_s = Some(by_s);
-                self.lag = Lag::new();
+                self.lag = self.lag.restarted();
                 self.counts.restarts += 1;
                 for input in inputs {
                     self.take(input);
@@ -166,9 +166,10 @@ impl Tracker {
         self.lag.push(input, &self.options)
     }
 
-    /// Forgets all inputs: what they said turned out to be wrong.
+    /// Forgets all inputs: what they said turned out to be wrong. The aircraft may have flown on since the first frame, so that after one
+    /// [`TrackOptions::start`] is forgotten as well.
     pub fn restart(&mut self) {
-        self.lag = Lag::new();
+        self.lag = self.lag.restarted();
         self.clocks.restart();
         self.counts.restarts += 1;
     }

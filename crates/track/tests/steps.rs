@@ -317,3 +317,36 @@ fn a_start_is_of_the_first_frame_and_not_of_the_telemetry_before_it() {
         assert!((radius_m - 50.0).abs() < 0.5, "{radius_m}");
     }
 }
+
+/// Its clock is set, or what it was given turns out to be wrong.
+#[test]
+fn a_start_is_not_placed_again_where_the_filter_begins_again_in_flight() {
+    let options = TrackOptions {
+        start: Some(Start {
+            lonlat: START,
+            radius95_m: 20.0,
+        }),
+        ..TrackOptions::default()
+    };
+    // 6 s, and 60 m, after the start.
+    let mut flown = Tracker::new(options.clone()).unwrap();
+    for second in 0..=6 {
+        flown.push(fix(f64::from(second))).unwrap();
+    }
+    flown.restart();
+    assert!(!flown.awaits_start());
+    assert!(flown.search(7.0, 60.0).windows.is_empty());
+    for second in 7..12 {
+        let time_s = f64::from(second);
+        flown.push(fix(time_s)).unwrap();
+        if let Some(estimate) = flown.point_at(time_s).unwrap().estimate {
+            let error_m = error_m(&estimate, time_s);
+            assert!(error_m < 4.0, "{time_s} s: {error_m} m, {estimate:?}");
+        }
+    }
+    // A clock that is set on the ground does not move the aircraft.
+    let mut waiting = Tracker::new(options).unwrap();
+    waiting.push(attitude(0.0)).unwrap();
+    waiting.restart();
+    assert!(waiting.awaits_start());
+}

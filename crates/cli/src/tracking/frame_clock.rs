@@ -29,8 +29,6 @@ const WARNED_GAIN: f64 = 0.01;
 const WARNED_OVER_S: f64 = 45.0;
 /// With a clock that is wrong by more than this part no position is given.
 const MAX_GAIN: f64 = 0.1;
-/// As [`WARNED_OVER_S`].
-const MAX_GAIN_OVER_S: f64 = 15.0;
 
 /// What the clocks show when a frame is taken in, seconds.
 #[derive(Debug, Clone, Copy)]
@@ -142,7 +140,7 @@ impl FrameClock {
             let last_s = self.ages_s.iter().rev().take(count);
             last_s.copied().fold(f64::INFINITY, f64::min)
         };
-        let gain = self.own.gain_over(MAX_GAIN_OVER_S).unwrap_or(0.0);
+        let gain = self.own.gain().unwrap_or(0.0);
         self.agreement = if gain.abs() > MAX_GAIN && self.base != Some(Base::System) {
             Agreement::Gains(gain)
         } else if least_of_s(COMPARED) < -MAX_EARLY_S {
@@ -227,7 +225,7 @@ impl FrameClock {
 
     /// What is reported once where a clock of the frames' own goes wrong by little.
     fn gain_text(&mut self) -> Option<String> {
-        let gain = self.own.gain_over(WARNED_OVER_S)?;
+        let gain = self.own.gain_since_step(MAX_GAIN, WARNED_OVER_S)?;
         let is_new = self.agrees()
             && self.base != Some(Base::System)
             && gain.abs() > WARNED_GAIN
@@ -378,6 +376,29 @@ mod tests {
             assert!(lines.len() == 1 || lines[0].contains(late), "{lines:?}");
             assert!(lines.len() <= 2 && !clock.agrees(), "{lines:?}");
         }
+    }
+
+    /// The frames are counted, so that their clock stands still in a pause. That is taken for frames that come late, and accepted once no
+    /// frame has come earlier for two spans.
+    #[test]
+    fn a_pause_of_a_stream_costs_half_a_minute() {
+        let mut clock = FrameClock::new(true, Some(0.3));
+        stream(&mut clock, 1.0, 60);
+        let mut lines = Vec::new();
+        let mut without_s = 0;
+        for second in 60..300 {
+            let came_s = BEGAN_S + f64::from(second) + 12.0;
+            lines.extend(clock.frame(f64::from(second), Epoch::Start, None, at(came_s)));
+            without_s += u32::from(!clock.agrees());
+        }
+        assert!(without_s <= 30, "{without_s} s");
+        let expected = ["later than the times", "agrees with the link's again"];
+        assert_eq!(lines.len(), expected.len(), "{lines:?}");
+        for (line, expected) in lines.iter().zip(expected) {
+            assert!(line.contains(expected), "{line}");
+        }
+        let ahead_s = clock.ahead_s().unwrap();
+        assert!((ahead_s + BEGAN_S + 12.0 - 0.3).abs() < 1e-6, "{ahead_s}");
     }
 
     /// Such as a camera of 29.97 frames a second with `--fps 30`, or a second that is 10 ms too short.

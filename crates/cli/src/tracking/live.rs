@@ -173,12 +173,18 @@ impl Live {
             return;
         };
         let now_s = running.clock.now_s() + self.frame_clock.ahead_s().unwrap_or(0.0);
-        let age_s = self.pace.last_s().map_or(0.0, |last_s| now_s - last_s);
         let least_s = tracker.options().coasting_after_s;
+        let last_s = self
+            .pace
+            .last_s()
+            .filter(|last_s| has_fix_of(tracker, *last_s));
+        let fix_is_recent_for_s = last_s.map_or(least_s, |last_s| {
+            self.pace.fix_is_recent_for_s(now_s - last_s, least_s)
+        });
         let mut published = lock(&self.shared);
         published.tracker = Some(tracker.clone());
         published.left_out = left_out;
-        published.fix_is_recent_for_s = self.pace.fix_is_recent_for_s(age_s, least_s);
+        published.fix_is_recent_for_s = fix_is_recent_for_s;
     }
 }
 
@@ -238,6 +244,13 @@ impl Drop for Running {
 
 fn lock(shared: &Shared) -> MutexGuard<'_, Published> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Whether the track accepted a fix of the frame at `frame_s`.
+fn has_fix_of(tracker: &Tracker, frame_s: f64) -> bool {
+    let point = tracker.point_at(frame_s);
+    let estimate = point.and_then(|point| point.estimate);
+    estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0))
 }
 
 /// Checks that frames have the time of day, which NMEA sentences carry.
@@ -404,6 +417,25 @@ mod tests {
         published.fix_is_recent_for_s = pace.fix_is_recent_for_s(0.5, 2.0);
         assert_eq!(state(&published, 4.5), TrackState::Tracking);
         assert_eq!(state(&published, 8.5), TrackState::Coasting);
+    }
+
+    #[test]
+    fn a_frame_without_a_fix_ends_the_time_for_which_the_last_one_is_recent() {
+        let mut live = sentences(true);
+        let now_s = LinkClock::unix().now_s();
+        let mut times_s = Vec::new();
+        for number in 0..8 {
+            let frame_s = now_s + 4.0 * f64::from(number - 7);
+            live.pace.frame(frame_s);
+            times_s.push(frame_s);
+        }
+        let recent_for_s = |live: &Live| {
+            live.publish_track(&hovering(times_s.iter().copied()), LeftOut::default());
+            live.shared.lock().unwrap().fix_is_recent_for_s
+        };
+        assert!(recent_for_s(&live) >= 6.0);
+        live.pace.frame(now_s + 0.1);
+        assert_eq!(recent_for_s(&live), 2.0);
     }
 
     /// The first frame gets its attitude and height, and nothing grows while the aircraft waits on the ground.

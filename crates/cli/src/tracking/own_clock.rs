@@ -57,13 +57,43 @@ impl OwnClock {
         recent.fold(ahead_s, |most_s, span| most_s.max(span.ahead_s))
     }
 
-    /// How many seconds this clock gains in a second, by the spans that are over; negative where it goes slow. `None` if they are
-    /// not `over_s` apart.
-    pub fn gain_over(&self, over_s: f64) -> Option<f64> {
-        let first = self.spans.front()?;
-        let last = self.spans.iter().rev().nth(1)?;
+    /// How many seconds this clock gains in a second, by the last spans that are over; negative where it goes slow. A step, such as a
+    /// pause of a camera whose frames are counted, is no gain: what both of the last two intervals say counts. `None` before there are
+    /// two.
+    pub fn gain(&self) -> Option<f64> {
+        let mut over = self.spans.iter().rev().skip(1);
+        let (last, middle, first) = (over.next()?, over.next()?, over.next()?);
+        let (before, after) = (middle.gain_since(first), last.gain_since(middle));
+        Some(if before * after <= 0.0 {
+            0.0
+        } else if before.abs() < after.abs() {
+            before
+        } else {
+            after
+        })
+    }
+
+    /// As [`OwnClock::gain`], but over all spans since the last step, so that a small one is told. `step_gain` is a gain that is none.
+    /// `None` if these are not `over_s` apart.
+    pub fn gain_since_step(&self, step_gain: f64, over_s: f64) -> Option<f64> {
+        let mut over = self.spans.iter().rev().skip(1);
+        let last = over.next()?;
+        let mut first = last;
+        for earlier in over {
+            if first.gain_since(earlier).abs() > step_gain {
+                break;
+            }
+            first = earlier;
+        }
         let between_s = last.came_s - first.came_s;
         (between_s >= over_s).then(|| (last.ahead_s - first.ahead_s) / between_s)
+    }
+}
+
+impl Span {
+    /// Seconds gained in a second. Frames may be late, so that two that came soon after each other tell no rate.
+    fn gain_since(&self, earlier: &Self) -> f64 {
+        (self.ahead_s - earlier.ahead_s) / (self.came_s - earlier.came_s).max(SPAN_S)
     }
 }
 
@@ -94,8 +124,29 @@ mod tests {
                 let most_s = 2.0 * SPAN_S * (speed - 1.0f64).abs() + 1e-9;
                 assert!(off_s.abs() <= most_s.max(0.1), "{speed}: {off_s}");
             }
-            let gain = clock.gain_over(45.0).unwrap();
+            let gain = clock.gain_since_step(0.1, 45.0).unwrap();
             assert!((gain - (speed - 1.0)).abs() < 0.003, "{speed}: {gain}");
+            let gain = clock.gain().unwrap();
+            assert!((gain - (speed - 1.0)).abs() < 0.03, "{speed}: {gain}");
+        }
+    }
+
+    /// A camera whose frames are counted, and that gives none for a while or several at once.
+    #[test]
+    fn a_step_is_no_gain() {
+        for step_s in [-30.0, -5.0, 5.0] {
+            let mut clock = OwnClock::default();
+            for second in 0..150 {
+                let ahead_s = if second < 60 { 0.0 } else { step_s };
+                clock.take(f64::from(second), ahead_s);
+                for gain in [clock.gain(), clock.gain_since_step(0.1, 45.0)] {
+                    assert!(
+                        gain.unwrap_or(0.0).abs() < 1e-9,
+                        "{step_s} s, {second}: {gain:?}"
+                    );
+                }
+            }
+            assert!(clock.gain_since_step(0.1, 45.0).is_some());
         }
     }
 
@@ -103,7 +154,10 @@ mod tests {
     fn how_fast_it_goes_is_not_told_by_a_few_frames() {
         let mut clock = OwnClock::default();
         taken(&mut clock, 1.0, 16);
-        assert_eq!(clock.gain_over(0.1), None);
-        assert_eq!(OwnClock::default().gain_over(0.0), None);
+        assert_eq!(
+            (clock.gain(), clock.gain_since_step(0.1, 0.1)),
+            (None, None)
+        );
+        assert_eq!(OwnClock::default().gain_since_step(0.1, 0.0), None);
     }
 }

@@ -27,6 +27,8 @@ const PATIENCE: Duration = Duration::from_millis(100);
 const CANNOT_READ: &str = "cannot read standard input";
 /// A line longer than this is no name, bytes (`PATH_MAX` of Linux).
 const MOST_NAME_BYTES: usize = 4096;
+/// After so many lines in a row that are no names nothing else is expected of the stream.
+const MOST_GARBLED: usize = 20;
 /// What begins like this is no text, though it need not have a NUL near its beginning: PNG, GIF, YUV4MPEG2.
 const SIGNATURES: [&[u8]; 4] = [b"\x89PNG", b"GIF87a", b"GIF89a", b"YUV4MPEG2 "];
 const NEITHER: &str = "standard input is neither JPEG pictures nor lines with names of photos; `ffmpeg -i INPUT -f image2pipe -c:v \
@@ -70,8 +72,8 @@ impl StreamedFrames {
     ) -> Result<Self> {
         let first = input.fill_buf().context(CANNOT_READ)?;
         let holds_pictures = first.first() == Some(&JPEG_BEGIN);
-        if !holds_pictures {
-            check_is_text(first)?;
+        if !holds_pictures && !is_text(first) {
+            bail!(NEITHER);
         }
         // Where all are kept, what comes while one waits and another is searched stays in the pipe.
         let (giver, taker) = handover();
@@ -84,7 +86,8 @@ impl StreamedFrames {
                 };
                 give_all(next, &giver, keep);
             } else {
-                let next = || Ok(next_name(&mut input)?.map(Content::Name));
+                let mut names = Names::new(input);
+                let next = || Ok(names.next()?.map(Content::Name));
                 give_all(next, &giver, keep);
             }
         };
@@ -150,40 +153,78 @@ fn give_all(
     }
 }
 
-/// The name in the next line that is not empty; `None` at the end. One that is not UTF-8 is the name of no photo.
-///
-/// # Errors
-/// It cannot be read, or is no text.
-fn next_name(input: &mut impl BufRead) -> Result<Option<PathBuf>> {
-    loop {
-        let mut line = Vec::new();
-        let mut limited = input.by_ref().take(MOST_NAME_BYTES as u64 + 1);
-        let read = limited.read_until(b'\n', &mut line);
-        if read.context(CANNOT_READ)? == 0 {
-            return Ok(None);
+/// The names in the lines of a stream.
+struct Names<R> {
+    input: R,
+    /// Lines that were read.
+    lines: u64,
+    /// Lines in a row that were no names. `None` before the first name: what begins with such a line is something else.
+    garbled: Option<usize>,
+}
+
+impl<R: BufRead> Names<R> {
+    fn new(input: R) -> Self {
+        Self {
+            input,
+            lines: 0,
+            garbled: None,
         }
-        check_is_text(&line)?;
-        if line.len() > MOST_NAME_BYTES {
-            bail!(NEITHER);
-        }
-        let line = String::from_utf8_lossy(&line);
-        let name = line.trim();
-        if !name.is_empty() {
-            return Ok(Some(PathBuf::from(name)));
+    }
+
+    /// The name in the next line that is not empty; `None` at the end. One that is not UTF-8 is the name of no photo. After the first
+    /// name a line that was damaged on its way is left out, with a warning.
+    ///
+    /// # Errors
+    /// It cannot be read, or is no text.
+    fn next(&mut self) -> Result<Option<PathBuf>> {
+        loop {
+            let mut line = Vec::new();
+            if read_limited(&mut self.input, &mut line)? == 0 {
+                return Ok(None);
+            }
+            self.lines += 1;
+            let is_too_long = line.len() > MOST_NAME_BYTES;
+            if is_too_long || !is_text(&line) {
+                let garbled = self.garbled.as_mut();
+                let Some(garbled) = garbled.filter(|garbled| **garbled < MOST_GARBLED) else {
+                    bail!(NEITHER);
+                };
+                *garbled += 1;
+                tracing::warn!("standard input, line {}: left out: no name", self.lines);
+                if is_too_long {
+                    skip_line(&mut self.input)?;
+                }
+                continue;
+            }
+            let line = String::from_utf8_lossy(&line);
+            let name = line.trim();
+            if !name.is_empty() {
+                self.garbled = Some(0);
+                return Ok(Some(PathBuf::from(name)));
+            }
         }
     }
 }
 
-/// Checks that bytes of a stream may be lines with names.
-///
-/// # Errors
-/// They are those of pictures or videos.
-fn check_is_text(bytes: &[u8]) -> Result<()> {
-    let begins_with = |signature: &&[u8]| bytes.starts_with(signature);
-    if bytes.contains(&0) || SIGNATURES.iter().any(begins_with) {
-        bail!(NEITHER);
+/// Reads a line, or one byte more of it than a name has. Gives the bytes that were read.
+fn read_limited(input: &mut impl BufRead, line: &mut Vec<u8>) -> Result<usize> {
+    let mut limited = input.take(MOST_NAME_BYTES as u64 + 1);
+    limited.read_until(b'\n', line).context(CANNOT_READ)
+}
+
+/// Reads the rest of a line.
+fn skip_line(input: &mut impl BufRead) -> Result<()> {
+    let mut part = Vec::new();
+    while read_limited(input, &mut part)? > 0 && !part.ends_with(b"\n") {
+        part.clear();
     }
     Ok(())
+}
+
+/// Whether bytes of a stream may be lines with names, and not those of pictures or videos.
+fn is_text(bytes: &[u8]) -> bool {
+    let begins_with = |signature: &&[u8]| bytes.starts_with(signature);
+    !bytes.contains(&0) && !SIGNATURES.iter().any(begins_with)
 }
 
 impl Frames for StreamedFrames {
@@ -245,6 +286,30 @@ mod tests {
         assert_eq!(next().unwrap().time_s, 2.0);
         assert!(next().is_none());
         assert_eq!(frames.without_time(), 1);
+    }
+
+    /// Such as by a cable.
+    #[test]
+    fn lines_that_were_damaged_do_not_end_a_flight_that_has_names() {
+        let long = vec![b'x'; 3 * MOST_NAME_BYTES];
+        let lines = |garbled: usize| {
+            let mut bytes = b"a_1.5.jpg\n".to_vec();
+            for number in 0..garbled {
+                let damaged: [&[u8]; 3] = [b"b_\0.jpg", &long, b"\x89PNG"];
+                bytes.extend_from_slice(damaged[number % 3]);
+                bytes.push(b'\n');
+            }
+            bytes.extend_from_slice(b"c_2.5.jpg\n");
+            bytes
+        };
+        let names = |bytes: Vec<u8>| {
+            let mut names = Names::new(&bytes[..]);
+            std::iter::from_fn(|| names.next().transpose()).collect::<Result<Vec<PathBuf>>>()
+        };
+        let expected = ["a_1.5.jpg", "c_2.5.jpg"].map(PathBuf::from);
+        assert_eq!(names(lines(MOST_GARBLED)).unwrap(), expected);
+        let error = names(lines(MOST_GARBLED + 1)).unwrap_err();
+        assert_eq!(error.to_string(), NEITHER);
     }
 
     #[test]

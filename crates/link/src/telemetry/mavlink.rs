@@ -17,6 +17,8 @@ use crate::{autopilot::AutopilotKind, messages::OwnState};
 const PREFER_S: f64 = 1.0;
 /// What the autopilot said longer ago does not hold, seconds.
 const HOLD_S: f64 = 1.0;
+/// The ground that a rangefinder measured longer ago is no longer the ground below, seconds: a roof or a valley was passed by then.
+const GROUND_HOLD_S: f64 = 30.0;
 /// Heights above ground below this are those of an aircraft that stands, metres.
 const LOWEST_M: f64 = 1.0;
 
@@ -61,8 +63,8 @@ pub(crate) struct MavlinkTelemetry {
     relative_m: Stamped<f64>,
     amsl_m: Stamped<f64>,
     above_ground: Stamped<()>,
-    /// How far the ground below was under the home position when a rangefinder last measured it, metres: 0 until one does.
-    home_above_ground_m: f64,
+    /// How far the ground below was under the home position when a rangefinder last measured it, metres.
+    home_above_ground_m: Stamped<f64>,
 }
 
 impl MavlinkTelemetry {
@@ -78,7 +80,7 @@ impl MavlinkTelemetry {
             relative_m: None,
             amsl_m: None,
             above_ground: None,
-            home_above_ground_m: 0.0,
+            home_above_ground_m: None,
         }
     }
 
@@ -219,9 +221,12 @@ impl MavlinkTelemetry {
         let relative_m = f64::from(data.relative_alt) * 1e-3;
         self.amsl_m = amsl_m.map(|amsl_m| (now_s, amsl_m)).or(self.amsl_m);
         self.relative_m = Some((now_s, relative_m));
-        // Where the rangefinder no longer reaches the ground, heights above home go on from its last one: a step is no climb, and the
-        // ground last seen is nearer than home.
-        let agl_m = relative_m + self.home_above_ground_m;
+        // Where the rangefinder no longer reaches the ground, heights above home go on from its last one for a while: a step is no climb,
+        // and the ground last seen is nearer than home.
+        let agl_m = recent(self.home_above_ground_m, now_s, GROUND_HOLD_S)
+            .map(|home_above_ground_m| relative_m + home_above_ground_m)
+            .filter(|agl_m| *agl_m >= LOWEST_M)
+            .unwrap_or(relative_m);
         if agl_m >= LOWEST_M && recent(self.above_ground, now_s, PREFER_S).is_none() {
             inputs.push(Input::Height(Height {
                 time_s,
@@ -250,7 +255,7 @@ impl MavlinkTelemetry {
         if agl_m.is_finite() && agl_m >= LOWEST_M {
             self.above_ground = Some((now_s, ()));
             if let Some(relative_m) = recent(self.relative_m, now_s, HOLD_S) {
-                self.home_above_ground_m = agl_m - relative_m;
+                self.home_above_ground_m = Some((now_s, agl_m - relative_m));
             }
             let amsl_m = Some(f64::from(data.altitude_amsl)).filter(|value| value.is_finite());
             inputs.push(Input::Height(Height {
@@ -316,7 +321,7 @@ mod tests {
 
     #[test]
     fn heights_above_home_go_on_from_those_of_the_rangefinder() {
-        // Over ground 40 m above home, from 5 s on beyond the range of the rangefinder, 0.2 m higher each time.
+        // Over ground 40 m above home, from 5 s to 10 s beyond the range of the rangefinder, 0.2 m higher each time.
         let flown: Vec<(f64, Option<f64>)> = (0..50)
             .map(|number| {
                 let agl_m = 60.0 + 0.2 * f64::from(number);
@@ -334,6 +339,19 @@ mod tests {
             "{heights_m:?}"
         );
         assert!(heights_m.len() > 40);
+    }
+
+    #[test]
+    fn ground_that_a_rangefinder_measured_long_ago_or_that_cannot_be_is_not_used() {
+        let hover = |clearance_m| std::iter::repeat_n((80.0, clearance_m), 5);
+        let beyond_range = std::iter::repeat_n((80.0, None), 200);
+        let heights_m = heights_agl_m(&Vec::from_iter(hover(Some(60.0)).chain(beyond_range)));
+        assert_eq!(heights_m[heights_m.len() / 2], 60.0);
+        assert_eq!(*heights_m.last().unwrap(), 80.0);
+        // Over a roof, and then lower than it is.
+        let low = std::iter::repeat_n((15.0, None), 20);
+        let heights_m = heights_agl_m(&Vec::from_iter(hover(Some(60.0)).chain(low)));
+        assert_eq!(*heights_m.last().unwrap(), 15.0);
     }
 
     #[test]

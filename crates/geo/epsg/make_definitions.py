@@ -4,6 +4,10 @@
 
 A line has the EPSG code and the PROJ string, with the datum shift that PROJ uses without grids. Left out are deprecated codes, those whose
 transformation has no PROJ string that agrees with it to 2 m over the area of use, and projections that proj4rs lacks.
+
+Outside the area of a transformation PROJ takes no shift unless it is told not to (`allow_ballpark=False`), which is off by all of the shift;
+a definition has its shift everywhere. EPSG:9284 and 9285 (Pampa del Castillo) are the only ones here whose area of use is larger than that
+of their transformation.
 """
 
 import re

@@ -165,6 +165,11 @@ impl Crs {
         self.proj.is_latlong()
     }
 
+    /// Semi-major and semi-minor axis of the ellipsoid, metres.
+    pub(crate) fn axes_m(&self) -> (f64, f64) {
+        self.proj.ellipse_parameters()
+    }
+
     /// Metres per unit of projected coordinates.
     pub(crate) fn metres_per_unit(&self) -> f64 {
         self.proj.to_meter()
@@ -181,7 +186,7 @@ impl Crs {
         if self.is_geographic() {
             return Some(360.0);
         }
-        let (a_m, _) = self.proj.ellipse_parameters();
+        let (a_m, _) = self.axes_m();
         matches!(self.proj.projname(), "merc" | "webmerc")
             .then(|| TAU * a_m * self.proj.scaling_factor() / self.proj.to_meter())
             .filter(|period| period.is_finite() && *period > 0.0)

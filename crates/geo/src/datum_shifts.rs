@@ -2,7 +2,7 @@
 
 /// Shifts of the list of definitions, and those that take their place, as position vector transformations (`+towgs84`). Each shift of
 /// the list, with its meridian, belongs to one datum. The replacements are those of the EPSG registry that PROJ uses without grids.
-const REPLACED: [(&str, &str); 11] = [
+const REPLACED: [(&str, &str); 12] = [
     // S-JTSK: 10 m off; S-JTSK to WGS 84 (5), 1 m.
     (
         "+towgs84=589,76,480,0,0,0,0",
@@ -13,6 +13,11 @@ const REPLACED: [(&str, &str); 11] = [
     (
         "+towgs84=2.329,-147.042,-92.08,0.309,-0.325,-0.497,5.69",
         "+towgs84=2.329,-147.042,-92.08,-0.309,0.325,0.497,5.69",
+    ),
+    // New Zealand Geodetic Datum 1949: a grid, which is not built in; NZGD49 to WGS 84 (2), 4 m, which the list has beside it.
+    (
+        "+towgs84=59.47,-5.04,187.44,0.47,-0.1,1.024,-4.5993 +nadgrids=nzgd2kgrid0005.gsb",
+        "+towgs84=59.47,-5.04,187.44,0.47,-0.1,1.024,-4.5993",
     ),
     // Israel 1993: 10 m off; Israel 1993 to WGS 84 (2), 0.5 m.
     (
@@ -43,7 +48,8 @@ const REPLACED: [(&str, &str); 11] = [
         "+towgs84=215.525,149.593,176.229,-3.2624,-1.692,-1.1571,10.4773",
         "+towgs84=218.769,150.75,176.75,3.5231,2.0037,1.288,10.9817",
     ),
-    // Pampa del Castillo: 257 m off; Pampa del Castillo to WGS 84 (2), 2.5 m.
+    // Pampa del Castillo: 257 m off; Pampa del Castillo to WGS 84 (2), 2.5 m around the Golfo San Jorge. West and south of it, where
+    // much of the area of these codes lies, PROJ takes no shift at all: 250 to 276 m from here.
     (
         "+towgs84=27.5,14,186.4,0,0,0,0",
         "+towgs84=-233.43,6.65,173.64,0,0,0,0",
@@ -60,14 +66,13 @@ const REPLACED: [(&str, &str); 11] = [
     ),
 ];
 
-/// Shifts without rotation that are good to 2.5 m all the same: CH1903 and CH1903+, HD72, NTF, UCS-2000, Pampa del Castillo
-/// (accuracies of the EPSG registry).
-const GOOD_WITHOUT_ROTATION: [&str; 5] = [
+/// Shifts without rotation that are good to 2.5 m all the same, in all of their country: CH1903 and CH1903+, HD72, NTF, UCS-2000
+/// (accuracies and areas of the EPSG registry).
+const GOOD_WITHOUT_ROTATION: [&str; 4] = [
     "674.374,15.056,405.346",
     "52.17,-71.82,-14.9",
     "-168,-60,320",
     "24,-121,-76",
-    "-233.43,6.65,173.64",
 ];
 
 /// A definition of the list with the best shift that is known here.

@@ -21,7 +21,7 @@ const REFUSED: [(&[u32], &str); 2] = [
 ];
 
 /// Codes, what the list says of them, and what takes its place.
-const CORRECTED: [(&[u32], &str, &str); 3] = [
+const CORRECTED: [(&[u32], &str, &str); 4] = [
     // RSO Malaya in chains: the false easting is one in chains too, and PROJ strings have metres.
     (&[3167], "+x_0=40000", "+x_0=804670.24"),
     // EASE-Grid North and South are projected from the sphere of the same area (EPSG method 1027): 14 km off.
@@ -29,6 +29,14 @@ const CORRECTED: [(&[u32], &str, &str); 3] = [
         &[3973, 3974],
         "+datum=WGS84",
         "+ellps=WGS84 +R_A +nadgrids=@null",
+    ),
+    // MGI in the former Yugoslavia, deprecated: 305 m off with Austria's shift; that of MGI 1901, the datum of their successors.
+    (
+        &[
+            2170, 3787, 31265, 31266, 31267, 31268, 31275, 31276, 31277, 31278, 31279,
+        ],
+        "+datum=hermannskogel",
+        "+ellps=bessel +towgs84=682,-203,480,0,0,0,0",
     ),
     // IG05 and IG05/12 of Israel: 78 m off without a shift; WGS 84 to IG05/12 Intermediate CRS, reversed, 0.1 m.
     (

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use geotiff_core::geokeys::{self as ids, GeoKeyDirectory, GeoKeyValue};
 
+use crate::datum_names::{epsg_under_projection, known_datum};
 use crate::projection::{ProjectionMethod, ProjectionParameters};
 use crate::units::{
     USER_DEFINED, degrees_per_angular_unit, degrees_per_unit_of_epsg, is_same_unit,
@@ -165,7 +166,7 @@ fn geographic(keys: &GeoKeyDirectory) -> Result<FileCrs, Problem> {
         }
         return Ok(Crs::from_epsg(code)?.into());
     }
-    let crs = Crs::from_proj_string(&format!("+proj=longlat {} +no_defs", datum(keys)?))?;
+    let crs = Crs::from_proj_string(&format!("+proj=longlat {} +no_defs", datum(keys, None)?))?;
     Ok(FileCrs {
         crs,
         crs_units_per_file_unit: unit_deg.unwrap_or(1.0),
@@ -185,7 +186,7 @@ fn projected(keys: &GeoKeyDirectory) -> Result<FileCrs, Problem> {
         }
         return Ok(crs.into());
     }
-    let datum = datum(keys)?;
+    let datum = datum(keys, Some(central_meridian_deg(keys)?))?;
     let units = proj_units(unit_m.unwrap_or(1.0));
     let projection = match code(keys, ids::PROJECTION) {
         // EPSG's UTM conversions: 16001 to 16060 north, 16101 to 16160 south.
@@ -223,6 +224,18 @@ fn first_angle_deg(keys: &GeoKeyDirectory, choices: &[u16]) -> Result<f64, Probl
     Ok(0.0)
 }
 
+fn central_meridian_deg(keys: &GeoKeyDirectory) -> Result<f64, Problem> {
+    first_angle_deg(
+        keys,
+        &[
+            KEY_NATURAL_ORIGIN_LON,
+            KEY_FALSE_ORIGIN_LON,
+            KEY_CENTER_LON,
+            KEY_STRAIGHT_VERTICAL_POLE_LON,
+        ],
+    )
+}
+
 fn number(keys: &GeoKeyDirectory, key: u16) -> Option<f64> {
     match &keys.get(key)?.value {
         GeoKeyValue::Double(values) => values.first().copied(),
@@ -231,18 +244,25 @@ fn number(keys: &GeoKeyDirectory, key: u16) -> Option<f64> {
     }
 }
 
-fn datum(keys: &GeoKeyDirectory) -> Result<String, Problem> {
+/// Ellipsoid, prime meridian and shift to WGS 84, under a projection with this central meridian.
+fn datum(keys: &GeoKeyDirectory, lon_0_deg: Option<f64>) -> Result<String, Problem> {
     // A known geographic CRS under an own projection: its ellipsoid and shift.
     if let Some(code) = code(keys, ids::GEODETIC_CRS_TYPE) {
-        return Ok(Crs::from_epsg(u32::from(code))?.datum());
+        let code = epsg_under_projection(u32::from(code), lon_0_deg);
+        return Ok(Crs::from_epsg(code)?.datum());
     }
+    let shift = keys.get_double(KEY_TO_WGS84);
     let mut text = match code(keys, ids::GEODETIC_DATUM) {
         Some(6326) => "+datum=WGS84".to_string(),
         Some(6269) => "+datum=NAD83".to_string(),
         Some(6258) => "+ellps=GRS80 +towgs84=0,0,0,0,0,0,0".to_string(),
+        Some(code) if shift.is_none() => {
+            let known = known_datum(&code.to_string(), axes_m(keys), lon_0_deg);
+            known.map_or_else(|| ellipsoid(keys), Ok)?
+        }
         _ => ellipsoid(keys)?,
     };
-    if let Some(shift) = keys.get_double(KEY_TO_WGS84) {
+    if let Some(shift) = shift {
         let numbers: Vec<String> = shift.iter().map(f64::to_string).collect();
         text.push_str(&format!(" +towgs84={}", numbers.join(",")));
     }
@@ -257,6 +277,16 @@ fn datum(keys: &GeoKeyDirectory) -> Result<String, Problem> {
         }
     }
     Ok(text)
+}
+
+/// Semi-major and semi-minor axis of the ellipsoid, metres, if it is described by them.
+fn axes_m(keys: &GeoKeyDirectory) -> Option<(f64, f64)> {
+    let a_m = number(keys, KEY_SEMI_MAJOR_AXIS)?;
+    let b_m = match number(keys, KEY_INVERSE_FLATTENING) {
+        Some(rf) if rf > 0.0 => a_m - a_m / rf,
+        _ => number(keys, KEY_SEMI_MINOR_AXIS)?,
+    };
+    Some((a_m, b_m))
 }
 
 fn ellipsoid(keys: &GeoKeyDirectory) -> Result<String, Problem> {
@@ -296,15 +326,7 @@ fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
         keys,
         &[KEY_NATURAL_ORIGIN_LAT, KEY_FALSE_ORIGIN_LAT, KEY_CENTER_LAT],
     )?;
-    let lon_0 = first_angle_deg(
-        keys,
-        &[
-            KEY_NATURAL_ORIGIN_LON,
-            KEY_FALSE_ORIGIN_LON,
-            KEY_CENTER_LON,
-            KEY_STRAIGHT_VERTICAL_POLE_LON,
-        ],
-    )?;
+    let lon_0 = central_meridian_deg(keys)?;
     let unit_m = metres_per_linear_unit(keys)
         .map_err(Problem::Unsupported)?
         .unwrap_or(1.0);
@@ -327,6 +349,8 @@ fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
         lon_0_deg: lon_0,
         lat_1_deg: angle_deg(keys, KEY_STD_PARALLEL_1)?,
         lat_2_deg: angle_deg(keys, KEY_STD_PARALLEL_2)?,
+        azimuth_deg: None,
+        rectified_angle_deg: None,
         scale: any(&[KEY_SCALE_AT_NATURAL_ORIGIN, KEY_SCALE_AT_CENTER]).unwrap_or(1.0),
         false_easting_m: x_0,
         false_northing_m: y_0,
@@ -345,4 +369,53 @@ fn projection(keys: &GeoKeyDirectory) -> Result<String, Problem> {
     method
         .proj_string(&parameters)
         .map_err(Problem::Unsupported)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LonLat, distance_m};
+
+    /// The keys that GDAL writes for texts of ESRI without a code, and a place of `tests/definitions/wkt_golden.tsv` with its false
+    /// easting moved by a kilometre.
+    #[test]
+    fn a_datum_code_has_its_shift() {
+        let mut keys = GeoKeyDirectory::new();
+        let short = [
+            (ids::GT_MODEL_TYPE, MODEL_PROJECTED),
+            (ids::GEODETIC_CRS_TYPE, USER_DEFINED),
+            (ids::GEODETIC_DATUM, 6277),
+            (ids::PROJECTED_CRS_TYPE, USER_DEFINED),
+            (ids::PROJECTION, USER_DEFINED),
+            (ids::PROJ_COORD_TRANS, 1),
+        ];
+        let double = [
+            (KEY_SEMI_MAJOR_AXIS, 6_377_563.396),
+            (KEY_INVERSE_FLATTENING, 299.324_964_6),
+            (KEY_PRIME_MERIDIAN_LONGITUDE, 0.0),
+            (KEY_NATURAL_ORIGIN_LON, -2.0),
+            (KEY_NATURAL_ORIGIN_LAT, 49.0),
+            (KEY_FALSE_EASTING, 401_000.0),
+            (KEY_FALSE_NORTHING, -100_000.0),
+            (KEY_SCALE_AT_NATURAL_ORIGIN, 0.999_601_271_7),
+        ];
+        for (key, value) in short {
+            keys.set(key, GeoKeyValue::Short(value));
+        }
+        for (key, value) in double {
+            keys.set(key, GeoKeyValue::Double(vec![value]));
+        }
+        let crs = crs_from_geokeys(&keys, Path::new("x.tif")).unwrap().crs;
+        let found = crs.lonlat_from_xy(306_055.406, 610_582.448).unwrap();
+        let off_m = distance_m(found, LonLat::new(-3.499_999_98, 55.38));
+        assert!(off_m < 0.1, "{crs}: {off_m} m");
+        assert_eq!(crs.caveat(), None);
+        // Another ellipsoid under that code: the file's, and a warning.
+        keys.set(
+            KEY_SEMI_MAJOR_AXIS,
+            GeoKeyValue::Double(vec![6_377_340.189]),
+        );
+        let crs = crs_from_geokeys(&keys, Path::new("x.tif")).unwrap().crs;
+        assert!(crs.caveat().unwrap().contains("no shift"), "{crs}");
+    }
 }

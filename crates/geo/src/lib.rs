@@ -37,6 +37,7 @@ mod content_hash;
 mod corners;
 mod crs;
 mod csv_mosaic;
+mod datum_names;
 mod datum_shifts;
 mod epsg_definitions;
 mod error;

@@ -17,6 +17,12 @@ pub(crate) enum ProjectionMethod {
     /// The latitude of the origin is a pole, or that of true scale.
     PolarStereographic,
     ObliqueStereographic,
+    /// Hotine's, with the offsets at the centre of the projection (EPSG method 9815).
+    ObliqueMercatorCentre,
+    /// Hotine's, with the offsets at the natural origin (EPSG method 9812).
+    ObliqueMercatorOrigin,
+    /// Of Czechia and Slovakia, with axes to the east and north (EPSG method 1041).
+    Krovak,
 }
 
 /// Parameters of a projection; angles in degrees.
@@ -27,6 +33,10 @@ pub(crate) struct ProjectionParameters {
     /// Standard parallels.
     pub lat_1_deg: Option<f64>,
     pub lat_2_deg: Option<f64>,
+    /// Of the central line of an oblique projection, clockwise from north.
+    pub azimuth_deg: Option<f64>,
+    /// Of the central line from the grid's north; the azimuth where it is not stated.
+    pub rectified_angle_deg: Option<f64>,
     pub scale: f64,
     pub false_easting_m: f64,
     pub false_northing_m: f64,
@@ -43,6 +53,8 @@ impl ProjectionMethod {
             lon_0_deg: lon_0,
             lat_1_deg: lat_1,
             lat_2_deg: lat_2,
+            azimuth_deg: azimuth,
+            rectified_angle_deg: rectified_angle,
             scale: k,
             false_easting_m: x_0,
             false_northing_m: y_0,
@@ -50,6 +62,10 @@ impl ProjectionMethod {
         let parallels = || match (lat_1, lat_2) {
             (Some(a), Some(b)) => Ok(format!("+lat_1={a} +lat_2={b}")),
             _ => Err("a conic projection without its parallels".to_string()),
+        };
+        let oblique = || {
+            let alpha = azimuth.ok_or("an oblique Mercator projection without its azimuth")?;
+            Ok::<_, String>((alpha, rectified_angle.unwrap_or(alpha)))
         };
         let offsets = format!("+lon_0={lon_0} +x_0={x_0} +y_0={y_0}");
         Ok(match self {
@@ -77,6 +93,22 @@ impl ProjectionMethod {
             Self::ObliqueStereographic => {
                 format!("+proj=sterea +lat_0={lat_0} +k={k} {offsets}")
             }
+            // Those of Switzerland and Hungary: `omerc` has no centre at a right angle.
+            Self::ObliqueMercatorCentre if oblique()? == (90.0, 90.0) => {
+                format!("+proj=somerc +lat_0={lat_0} +k_0={k} {offsets}")
+            }
+            Self::ObliqueMercatorCentre | Self::ObliqueMercatorOrigin => {
+                let (alpha, gamma) = oblique()?;
+                let at_origin = if self == Self::ObliqueMercatorOrigin {
+                    " +no_uoff"
+                } else {
+                    ""
+                };
+                format!(
+                    "+proj=omerc +lat_0={lat_0} +lonc={lon_0} +alpha={alpha} +gamma={gamma} +k={k} +x_0={x_0} +y_0={y_0}{at_origin}"
+                )
+            }
+            Self::Krovak => format!("+proj=krovak +lat_0={lat_0} +k={k} {offsets}"),
         })
     }
 }

@@ -1,5 +1,6 @@
 //! Coordinate systems that well-known text describes by parameters, without an EPSG code (WKT 1 of GDAL and of ESRI).
 
+use crate::datum_names::known_datum;
 use crate::projection::{ProjectionMethod, ProjectionParameters};
 use crate::units::proj_units;
 use crate::wkt::WktNode;
@@ -10,21 +11,8 @@ const WEB_MERCATOR: (&str, u32) = ("mercator_auxiliary_sphere", 3857);
 /// Radians of a degree, as the texts round them.
 const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 
-/// Datums that have a name in PROJ, or are WGS 84 to a metre: names of GDAL and of ESRI.
-const DATUMS: [(&str, &str); 6] = [
-    ("WGS_1984", "+datum=WGS84"),
-    ("D_WGS_1984", "+datum=WGS84"),
-    ("North_American_Datum_1983", "+datum=NAD83"),
-    ("D_North_American_1983", "+datum=NAD83"),
-    (
-        "European_Terrestrial_Reference_System_1989",
-        "+ellps=GRS80 +towgs84=0,0,0,0,0,0,0",
-    ),
-    ("D_ETRS_1989", "+ellps=GRS80 +towgs84=0,0,0,0,0,0,0"),
-];
-
 /// Projection methods, by their names of GDAL and of ESRI in small letters.
-const METHODS: [(&str, ProjectionMethod); 14] = [
+const METHODS: [(&str, ProjectionMethod); 20] = [
     ("transverse_mercator", ProjectionMethod::TransverseMercator),
     ("gauss_kruger", ProjectionMethod::TransverseMercator),
     ("mercator_1sp", ProjectionMethod::Mercator),
@@ -58,7 +46,34 @@ const METHODS: [(&str, ProjectionMethod); 14] = [
         "double_stereographic",
         ProjectionMethod::ObliqueStereographic,
     ),
+    (
+        "hotine_oblique_mercator_azimuth_center",
+        ProjectionMethod::ObliqueMercatorCentre,
+    ),
+    (
+        "rectified_skew_orthomorphic_center",
+        ProjectionMethod::ObliqueMercatorCentre,
+    ),
+    (
+        "hotine_oblique_mercator",
+        ProjectionMethod::ObliqueMercatorOrigin,
+    ),
+    (
+        "hotine_oblique_mercator_azimuth_natural_origin",
+        ProjectionMethod::ObliqueMercatorOrigin,
+    ),
+    (
+        "rectified_skew_orthomorphic_natural_origin",
+        ProjectionMethod::ObliqueMercatorOrigin,
+    ),
+    ("krovak", ProjectionMethod::Krovak),
 ];
+
+/// Azimuth and pseudo standard parallel of Krovak's projection, degrees: `proj4rs` has no others.
+const KROVAK_AZIMUTH_DEG: f64 = 30.288_139_75;
+const KROVAK_PARALLEL_DEG: f64 = 78.5;
+/// Degrees by which texts round the azimuth.
+const KROVAK_ROUNDING_DEG: f64 = 1e-5;
 
 /// The coordinate system that a node describes.
 ///
@@ -69,10 +84,10 @@ pub(crate) fn crs_of_definition(system: &WktNode) -> Result<Crs, String> {
         return Crs::from_proj_string(proj_string).map_err(reason);
     }
     let definition = match system.keyword.as_str() {
-        "GEOGCS" => format!("+proj=longlat {} +no_defs", datum(system)?),
+        "GEOGCS" => format!("+proj=longlat {} +no_defs", datum(system, None)?),
         "PROJCS" => {
             let method = method_name(system)?;
-            let parameters = parameters(system)?;
+            let parameters = parameters(system, &method)?;
             if method == WEB_MERCATOR.0 && is_plain(&parameters) {
                 return Crs::from_epsg(WEB_MERCATOR.1).map_err(reason);
             }
@@ -122,9 +137,13 @@ fn projected(
     if found != ProjectionMethod::PolarStereographic && system.nodes().any(is_turned) {
         return Err("axes to the south or west".to_string());
     }
+    if found == ProjectionMethod::Krovak {
+        check_krovak(system, &parameters)?;
+    }
     check_scale(found, &parameters)?;
     let projection = found.proj_string(&parameters)?;
-    let (datum, units) = (datum(base)?, proj_units(linear_unit_m(system)?));
+    let datum = datum(base, Some(parameters.lon_0_deg))?;
+    let units = proj_units(linear_unit_m(system)?);
     Ok(format!("{projection} {datum} {units} +no_defs"))
 }
 
@@ -138,13 +157,32 @@ fn check_scale(method: ProjectionMethod, parameters: &ProjectionParameters) -> R
         ProjectionMethod::PolarStereographic => parameters.lat_0_deg.abs() == 90.0,
         ProjectionMethod::TransverseMercator
         | ProjectionMethod::LambertConformal1
-        | ProjectionMethod::ObliqueStereographic => true,
+        | ProjectionMethod::ObliqueStereographic
+        | ProjectionMethod::ObliqueMercatorCentre
+        | ProjectionMethod::ObliqueMercatorOrigin
+        | ProjectionMethod::Krovak => true,
     };
     if !has_scale && parameters.scale != 1.0 {
         return Err("a scale beside its standard parallels".to_string());
     }
     if method == ProjectionMethod::Mercator && parameters.lat_0_deg != 0.0 {
         return Err("a Mercator projection with its origin off the equator".to_string());
+    }
+    Ok(())
+}
+
+/// Refuses what a PROJ string cannot say of Krovak's projection, and axes that may point to the south and west, as they do by default:
+/// ESRI turns them to the east and north by parameters, which [`parameters`] checks, GDAL states them.
+fn check_krovak(system: &WktNode, parameters: &ProjectionParameters) -> Result<(), String> {
+    let azimuth_deg = parameters.azimuth_deg.unwrap_or(KROVAK_AZIMUTH_DEG);
+    if (azimuth_deg - KROVAK_AZIMUTH_DEG).abs() > KROVAK_ROUNDING_DEG {
+        return Err(format!(
+            "a Krovak projection with the azimuth {azimuth_deg}"
+        ));
+    }
+    let axis = system.node("AXIS").and_then(|axis| axis.text(1));
+    if parameters.rectified_angle_deg != Some(90.0) && axis != Some("EAST") {
+        return Err("a Krovak projection that does not say where its axes point".to_string());
     }
     Ok(())
 }
@@ -158,13 +196,17 @@ fn method_name(system: &WktNode) -> Result<String, String> {
 
 /// Parameters of a projection. Angles are in the unit of the ellipsoid's coordinates, which must be degrees; offsets in the unit of
 /// the plane.
-fn parameters(system: &WktNode) -> Result<ProjectionParameters, String> {
+fn parameters(system: &WktNode, method: &str) -> Result<ProjectionParameters, String> {
     let unit_m = linear_unit_m(system)?;
+    let is_krovak = method == "krovak";
+    let is_oblique = is_krovak || method.contains("oblique_mercator") || method.contains("skew");
     let mut found = ProjectionParameters {
         lat_0_deg: 0.0,
         lon_0_deg: 0.0,
         lat_1_deg: None,
         lat_2_deg: None,
+        azimuth_deg: None,
+        rectified_angle_deg: None,
         scale: 1.0,
         false_easting_m: 0.0,
         false_northing_m: 0.0,
@@ -182,6 +224,13 @@ fn parameters(system: &WktNode) -> Result<ProjectionParameters, String> {
             "scale_factor" => found.scale = value,
             "false_easting" => found.false_easting_m = value * unit_m,
             "false_northing" => found.false_northing_m = value * unit_m,
+            "azimuth" if is_oblique => found.azimuth_deg = Some(value),
+            "rectified_grid_angle" | "xy_plane_rotation" if is_oblique => {
+                found.rectified_angle_deg = Some(value);
+            }
+            "pseudo_standard_parallel_1" if is_krovak && value == KROVAK_PARALLEL_DEG => {}
+            "x_scale" if is_krovak && value == -1.0 => {}
+            "y_scale" if is_krovak && value == 1.0 => {}
             "auxiliary_sphere_type" if value == 0.0 => {}
             _ => return Err(format!("the parameter {name}")),
         }
@@ -212,14 +261,13 @@ fn linear_unit_m(system: &WktNode) -> Result<f64, String> {
         .ok_or_else(|| "a UNIT without a size".to_string())
 }
 
-/// Ellipsoid, prime meridian and shift to WGS 84 of a GEOGCS.
-fn datum(geographic: &WktNode) -> Result<String, String> {
+/// Ellipsoid, prime meridian and shift to WGS 84 of a GEOGCS, under a projection with this central meridian.
+fn datum(geographic: &WktNode, lon_0_deg: Option<f64>) -> Result<String, String> {
     let unit = geographic.node("UNIT").and_then(|unit| unit.number(1));
     if !unit.is_none_or(|radians| (radians / RADIANS_PER_DEGREE - 1.0).abs() < 1e-9) {
         return Err("angles that are not in degrees".to_string());
     }
     let datum = geographic.node("DATUM").ok_or("no DATUM in its GEOGCS")?;
-    let name = datum.text(0).unwrap_or_default();
     if let Some(shift) = datum.node("TOWGS84") {
         let numbers: Vec<String> = (0..7)
             .map_while(|index| shift.number(index))
@@ -232,7 +280,9 @@ fn datum(geographic: &WktNode) -> Result<String, String> {
             prime_meridian(geographic)
         ));
     }
-    if let Some((_, known)) = DATUMS.iter().find(|(known, _)| *known == name) {
+    let name = datum.text(0).unwrap_or_default();
+    let axes_m = spheroid(datum).map(axes_m);
+    if let Some(known) = known_datum(name, axes_m, lon_0_deg) {
         return Ok(format!("{known}{}", prime_meridian(geographic)));
     }
     if let Some(code) = geographic.epsg() {
@@ -245,11 +295,20 @@ fn datum(geographic: &WktNode) -> Result<String, String> {
     ))
 }
 
+/// Semi-major axis in metres and inverse flattening, which is 0 for a sphere.
+fn spheroid(datum: &WktNode) -> Option<(f64, f64)> {
+    let node = datum.node("SPHEROID")?;
+    Some((node.number(1)?, node.number(2)?))
+}
+
+/// Semi-major and semi-minor axis of an ellipsoid, metres.
+fn axes_m((a_m, rf): (f64, f64)) -> (f64, f64) {
+    let flattening = if rf == 0.0 { 0.0 } else { 1.0 / rf };
+    (a_m, a_m - a_m * flattening)
+}
+
 fn ellipsoid(datum: &WktNode) -> Result<String, String> {
-    let axes = datum
-        .node("SPHEROID")
-        .and_then(|node| Some((node.number(1)?, node.number(2)?)));
-    match axes {
+    match spheroid(datum) {
         Some((a, 0.0)) => Ok(format!("+a={a} +b={a}")),
         Some((a, rf)) => Ok(format!("+a={a} +rf={rf}")),
         None => Err("no SPHEROID in its DATUM".to_string()),
@@ -330,6 +389,81 @@ mod tests {
         }
     }
 
+    /// Texts of ESRI and of GDAL without any code, against PROJ without grids (`make_wkt_golden.py`).
+    #[test]
+    fn a_datum_has_the_shift_of_its_code() {
+        // PROJ's transformation of Indian 1975 turns the wrong way.
+        const PROJ_IS_OFF: u32 = 4240;
+        // The list has another shift for the code than for its datum: SAD69 on another ellipsoid, and Stereo 70.
+        const OTHER_SHIFT: [u32; 2] = [4291, 3844];
+        let mut wrong = Vec::new();
+        let golden = include_str!("../tests/definitions/wkt_golden.tsv");
+        for line in golden.lines().skip(1) {
+            let columns: Vec<&str> = line.splitn(6, '\t').collect();
+            let &[code, x, y, lon_deg, lat_deg, text] = columns.as_slice() else {
+                panic!("{line}");
+            };
+            let [x, y, lon_deg, lat_deg] = [x, y, lon_deg, lat_deg].map(|n| n.parse().unwrap());
+            let code = code.parse().unwrap();
+            let coded = Crs::from_epsg(code).unwrap();
+            let crs = match read(text) {
+                Ok(crs) => crs,
+                Err(reason) => {
+                    wrong.push(format!("EPSG:{code}: {reason}"));
+                    continue;
+                }
+            };
+            let place = crs.lonlat_from_xy(x, y).unwrap();
+            let from_coded_m = distance_m(place, coded.lonlat_from_xy(x, y).unwrap());
+            let from_proj_m = distance_m(place, LonLat::new(lon_deg, lat_deg));
+            let promised_m = if crs.caveat().is_none() { 5.0 } else { 100.0 };
+            let is_near_proj = from_proj_m < promised_m || code == PROJ_IS_OFF;
+            let is_as_coded = from_coded_m < 0.01 || OTHER_SHIFT.contains(&code);
+            if crs.caveat() != coded.caveat() || !is_as_coded || !is_near_proj {
+                wrong.push(format!(
+                    "EPSG:{code}: {from_coded_m:.3} m from its code, {from_proj_m:.1} m from PROJ, {:?}: {text}",
+                    crs.caveat()
+                ));
+            }
+        }
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    }
+
+    #[test]
+    fn a_datum_that_is_not_sure_has_no_shift() {
+        let system = |datum: &str, axis_m: f64| {
+            read(&format!(
+                r#"GEOGCS["x",DATUM["{datum}",SPHEROID["y",{axis_m},299.1528128]],PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433]]"#
+            ))
+        };
+        assert_eq!(system("D_MGI", 6_377_397.155).unwrap().caveat(), None);
+        for (datum, axis_m) in [
+            ("D_MGI", 6_378_206.4),
+            ("D_Nowhere_1900", 6_377_397.155),
+            ("D_North_American_1927", 6_378_206.4),
+        ] {
+            let crs = system(datum, axis_m).unwrap();
+            assert!(crs.caveat().unwrap().contains("no shift"), "{datum}");
+        }
+    }
+
+    /// EPSG:31275 has the datum MGI and lies in Croatia, as EPSG:3907, MGI 1901; the place is PROJ's for EPSG:3907.
+    #[test]
+    fn yugoslav_zones_of_mgi_have_mgi_1901() {
+        let text = r#"PROJCS["MGI_Balkans_5",GEOGCS["GCS_MGI",DATUM["D_MGI",SPHEROID["Bessel_1841",6377397.155,299.1528128]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["False_Easting",5500000.0],PARAMETER["False_Northing",0.0],PARAMETER["Central_Meridian",15.0],PARAMETER["Scale_Factor",0.9999],PARAMETER["Latitude_Of_Origin",0.0],UNIT["Meter",1.0]]"#;
+        let place = LonLat::new(14.94, 44.914_999_94);
+        for crs in [
+            read(text).unwrap(),
+            Crs::from_epsg(31275).unwrap(),
+            Crs::from_epsg(3907).unwrap(),
+        ] {
+            let found = crs.lonlat_from_xy(5_495_635.378, 4_974_516.622).unwrap();
+            let off_m = distance_m(found, place);
+            assert!(off_m < 10.0, "{crs}: {off_m} m");
+            assert!(crs.caveat().is_some(), "{crs}");
+        }
+    }
+
     #[test]
     fn what_is_not_read_is_said() {
         let whole = |projection: &str| {
@@ -338,7 +472,14 @@ mod tests {
             )
         };
         for (projection, words) in [
-            (r#"PROJECTION["Krovak"]"#, "krovak"),
+            (r#"PROJECTION["Bonne"]"#, "bonne"),
+            (r#"PROJECTION["Hotine_Oblique_Mercator"]"#, "azimuth"),
+            (r#"PROJECTION["Krovak"]"#, "axes point"),
+            (r#"PROJECTION["Krovak"],PARAMETER["X_Scale",1]"#, "x_scale"),
+            (
+                r#"PROJECTION["Krovak"],PARAMETER["azimuth",30.3],AXIS["X",EAST]"#,
+                "30.3",
+            ),
             (
                 r#"PROJECTION["Mercator_1SP"],PARAMETER["azimuth",3]"#,
                 "azimuth",

@@ -5,7 +5,11 @@
 use grimnet_geo::{Crs, LonLat, distance_m};
 
 /// Rows in which the list is right and PROJ's registry is not.
-const PROJ_IS_OFF: [(u32, &str); 6] = [
+const PROJ_IS_OFF: [(u32, &str); 7] = [
+    (
+        2170,
+        "deprecated: MGI is Austria's datum, 305 m from MGI 1901 of Slovenia, which its successor EPSG:3911 has",
+    ),
     (
         4240,
         "Indian 1975 to WGS 84 (4) turns the wrong way: 188 m from all others of that datum",

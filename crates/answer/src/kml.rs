@@ -1,6 +1,7 @@
 //! Placemarks (OGC KML 2.3) for Google Earth and others: one for each photo, without a geometry if it has no fix.
 
 use crate::answer::Answer;
+use crate::antimeridian::cut_line;
 use crate::error::Result;
 use crate::format::AnswerFormat;
 use crate::xml::{Xml, description, leaf, written};
@@ -28,14 +29,15 @@ fn geometry(xml: Xml, lon: f64, lat: f64, outline: Option<&[[f64; 2]]>) -> std::
             xml.create_element("Point").write_inner_content(|xml| {
                 leaf(xml, "coordinates", &format!("{lon:.8},{lat:.8}"))
             })?;
-            if let Some(outline) = outline {
-                let ring: Vec<String> = outline
+            let mut ring = outline.unwrap_or_default().to_vec();
+            ring.extend(ring.first().copied());
+            for line in cut_line(&ring) {
+                let points: Vec<String> = line
                     .iter()
-                    .chain(outline.first())
                     .map(|[lon, lat]| format!("{lon:.8},{lat:.8}"))
                     .collect();
                 xml.create_element("LineString")
-                    .write_inner_content(|xml| leaf(xml, "coordinates", &ring.join(" ")))?;
+                    .write_inner_content(|xml| leaf(xml, "coordinates", &points.join(" ")))?;
             }
             Ok(())
         })?;

@@ -107,8 +107,8 @@ mod tests {
         insta::assert_snapshot!(text);
     }
 
-    #[test]
-    fn an_outline_across_the_antimeridian_is_two_polygons_of_geojson() {
+    /// An answer whose outline crosses the antimeridian.
+    fn answer_across_the_antimeridian() -> Answer {
         let mut answer = answers()[0].clone();
         answer.lon_deg = Some(-179.999_95);
         answer.outline_lon_lat_deg = Some(vec![
@@ -117,6 +117,33 @@ mod tests {
             [-179.9991, 24.0],
             [179.9995, 24.0],
         ]);
+        answer
+    }
+
+    #[test]
+    fn an_outline_across_the_antimeridian_is_cut_in_kml() {
+        let text = text_of(&mut Kml, &[answer_across_the_antimeridian()]).unwrap();
+        let lines = text.split("<LineString>").skip(1);
+        let lines: Vec<Vec<f64>> = lines
+            .map(|line| {
+                let points = line.split(['<', '>']).nth(2).unwrap().split(' ');
+                let lons = points.map(|point| point.split(',').next().unwrap().parse().unwrap());
+                lons.collect()
+            })
+            .collect();
+        assert_eq!(
+            lines,
+            [
+                vec![179.999, 180.0],
+                vec![-180.0, -179.9991, -179.9991, -180.0],
+                vec![180.0, 179.9995, 179.999],
+            ]
+        );
+    }
+
+    #[test]
+    fn an_outline_across_the_antimeridian_is_two_polygons_of_geojson() {
+        let answer = answer_across_the_antimeridian();
         let text = text_of(&mut Geojson::default(), &[answer]).unwrap();
         let collection: ::geojson::FeatureCollection = text.parse().unwrap();
         let geometry = collection.features[1].geometry.as_ref().unwrap();

@@ -39,6 +39,7 @@ pub fn track_lines(positions: &[Option<[f64; 2]>]) -> Vec<Vec<[f64; 2]>> {
 }
 
 const GPX_SEGMENT_END: &str = "</trkseg>\n";
+const KML_LINE: &str = "<LineString><tessellate>1</tessellate><coordinates>\n";
 const KML_LINE_END: &str = "</coordinates></LineString>\n";
 
 /// Writes a track as GPX: one track with a segment for each part.
@@ -105,7 +106,8 @@ impl GpxTrack {
     }
 }
 
-/// Writes a track as KML: one placemark with a line for each part. A part of a single point is left out: a line has two at least.
+/// Writes a track as KML: one placemark with a line for each part, cut where it crosses the antimeridian: what draws longitudes as they
+/// are would draw it around the whole earth. A part of a single point is left out: a line has two at least.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct KmlTrack {
     part: KmlPart,
@@ -119,8 +121,8 @@ enum KmlPart {
     None,
     /// A first point, longitude and latitude in degrees, which waits for a second.
     Point([f64; 2]),
-    /// A line, which is open.
-    Line,
+    /// A line, which is open, with its last point.
+    Line([f64; 2]),
 }
 
 impl KmlTrack {
@@ -140,19 +142,27 @@ impl KmlTrack {
     #[must_use]
     pub fn point(&mut self, place: Option<TrackPlace<'_>>) -> String {
         let place = place.map(|place| [place.lon_deg, place.lat_deg]);
-        let coordinates = |[lon_deg, lat_deg]: [f64; 2]| format!("{lon_deg:.8},{lat_deg:.8}\n");
-        let (part, text) = match (self.part, place) {
-            (KmlPart::Line, None) => (KmlPart::None, KML_LINE_END.to_owned()),
-            (_, None) => (KmlPart::None, String::new()),
-            (KmlPart::None, Some(place)) => (KmlPart::Point(place), String::new()),
-            (KmlPart::Point(first), Some(place)) => {
-                let begin = "<LineString><tessellate>1</tessellate><coordinates>\n";
-                let text = begin.to_owned() + &coordinates(first) + &coordinates(place);
-                (KmlPart::Line, text)
-            }
-            (KmlPart::Line, Some(place)) => (KmlPart::Line, coordinates(place)),
+        let (KmlPart::Point(before) | KmlPart::Line(before), Some(place)) = (self.part, place)
+        else {
+            let was_in_line = matches!(self.part, KmlPart::Line(_));
+            self.part = place.map_or(KmlPart::None, KmlPart::Point);
+            return if was_in_line { KML_LINE_END } else { "" }.to_owned();
         };
-        self.part = part;
+        let mut text = String::new();
+        for piece in cut_line(&[before, place]) {
+            for (number, at) in piece.into_iter().enumerate() {
+                match self.part {
+                    KmlPart::Line(last) if number == 0 && last == at => continue,
+                    KmlPart::Line(_) if number == 0 => text = text + KML_LINE_END + KML_LINE,
+                    KmlPart::Line(_) => {}
+                    KmlPart::Point(_) | KmlPart::None => text += KML_LINE,
+                }
+                let [lon_deg, lat_deg] = at;
+                // Writing to a string does not fail.
+                let _ = writeln!(text, "{lon_deg:.8},{lat_deg:.8}");
+                self.part = KmlPart::Line(at);
+            }
+        }
         text
     }
 
@@ -160,7 +170,7 @@ impl KmlTrack {
     #[must_use]
     pub fn closing(&self) -> &'static str {
         match self.part {
-            KmlPart::Line => {
+            KmlPart::Line(_) => {
                 "</coordinates></LineString>\n</MultiGeometry>\n</Placemark>\n</Document>\n</kml>\n"
             }
             KmlPart::None | KmlPart::Point(_) => {
@@ -222,7 +232,7 @@ mod tests {
             let text = track.point(place);
             (text, track.closing())
         });
-        for (text, lines) in texts.iter().zip([0, 1, 1, 1, 1, 1, 2, 2, 2]) {
+        for (text, lines) in texts.iter().zip([0, 1, 1, 1, 1, 1, 3, 3, 3]) {
             for tag in ["LineString", "coordinates", "MultiGeometry", "kml"] {
                 let begun = text.matches(&format!("<{tag}")).count();
                 assert_eq!(begun, text.matches(&format!("</{tag}>")).count(), "{text}");
@@ -232,6 +242,39 @@ mod tests {
             assert_eq!(points.collect::<Vec<_>>(), vec![2; lines], "{text}");
         }
         assert_none_is_shorter_than_the_one_before(&texts);
+    }
+
+    #[test]
+    fn lines_of_kml_are_cut_at_the_antimeridian() {
+        let mut track = KmlTrack::default();
+        let mut text = String::new();
+        // There, back, and to the antimeridian under both of its names.
+        for lon_deg in [179.0, 179.5, -179.5, -179.0, 179.0, -180.0, -179.0] {
+            text += &track.point(Some(TrackPlace {
+                lon_deg,
+                lat_deg: 24.0,
+                altitude_amsl_m: None,
+                time: None,
+            }));
+        }
+        text += track.closing();
+        let lines = text.split("<coordinates>\n").skip(1);
+        let lines: Vec<Vec<f64>> = lines
+            .map(|rest| {
+                let points = rest.split("</").next().unwrap().lines();
+                let lons = points.map(|point| point.split(',').next().unwrap().parse().unwrap());
+                lons.collect()
+            })
+            .collect();
+        assert_eq!(
+            lines,
+            [
+                vec![179.0, 179.5, 180.0],
+                vec![-180.0, -179.5, -179.0, -180.0],
+                vec![180.0, 179.0, 180.0],
+                vec![-180.0, -179.0],
+            ]
+        );
     }
 
     #[test]

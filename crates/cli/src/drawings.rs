@@ -1,6 +1,5 @@
 //! Pictures of what was matched.
 
-use std::io::Cursor;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
@@ -11,7 +10,7 @@ use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_photo::Photo;
 use image::ImageFormat;
 
-use crate::{errors, photos};
+use crate::{errors, own_pictures, photos};
 
 /// A folder with a drawing for each photo of a run.
 pub struct Drawings {
@@ -101,9 +100,7 @@ pub fn jpeg_of(
     let Some(matched) = matched else {
         return Ok(None);
     };
-    let mut jpeg = Cursor::new(Vec::new());
-    draw_matches(photo, matched, map, &DrawOptions::default())?
-        .write_to(&mut jpeg, ImageFormat::Jpeg)
-        .context("cannot encode the drawing")?;
-    Ok(Some(jpeg.into_inner()))
+    let drawn = draw_matches(photo, matched, map, &DrawOptions::default())?;
+    let jpeg = own_pictures::encoded(&drawn, ImageFormat::Jpeg);
+    jpeg.context("cannot encode the drawing").map(Some)
 }

@@ -5,6 +5,7 @@ mod commands;
 mod drawings;
 mod formats;
 mod localise;
+mod own_pictures;
 mod photos;
 mod procedural_flight;
 mod standard_output;

@@ -8,8 +8,11 @@ use anyhow::{Context, Result, bail};
 use glob::MatchOptions;
 use grimnet_photo::pictures::{EXTENSIONS, is_hidden, may_be_file, picture_files};
 
+use crate::own_pictures::is_own;
+
 /// Expands arguments to photos: a file to itself, a folder to the pictures directly in it (sorted), a
-/// pattern with `*`, `?` or `[` to the files that it matches (sorted).
+/// pattern with `*`, `?` or `[` to the files that it matches (sorted). Drawings of this program in folders and among the matches are left
+/// out.
 ///
 /// # Errors
 /// A folder or pattern without photos.
@@ -31,7 +34,7 @@ pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
 
 fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
     if argument.is_dir() {
-        return Ok(picture_files(argument)?);
+        return Ok(without_drawings(picture_files(argument)?));
     }
     let text = argument.to_string_lossy();
     if argument.exists() || !text.contains(['*', '?', '[']) {
@@ -47,10 +50,21 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         glob::glob_with(&text, options).with_context(|| format!("{text}: not a valid pattern"))?;
     // Not by the option of `glob`, which ends the program at a name that is not UTF-8.
     let names_hidden = is_hidden(argument);
-    Ok(matches
+    let files = matches
         .filter_map(Result::ok)
-        .filter(|path| may_be_file(path) && (names_hidden || !is_hidden(path)))
-        .collect())
+        .filter(|path| may_be_file(path) && (names_hidden || !is_hidden(path)));
+    Ok(without_drawings(files.collect()))
+}
+
+fn without_drawings(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
+    files.retain(|path| {
+        let is_drawing = is_own(path);
+        if is_drawing {
+            tracing::info!("{}: a drawing of grim, left out", path.display());
+        }
+        !is_drawing
+    });
+    files
 }
 
 /// A different name for the drawing of each photo, without ending: the photo's name; if several photos share it, with the name
@@ -82,6 +96,7 @@ pub fn picture_names(photos: &[PathBuf]) -> Vec<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::own_pictures;
 
     #[test]
     fn no_picture_takes_anothers_name() {
@@ -107,6 +122,12 @@ mod tests {
         assert_eq!(names(&[dir.path().join("*.jpg")]), ["a.jpg", "b.JPG"]);
         assert_eq!(names(&[dir.path().join("gone.jpg")]), ["gone.jpg"]);
         assert!(expand(&[dir.path().join("*.webp")]).is_err());
+        let drawing = own_pictures::encoded(&image::RgbImage::new(8, 8), image::ImageFormat::Png);
+        let path = dir.path().join("d.png");
+        fs_err::write(&path, drawing.unwrap()).unwrap();
+        assert_eq!(names(&[dir.path().to_owned()]), ["a.jpg", "b.JPG", "c.png"]);
+        assert_eq!(names(&[dir.path().join("*.png")]), ["c.png"]);
+        assert_eq!(names(&[path]), ["d.png"], "it is asked for");
         #[cfg(unix)]
         {
             use std::os::unix::ffi::OsStrExt;

@@ -1,14 +1,15 @@
 //! Calibration: fits how far a model's answers are off and how often they are wrong to answers whose truth is known.
 //!
 //! [`scenes`] makes maps and photos with exact truth; [`trial`] localises each photo on its own map and on another, with the gates
-//! nearly open; [`position`] and [`confidence`] fit the two parts of a [`Calibration`] to the answers. Photos of one scene are
-//! never on both sides of a check.
+//! nearly open, and an [`observer`] collects the answers; [`position`] and [`confidence`] fit the two parts of a [`Calibration`] to the
+//! answers. Photos of one scene are never on both sides of a check.
 
 pub mod confidence;
 mod cut;
 mod error;
 mod normal;
 pub mod observation;
+pub mod observer;
 pub mod position;
 pub mod real;
 pub mod scenes;

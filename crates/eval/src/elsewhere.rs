@@ -6,6 +6,7 @@
 //! tried again is cropped at random, so that no trial repeats another. All draws depend on the seed, the source and the number of
 //! the trial alone.
 
+use std::convert::Infallible;
 use std::path::PathBuf;
 
 use grimnet_locate::{Outcome, Prior, Support};
@@ -102,6 +103,27 @@ pub fn run(
     on_trial: &mut dyn FnMut(&ElsewhereTrial),
 ) -> Vec<ElsewhereTrial> {
     let mut trials = Vec::new();
+    let Ok(()) = try_each::<Infallible>(sources, options, &mut |make| {
+        let trial = make(method);
+        on_trial(&trial);
+        trials.push(trial);
+        Ok(())
+    });
+    trials
+}
+
+/// Makes one trial with a method.
+pub type MakeTrial<'a> = dyn Fn(&dyn Method) -> ElsewhereTrial + 'a;
+
+/// As [`run`], for a caller that does not need all trials: `each` is called with what makes the next one.
+///
+/// # Errors
+/// The first error of `each`, which ends the trials.
+pub fn try_each<E>(
+    sources: &[Source],
+    options: &ElsewhereOptions,
+    each: &mut dyn FnMut(&MakeTrial<'_>) -> Result<(), E>,
+) -> Result<(), E> {
     for (index, source) in (0u64..).zip(sources) {
         let mut order = source.pictures.clone();
         order.shuffle(&mut rng(options.seed, index, u64::MAX));
@@ -119,17 +141,17 @@ pub fn run(
                     }
                 };
             for trial in (number..options.trials).step_by(order.len()) {
-                let mut rng = rng(options.seed, index, trial as u64);
                 // Rounds of four: both scales with both headings.
                 let round = trial / order.len() + number;
                 let is_again = trial >= order.len();
-                let done = one(method, source, &photo, options, round, is_again, &mut rng);
-                on_trial(&done);
-                trials.push(done);
+                each(&|method| {
+                    let mut rng = rng(options.seed, index, trial as u64);
+                    one(method, source, &photo, options, round, is_again, &mut rng)
+                })?;
             }
         }
     }
-    trials
+    Ok(())
 }
 
 /// A generator that depends on the seed, the source and the trial alone.

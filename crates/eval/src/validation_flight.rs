@@ -1,11 +1,13 @@
 //! How a network localises a procedural flight, in metres: the measure of a training run.
 
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 
 use grimnet_net::Model;
 
+use crate::calibration::observer::ObserveError;
 use crate::calibration::scenes::{SceneError, world};
-use crate::calibration::trial::{ObserveError, answer, localizer};
+use crate::calibration::trial::{answer, localizer};
 use crate::metrics::footprint::RIGHT_WITHIN_M;
 use crate::scene::{HeadingMode, Scene};
 
@@ -60,7 +62,7 @@ impl ValidationFlight {
     /// # Errors
     /// The network cannot run, or the pack cannot be written.
     pub fn measure(&self, model: &Model) -> Result<[FlightFigures; 2], ObserveError> {
-        let localizer = localizer(model, &self.scene, &self.pack)?;
+        let localizer = localizer(model, &self.scene, &self.pack, &AtomicBool::new(false))?;
         let mut errors_m = [Vec::new(), Vec::new()];
         let modes = [HeadingMode::Known, HeadingMode::Unknown];
         for shot in &self.scene.shots {

@@ -156,4 +156,9 @@ fn observations_are_read_as_they_were_written() {
     });
     observation::write(std::fs::File::create(&path).unwrap(), &all).unwrap();
     assert_eq!(observation::read(&path).unwrap(), all);
+    for one in all {
+        let line = observation::line(&one).unwrap();
+        assert_eq!(observation::of_line(&line), Some(one));
+        assert_eq!(observation::of_line(&line[..line.len() / 2]), None);
+    }
 }

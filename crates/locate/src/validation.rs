@@ -3,7 +3,9 @@
 use std::fmt::Display;
 
 use grimnet_pack::Index;
-use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior, PHOTO_GSD_RANGE_M};
+use grimnet_photo::{
+    HEADING_RANGE_DEG, HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior, PHOTO_GSD_RANGE_M,
+};
 
 use crate::{
     error::{LocateError, Result},
@@ -190,13 +192,8 @@ impl Prior {
             sigma_deg,
         } = self.view.heading
         {
-            let expected = "a finite number of degrees";
-            require(
-                "heading_deg",
-                heading_deg,
-                heading_deg.is_finite(),
-                expected,
-            )?;
+            let holds = HEADING_RANGE_DEG.contains(&heading_deg);
+            require("heading_deg", heading_deg, holds, "-720 to 720 degrees")?;
             require_not_negative("heading sigma_deg", sigma_deg)?;
         }
         if let Some(height_agl_m) = self.view.height_agl_m {

@@ -90,6 +90,24 @@ pub enum OutputError {
         /// The folder.
         path: PathBuf,
     },
+    /// Another process does the work that ends in this file.
+    #[error("another run is making {}; wait for it, or choose another output", path.display())]
+    Busy {
+        /// The output.
+        path: PathBuf,
+    },
+    /// A file that is no [`Journal`](crate::Journal) stands where a run keeps its work so far.
+    #[error(
+        "{} is in the way of this run, which keeps its work so far under that name: {why}; move it elsewhere, or choose \
+         another output",
+        path.display()
+    )]
+    InTheWay {
+        /// The file.
+        path: PathBuf,
+        /// How it was noticed.
+        why: &'static str,
+    },
     /// The file changed between the check and the end of writing.
     #[error(
         "{} was created or changed by another program in the meantime; it was left as it is",

@@ -11,6 +11,8 @@
 //!    if it starts with one of the magic numbers that the caller names, or if the list `.grim-output` of its folder
 //!    holds its name together with the BLAKE3 hash of its present content. [`OutputFolder`] keeps that list.
 //!
+//! [`Journal`] keeps the results of long work so far, so that a run that was stopped goes on.
+//!
 //! [`check_apart`] refuses outputs of one run that would be written to the same place, before any of them is.
 //!
 //! ```
@@ -36,6 +38,7 @@ mod atomic;
 mod error;
 mod folder;
 mod inputs;
+mod journal;
 mod listing;
 mod name;
 mod planned;
@@ -45,6 +48,7 @@ mod target;
 pub use atomic::{AtomicFile, rename_into_place, write_atomic, write_bytes_atomic};
 pub use error::{OutputError, Result};
 pub use folder::{FolderFile, OutputFolder};
+pub use journal::{Journal, RecordPlace};
 pub use listing::LISTING_NAME;
 pub use name::file_name_from;
 pub use planned::{PlannedOutput, check_apart};

@@ -11,7 +11,6 @@ pub(crate) mod cost;
 pub(crate) mod finished_level;
 pub(crate) mod frontier;
 pub(crate) mod index_build;
-pub(crate) mod journal;
 pub(crate) mod keypoint_index_build;
 pub(crate) mod level_build;
 pub(crate) mod level_plan;
@@ -32,12 +31,11 @@ use std::path::{Path, PathBuf};
 
 use grimnet_geo::Raster;
 use grimnet_net::Model;
-use grimnet_output::{OutputPolicy, linked_path, rename_into_place};
+use grimnet_output::{Journal, OutputPolicy, linked_path, rename_into_place};
 
 use self::assemble::write_pack;
 use self::cells::Cells;
 use self::cost::{check_cost, check_enlargement, check_index, check_scale};
-use self::journal::{Journal, remove_finished};
 use self::level_build::LevelBuild;
 use self::level_plan::LevelPlan;
 use self::planning::plan_levels;
@@ -140,7 +138,7 @@ pub fn build_interruptible(
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {
-        remove_finished(&partial, &manifest.fingerprint);
+        Journal::remove_finished(&partial, &manifest.fingerprint);
         return Ok(report(&pack, &meter, true));
     }
     let mut resume = Resume::new(&plans, recipe);
@@ -148,8 +146,9 @@ pub fn build_interruptible(
         &partial,
         out,
         &manifest.fingerprint,
-        |kind, place, content| Ok(resume.accept(kind, place, content)),
-    )?;
+        |kind, place, content| resume.accept(kind, place, content),
+    )
+    .map_err(PackError::of_journal)?;
     clear_unfinished(&aside)?;
     let mut states = resume.into_levels();
     let mut levels = Vec::new();
@@ -168,12 +167,12 @@ pub fn build_interruptible(
         levels.push(level.run(state, &mut journal, &mut meter, &mut notify)?);
     }
     if levels.iter().all(|level| level.tiles.is_empty()) {
-        journal.remove()?;
+        journal.remove().map_err(PackError::of_journal)?;
         return Err(without_tiles(raster, &meter.progress));
     }
     if MapSummary::hash_text(raster.content_hash_now()?) != manifest.map.hash {
         // Its tiles are of the map before, or of something in between.
-        journal.remove()?;
+        journal.remove().map_err(PackError::of_journal)?;
         return Err(PackError::MapChanged {
             map: raster.describe(),
         });
@@ -189,7 +188,7 @@ pub fn build_interruptible(
     rename_into_place(&aside, &place)?;
     // While the work can still be used: a pack that cannot be opened is none.
     let pack = Pack::open(out)?;
-    journal.remove()?;
+    journal.remove().map_err(PackError::of_journal)?;
     Ok(report(&pack, &meter, false))
 }
 

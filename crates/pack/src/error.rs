@@ -3,6 +3,8 @@
 use std::io;
 use std::path::{Path, PathBuf};
 
+use grimnet_output::OutputError;
+
 /// An error of building, opening or searching a pack. It says what is wrong, what was expected, and what to do.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -192,7 +194,7 @@ pub enum PackError {
     Output {
         /// What failed.
         #[from]
-        source: grimnet_output::OutputError,
+        source: OutputError,
     },
     /// The map could not be read.
     #[error("cannot read the map: {0}")]
@@ -238,6 +240,16 @@ impl PackError {
             path: path.to_path_buf(),
             source,
             hint,
+        }
+    }
+
+    /// An error of the journal of a build.
+    pub(crate) fn of_journal(error: OutputError) -> Self {
+        match error {
+            OutputError::Io { step, path, source } => Self::io(step, &path, source),
+            OutputError::Busy { path } => Self::Busy { path },
+            OutputError::InTheWay { path, why } => Self::InTheWay { path, why },
+            source => Self::Output { source },
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::metadata::Metadata;
 use crate::nadir_angles::from_nadir_angles;
-use crate::view::{CameraAttitude, Heading, HeadingPrior, View, ViewPrior};
+use crate::view::{CameraAttitude, HEADING_RANGE_DEG, Heading, HeadingPrior, View, ViewPrior};
 
 /// 1-sigma of a gimbal's yaw, degrees: typical for the compass of a small drone in flight.
 const GIMBAL_SIGMA_DEG: f64 = 5.0;
@@ -43,7 +43,7 @@ pub(crate) fn resolve(
         HeadingPrior::Known {
             heading_deg,
             sigma_deg,
-        } if heading_deg.is_finite() && sigma_deg.is_finite() => {
+        } if HEADING_RANGE_DEG.contains(&heading_deg) && sigma_deg.is_finite() => {
             view.heading = Some(Heading {
                 heading_deg: heading_deg.rem_euclid(360.0),
                 sigma_deg,
@@ -57,7 +57,7 @@ pub(crate) fn resolve(
             view.set_aside(
                 "heading",
                 format!("{heading_deg} +- {sigma_deg}"),
-                "given by the caller, but not a finite number",
+                "given by the caller, but not degrees from -720 to 720 with a finite sigma",
             );
         }
         HeadingPrior::Unknown => {

@@ -25,6 +25,10 @@ pub enum HeadingPrior {
     Unknown,
 }
 
+/// Headings that are accepted, degrees: two turns either way, as programs that count on write them. Of a number that is much larger nothing
+/// is left when whole turns are taken off.
+pub const HEADING_RANGE_DEG: std::ops::RangeInclusive<f64> = -720.0..=720.0;
+
 /// Assumed 1-sigma of a heading that is given without one, degrees.
 const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
 
@@ -37,11 +41,14 @@ impl FromStr for HeadingPrior {
             "exif" => Ok(Self::FromMetadata),
             "unknown" => Ok(Self::Unknown),
             _ => match text.parse::<f64>() {
-                Ok(degrees) if degrees.is_finite() => Ok(Self::Known {
+                Ok(degrees) if HEADING_RANGE_DEG.contains(&degrees) => Ok(Self::Known {
                     heading_deg: degrees.rem_euclid(360.0),
                     sigma_deg: GIVEN_HEADING_SIGMA_DEG,
                 }),
-                _ => Err("expected degrees clockwise from north, `exif` or `unknown`".to_owned()),
+                _ => Err(
+                    "expected degrees clockwise from north (-720 to 720), `exif` or `unknown`"
+                        .to_owned(),
+                ),
             },
         }
     }
@@ -167,7 +174,7 @@ mod tests {
             sigma_deg: 5.0,
         };
         assert_eq!("-90".parse(), Ok(west));
-        for bad in ["north", "NaN", "", "inf"] {
+        for bad in ["north", "NaN", "", "inf", "1e308", "720.5", "-721"] {
             assert!(bad.parse::<HeadingPrior>().is_err(), "{bad}");
         }
     }

@@ -32,7 +32,7 @@ pub(crate) struct PriorFields {
 #[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
 #[serde(
     untagged,
-    expecting = "heading: expected degrees clockwise from north, `exif` or `unknown`"
+    expecting = "heading: expected degrees clockwise from north (-720 to 720), `exif` or `unknown`"
 )]
 #[schema(as = Heading)]
 enum HeadingField {
@@ -221,7 +221,7 @@ mod tests {
             ),
             (
                 json(r#"{"heading": [1]}"#),
-                "heading: expected degrees clockwise from north, `exif` or `unknown`",
+                "heading: expected degrees clockwise from north (-720 to 720), `exif` or `unknown`",
             ),
             (query(&[("hedding", "5")]), "`hedding`"),
         ] {
@@ -239,6 +239,7 @@ mod tests {
             r#"{"altitude": 3}"#,
             r#"{"heading": "north"}"#,
             r#"{"heading": [1]}"#,
+            r#"{"heading": 1e308}"#,
             r#"{"heading_sigma_deg": 3}"#,
             r#"{"heading": 3, "heading_sigma_deg": 0}"#,
             r#"{"hfov_deg": 180}"#,

@@ -1,5 +1,7 @@
 //! Reads the body of a request, within limits of size and time.
 
+use std::error::Error;
+
 use axum::BoxError;
 use axum::body::{Body, Bytes, HttpBody as _};
 use futures_util::StreamExt as _;
@@ -19,7 +21,14 @@ pub(crate) async fn read_body(
     limits: &Limits,
     arrival: Option<&Arrival>,
 ) -> Result<Vec<u8>, Problem> {
-    in_time(limits, read_chunks(body, max_bytes, limits, arrival)).await
+    if body.size_hint().lower() > max_bytes as u64 {
+        return Err(longer_than(max_bytes));
+    }
+    let body = match arrival {
+        Some(arrival) => counted(body, arrival),
+        None => body,
+    };
+    in_time(limits, read_chunks(body, max_bytes, limits)).await
 }
 
 /// What `reading` gives, if the body arrives within `limits.body_time`.
@@ -36,31 +45,22 @@ pub(crate) async fn in_time<T>(
     }
 }
 
-/// As [`read_body`], for a caller that limits the whole time.
+/// As [`read_body`], for a caller that limits the whole time and counts the bytes.
 pub(crate) async fn read_chunks(
     body: Body,
     max_bytes: usize,
     limits: &Limits,
-    arrival: Option<&Arrival>,
 ) -> Result<Vec<u8>, Problem> {
-    if body.size_hint().lower() > max_bytes as u64 {
-        return Err(longer_than(max_bytes));
-    }
     let mut stream = body.into_data_stream();
     let mut bytes = Vec::new();
     loop {
         let next = timeout(limits.body_pause, stream.next()).await;
         match next.map_err(|_| paused(limits))? {
-            Some(Ok(chunk)) => {
-                append(&mut bytes, &chunk, max_bytes)?;
-                if let Some(arrival) = arrival {
-                    arrival.take(chunk.len())?;
-                }
-            }
+            Some(Ok(chunk)) => append(&mut bytes, &chunk, max_bytes)?,
             Some(Err(error)) => {
-                return Err(Problem::bad_request(format!(
-                    "the body breaks off: {error}"
-                )));
+                return Err(refusal_of(&error).unwrap_or_else(|| {
+                    Problem::bad_request(format!("the body breaks off: {error}"))
+                }));
             }
             None => return Ok(bytes),
         }
@@ -76,6 +76,12 @@ pub(crate) fn counted(body: Body, arrival: &Arrival) -> Body {
         arrival.take(chunk.len())?;
         Ok::<_, BoxError>(chunk)
     }))
+}
+
+/// The problem with which a body of [`counted`] ended, where `error` comes from that.
+pub(crate) fn refusal_of(error: &dyn Error) -> Option<Problem> {
+    let mut causes = std::iter::successors(error.source(), |&cause| cause.source());
+    causes.find_map(|cause| cause.downcast_ref::<Problem>().cloned())
 }
 
 /// Adds a chunk to what has arrived.

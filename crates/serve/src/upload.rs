@@ -1,7 +1,5 @@
 //! A photo and its prior from the body of a request.
 
-use std::error::Error as _;
-
 use axum::extract::multipart::{Field, Multipart, MultipartError};
 use axum::extract::{FromRequest as _, Request};
 use axum::http::header;
@@ -13,7 +11,7 @@ use crate::limits::Limits;
 use crate::prior_fields::PriorFields;
 use crate::problem::Problem;
 use crate::query::Query;
-use crate::request_body::{append, counted, in_time, paused, read_chunks};
+use crate::request_body::{append, counted, in_time, paused, read_chunks, refusal_of};
 
 /// Largest prior, bytes.
 const MAX_PRIOR_BYTES: usize = 64 << 10;
@@ -98,16 +96,15 @@ impl Upload {
             .unwrap_or_default();
         let essence = content_type.split(';').next().unwrap_or_default().trim();
         let essence = essence.to_ascii_lowercase();
+        // Before a form is taken apart: what comes before its first part is held, too.
+        let request = request.map(|body| counted(body, arrival));
         let upload = if essence == "multipart/form-data" {
-            // Before the form is taken apart: what comes before its first part is held, too.
-            let request = request.map(|body| counted(body, arrival));
             let multipart = Multipart::from_request(request, &())
                 .await
                 .map_err(|error| Problem::bad_request(error.body_text()))?;
             Self::read_parts(multipart, limits).await?
         } else if PHOTO_TYPES.contains(&essence.as_str()) {
-            let body = request.into_body();
-            let photo = read_chunks(body, limits.max_body_bytes, limits, Some(arrival)).await?;
+            let photo = read_chunks(request.into_body(), limits.max_body_bytes, limits).await?;
             Self {
                 photo,
                 ..Self::default()
@@ -185,9 +182,8 @@ async fn read_part(
 }
 
 fn malformed(error: &MultipartError, limits: &Limits) -> Problem {
-    let mut causes = std::iter::successors(error.source(), |&cause| cause.source());
-    if let Some(refused) = causes.find_map(|cause| cause.downcast_ref::<Problem>()) {
-        return refused.clone();
+    if let Some(refused) = refusal_of(error) {
+        return refused;
     }
     if error.status() == axum::http::StatusCode::PAYLOAD_TOO_LARGE {
         return too_large(limits);

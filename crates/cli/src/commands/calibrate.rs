@@ -1,11 +1,15 @@
 //! `grim calibrate`: fit the stated radius and confidence of a model.
 
+mod kept;
+mod observing;
+
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
+use grimnet_eval::calibration::observation::Observation;
 use grimnet_eval::calibration::real::{NumberedSource, PlacesUsed, RealScene};
 use grimnet_eval::calibration::{self, observation, scenes, trial};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
@@ -21,9 +25,12 @@ use super::data_set_map::open_map;
 use super::elsewhere::{source, width_m};
 use super::{LimitsChoice, ModelChoice};
 use crate::exit::Exit;
+use crate::formats::stopped;
 use crate::outputs::OverwriteChoice;
 use crate::standard_output::StandardOutput;
 use crate::{inputs, progress, values};
+use kept::Kept;
+use observing::Observing;
 
 /// Arguments of `grim calibrate`.
 #[derive(Debug, Args)]
@@ -32,6 +39,9 @@ pub struct CalibrateArgs {
     model: ModelChoice,
 
     /// Write the model with its calibration to this file
+    ///
+    /// While photos are localised, FILE.partial holds the observations so far. Ctrl-C ends the run after the current photo, and the
+    /// same command goes on from there.
     #[arg(short, long, value_name = "FILE", value_parser = values::output_file())]
     out: PathBuf,
 
@@ -112,7 +122,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         .protect_all(&arguments.observed);
     check_outputs(arguments, &policy)?;
     let model = arguments.model.open()?;
-    let (observations, data) = match &arguments.observed {
+    let observed = match &arguments.observed {
         Some(path) => {
             inputs::check_regular(path)?;
             let observations = observation::read(path).with_context(|| {
@@ -121,20 +131,53 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
                     path.display()
                 )
             })?;
-            (observations, "observations of an earlier run".to_owned())
+            Observed {
+                observations,
+                data: "observations of an earlier run".to_owned(),
+                kept: None,
+            }
         }
-        None => observe(arguments, &model, &policy)?,
+        None => match observe(arguments, &model, &policy)? {
+            Some(observed) => observed,
+            None => return Ok(Exit::Interrupted),
+        },
     };
+    let kept = observed.kept.as_ref().map(|kept| kept.path().to_owned());
+    fit_and_write(arguments, &model, &policy, observed)
+        .map_err(|error| stopped(error, "the observations are kept in", kept))?;
+    Ok(Exit::Done)
+}
+
+/// The observations of a run.
+struct Observed {
+    observations: Vec<Observation>,
+    /// What they are of, in words.
+    data: String,
+    /// Where they are kept until the model is written.
+    kept: Option<Kept>,
+}
+
+/// Fits the calibration, writes the model with it and prints it.
+fn fit_and_write(
+    arguments: &CalibrateArgs,
+    model: &Model,
+    policy: &OutputPolicy,
+    observed: Observed,
+) -> Result<()> {
+    let observations = observed.observations;
     if let Some(path) = &arguments.observations {
         policy.write(path, |file| {
             observation::write(file, &observations).map_err(std::io::Error::other)
         })?;
     }
-    let data = arguments.data.as_ref().unwrap_or(&data);
+    let data = arguments.data.as_ref().unwrap_or(&observed.data);
     let fitted = calibration::fit(&observations, data, arguments.elsewhere_answered)?;
     let calibration = merged(model.calibration(), fitted, arguments.only);
     let calibrated = model.with_calibration(calibration.clone())?;
     policy.write(&arguments.out, |file| calibrated.write(file))?;
+    if let Some(kept) = observed.kept {
+        kept.remove()?;
+    }
     let mut out = StandardOutput;
     writeln!(out, "{}", serde_json::to_string_pretty(&calibration)?)?;
     writeln!(
@@ -142,7 +185,7 @@ pub fn run(arguments: &CalibrateArgs) -> Result<Exit> {
         "{}: written; the identity of the model does not change and its packs stay valid",
         arguments.out.display()
     )?;
-    Ok(Exit::Done)
+    Ok(())
 }
 
 /// Checks that the outputs do not meet and may be written: again when more inputs are known.
@@ -222,13 +265,13 @@ impl From<PlacesChoice> for PlacesUsed {
     }
 }
 
-/// Reads the data set in a folder, whose files become inputs of `policy`.
+/// Reads the data set in a folder, whose files become inputs of `policy`. Gives them as well.
 fn data_set(
     folder: &Path,
     photos_out: &Path,
     photo_limits: PhotoLimits,
     policy: &OutputPolicy,
-) -> Result<Scene> {
+) -> Result<(Scene, Vec<PathBuf>)> {
     let set = DataSet::find(&DataSetRequest {
         folder,
         map: None,
@@ -237,32 +280,46 @@ fn data_set(
         photo_limits,
     })?;
     let map = open_map(&set, policy)?;
-    Ok(set.into_scene(map)?)
+    // Photos that are extracted for this run are as the file that they come from.
+    let own = set.files().filter(|path| !path.starts_with(photos_out));
+    let files = own.map(Path::to_owned).chain(map.files()).collect();
+    Ok((set.into_scene(map)?, files))
 }
 
-/// Makes the scenes and localises their photos. All files that are read become inputs of `policy`.
+/// Makes the scenes and localises their photos. All files that are read become inputs of `policy`. `None` if Ctrl-C ended it.
 fn observe(
     arguments: &CalibrateArgs,
     model: &Model,
     policy: &OutputPolicy,
-) -> Result<(Vec<observation::Observation>, String)> {
+) -> Result<Option<Observed>> {
     let sources = arguments
         .elsewhere
         .iter()
         .map(|folder| source(folder, true))
         .collect::<Result<Vec<Source>>>()?;
-    policy.add_inputs(sources.iter().flat_map(|source| &source.pictures));
+    let of_sources = sources.iter().flat_map(|source| source.pictures.clone());
+    let mut files: Vec<PathBuf> = of_sources.collect();
     for pictures in &arguments.pictures {
-        policy.add_inputs(source(pictures, true)?.pictures);
+        files.extend(source(pictures, true)?.pictures);
     }
+    policy.add_inputs(&files);
     let folder = tempfile::tempdir()?;
     let limits = arguments.limits.photo();
-    let sets = arguments
-        .datasets
-        .iter()
-        .map(|set| data_set(set, folder.path(), limits, policy))
-        .collect::<Result<Vec<Scene>>>()?;
+    let mut sets = Vec::new();
+    for set in &arguments.datasets {
+        let (scene, of_set) = data_set(set, folder.path(), limits, policy)?;
+        sets.push(scene);
+        files.extend(of_set);
+    }
     check_outputs(arguments, policy)?;
+    let kept_path = kept::path_for(&arguments.out, policy)?;
+    if let (Some(kept), Some(written)) = (&kept_path, &arguments.observations) {
+        check_apart(&[
+            PlannedOutput::file("--out", kept),
+            PlannedOutput::file("--observations", written),
+        ])?;
+    }
+    let conditions = conditions(arguments, model, &files)?;
     let made = draw_scenes(arguments, folder.path())?;
     // A picture must not be on the map: the sources of each scene are those that its map was not made of.
     let folders = vec![None; arguments.worlds]
@@ -323,15 +380,55 @@ fn observe(
         }
     }
     let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<usize>();
-    let bar = progress::bar(count as u64, "localising", "photos");
-    let mut observations = trial::observe(model, &made, folder.path(), &mut || bar.inc(1))?;
-    // The made scenes come first, as they do in `trial::observe`, so that their packs are there already.
-    for (number, scene) in real.iter().enumerate() {
-        let pack = trial::pack_path(folder.path(), number);
-        observations.extend(scene.observe(model, made.len(), &pack, &mut || bar.inc(1))?);
+    let observing = Observing {
+        out: &arguments.out,
+        kept_path,
+        conditions,
+        count,
+    };
+    let observed = observing.run(&mut |observer| {
+        trial::observe(model, &made, folder.path(), observer)?;
+        // The made scenes come first, as they do in `trial::observe`, so that their packs are there already.
+        for (number, scene) in real.iter().enumerate() {
+            let pack = trial::pack_path(folder.path(), number);
+            scene.observe(model, made.len(), pack, observer)?;
+        }
+        Ok(())
+    })?;
+    Ok(observed.map(|(observations, kept)| Observed {
+        observations,
+        data: description(arguments, &made, &sets),
+        kept,
+    }))
+}
+
+/// What the observations depend on, in words: every setting, and the state of every file.
+fn conditions(arguments: &CalibrateArgs, model: &Model, files: &[PathBuf]) -> Result<String> {
+    let CalibrateArgs {
+        worlds,
+        photos,
+        seed,
+        pictures,
+        pictures_gsd,
+        datasets,
+        places,
+        elsewhere,
+        elsewhere_trials,
+        limits,
+        ..
+    } = arguments;
+    let mut text = format!(
+        "version {}, model {} in {}, {}, {worlds} worlds, {photos} photos, seed {seed}, {pictures:?} at {pictures_gsd}, {places:?} \
+         places of {datasets:?}, {elsewhere_trials} of {elsewhere:?}, {limits:?}\n",
+        env!("CARGO_PKG_VERSION"),
+        model.hash(),
+        model.precision(),
+        serde_json::to_string(model.calibration())?,
+    );
+    for file in files {
+        text += &kept::state_of(file);
     }
-    bar.finish_and_clear();
-    Ok((observations, description(arguments, &made, &sets)))
+    Ok(text)
 }
 
 /// Draws the procedural worlds, and cuts photos from the pictures, with their maps in `folder`.

@@ -1,13 +1,15 @@
 //! Pictures of a map: in files, and small ones on a terminal.
 
 use std::fmt::Write as _;
-use std::io::{Cursor, Write as _};
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Context, Result, bail};
 use grimnet_geo::RasterPatch;
 use grimnet_output::OutputPolicy;
 use image::{ImageFormat, RgbImage};
+
+use crate::own_pictures;
 
 /// Formats in which pictures are written, by the ending of the name.
 const FORMATS: [(&str, ImageFormat); 6] = [
@@ -50,11 +52,9 @@ pub fn write_picture(
     path: &Path,
     policy: &OutputPolicy,
 ) -> Result<()> {
-    let mut bytes = Cursor::new(Vec::new());
-    picture
-        .write_to(&mut bytes, format)
+    let bytes = own_pictures::encoded(picture, format)
         .with_context(|| format!("cannot encode {}", path.display()))?;
-    policy.write(path, |file| file.write_all(bytes.get_ref()))?;
+    policy.write(path, |file| file.write_all(&bytes))?;
     Ok(())
 }
 

@@ -5,9 +5,11 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
+use predicates::prelude::PredicateBooleanExt as _;
 use serde_json::Value;
 
-use super::{PHOTOS, demo, pack};
+use super::{PHOTOS, demo, grim, pack};
+use crate::faults::noise_map;
 
 /// A `grim` of which the test holds the process.
 pub fn start(arguments: &[&str]) -> Child {
@@ -102,4 +104,73 @@ fn an_interrupted_run_completes_its_file() {
         };
         assert!((1..=2 * PHOTOS).contains(&answers));
     }
+}
+
+#[test]
+#[cfg(unix)]
+fn an_interrupted_calibration_goes_on_with_its_observations() {
+    use std::io::Read as _;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    for (name, seed) in [("a", 1), ("b", 2)] {
+        fs::create_dir(path(name)).unwrap();
+        noise_map(Path::new(&path(&format!("{name}/picture.png"))), 900, seed);
+    }
+    let (a, b) = (path("a"), path("b"));
+    let calibrate = |model: &str| {
+        let options = "calibrate --worlds 0 --photos 6 --pictures";
+        let words = options.split(' ').chain([&*a, &*b, "-o", model]);
+        words.map(ToOwned::to_owned).collect::<Vec<_>>()
+    };
+    // Too few photos to fit anything, after all of them are localised.
+    let to_the_end = |model: &str, observations: &str| {
+        let mut command = grim();
+        command.args(calibrate(model));
+        command.args(["--observations", observations]);
+        let kept = format!("kept in {model}.partial");
+        command.assert().code(2).stderr(
+            predicates::str::contains("right answers").and(predicates::str::contains(kept)),
+        );
+        fs::read_to_string(observations).unwrap()
+    };
+    let whole = to_the_end(&path("whole"), &path("whole.csv"));
+    assert_eq!(whole.lines().count(), 1 + 28);
+
+    let model = path("model");
+    let partial = folder.path().join("model.partial");
+    let arguments = calibrate(&model);
+    let mut child = start(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    assert!(wait_for_answers(&mut child, &partial, 500));
+    let id = child.id().to_string();
+    assert!(
+        Command::new("kill")
+            .args(["-INT", &id])
+            .status()
+            .unwrap()
+            .success()
+    );
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let mut said = String::new();
+    let mut stderr = child.stderr.take().unwrap();
+    stderr.read_to_string(&mut said).unwrap();
+    assert!(said.contains("the same command goes on"), "{said}");
+    let kept = fs::metadata(&partial).unwrap().len();
+    assert!(!Path::new(&model).exists() && kept > 500);
+
+    let observations = path("model.csv");
+    assert_eq!(to_the_end(&model, &observations), whole);
+    // It was added to: nothing was localised again.
+    let uninterrupted = fs::read(path("whole.partial")).unwrap();
+    let continued = fs::read(&partial).unwrap();
+    assert_eq!(continued.len(), uninterrupted.len());
+    // They are not written over what is kept.
+    let mut other = grim();
+    other
+        .args(&arguments)
+        .args(["--overwrite", "--observations"]);
+    other.arg(path("model.partial")).assert().code(2).stderr(
+        predicates::str::contains("--observations")
+            .and(predicates::str::contains("a path of its own")),
+    );
+    assert_eq!(fs::read(&partial).unwrap(), continued);
 }

@@ -158,6 +158,10 @@ fn numbers_out_of_range_are_refused_with_their_option() {
             "from 1 to 150",
         ),
         (
+            &["locate", "-p", "p", "a", "--heading", "1e308"],
+            "from north (-720 to 720)",
+        ),
+        (
             &["locate", "-p", "p", "a", "--map-error", "1e308"],
             "from 0 to 100000",
         ),

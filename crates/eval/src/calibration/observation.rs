@@ -85,11 +85,55 @@ struct Row {
 /// The file cannot be written.
 pub fn write(to: impl std::io::Write, observations: &[Observation]) -> csv::Result<()> {
     let mut writer = csv::Writer::from_writer(to);
-    for o in observations {
+    for observation in observations {
+        writer.serialize(Row::of(observation))?;
+    }
+    writer.flush()?;
+    Ok(())
+}
+
+/// An observation as a line of CSV without a header; [`of_line`] gives it back.
+///
+/// # Errors
+/// Never: the line is made in memory.
+pub fn line(observation: &Observation) -> csv::Result<Vec<u8>> {
+    let mut line = Vec::new();
+    let mut writer = csv::WriterBuilder::new()
+        .has_headers(false)
+        .from_writer(&mut line);
+    writer.serialize(Row::of(observation))?;
+    writer.flush()?;
+    drop(writer);
+    Ok(line)
+}
+
+/// Reads what [`line`] made; `None` for anything else.
+#[must_use]
+pub fn of_line(line: &[u8]) -> Option<Observation> {
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .from_reader(line);
+    let row = reader.deserialize::<Row>().next()?.ok()?;
+    Some(row.observation())
+}
+
+/// Reads observations that [`write()`] wrote.
+///
+/// # Errors
+/// The file cannot be read or has other columns.
+pub fn read(path: &Path) -> csv::Result<Vec<Observation>> {
+    csv::Reader::from_path(path)?
+        .deserialize()
+        .map(|row| row.map(Row::observation))
+        .collect()
+}
+
+impl Row {
+    fn of(o: &Observation) -> Self {
         let answer = o.answer.as_ref();
         let support = answer.map(|a| a.support);
         let covariance = support.map(|s| s.inlier_covariance_en_m2);
-        writer.serialize(Row {
+        Self {
             scene: o.scene,
             elsewhere: o.elsewhere,
             heading_known: o.heading_known,
@@ -109,24 +153,9 @@ pub fn write(to: impl std::io::Write, observations: &[Observation]) -> csv::Resu
             held_back_points: support.map(|s| s.held_back_points),
             held_back_excess: support.map(|s| s.held_back_excess),
             on_map: support.map(|s| s.on_map),
-        })?;
+        }
     }
-    writer.flush()?;
-    Ok(())
-}
 
-/// Reads observations that [`write()`] wrote.
-///
-/// # Errors
-/// The file cannot be read or has other columns.
-pub fn read(path: &Path) -> csv::Result<Vec<Observation>> {
-    csv::Reader::from_path(path)?
-        .deserialize()
-        .map(|row| row.map(Row::observation))
-        .collect()
-}
-
-impl Row {
     fn observation(self) -> Observation {
         let answer = || {
             Some(Answer {

@@ -1,13 +1,14 @@
 //! Observations on real pictures: half of the places of a data set, and photos that are not on its map.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::PathBuf;
 
-use grimnet_locate::{Localizer, Support};
+use grimnet_locate::Support;
 use grimnet_net::Model;
 
 use super::observation::{Answer, Observation};
-use super::trial::{ObserveError, answer, localizer};
+use super::observer::{ObserveError, Observer};
+use super::trial::{SceneLocalizer, answer};
 use crate::elsewhere::{self, ElsewhereOptions, Source};
 use crate::scene::{HeadingMode, Scene, Shot};
 
@@ -79,57 +80,57 @@ impl RealScene<'_> {
     /// the first number of a scene that is not in use; each place is one. The pack is written to `pack`, unless it is there already.
     ///
     /// # Errors
-    /// The map, the pack or a photo is refused.
+    /// The map, the pack or a photo is refused, an observation cannot be kept, or the run was stopped.
     pub fn observe(
         &self,
         model: &Model,
         first_scene: usize,
-        pack: &Path,
-        on_photo: &mut dyn FnMut(),
-    ) -> Result<Vec<Observation>, ObserveError> {
-        let localizer = localizer(model, self.scene, pack)?;
-        let mut observations = Vec::new();
+        pack: PathBuf,
+        observer: &mut Observer<'_>,
+    ) -> Result<(), ObserveError> {
+        let localizer = SceneLocalizer::new(model, self.scene, pack, observer.stop());
         let own = self.places.map_or(Vec::new(), |used| used.of(self.scene));
         for (place, shot) in own {
             for heading in [HeadingMode::Known, HeadingMode::Unknown] {
-                observations.push(Observation {
-                    // Places that follow each other among those used are on both sides of a check by halves.
-                    scene: first_scene + place / 2,
-                    elsewhere: false,
-                    heading_known: heading == HeadingMode::Known,
-                    real: true,
-                    answer: answer(&localizer, shot, heading)?,
-                });
-                on_photo();
+                observer.next(|| {
+                    Ok(Observation {
+                        // Places that follow each other among those used are on both sides of a check by halves.
+                        scene: first_scene + place / 2,
+                        elsewhere: false,
+                        heading_known: heading == HeadingMode::Known,
+                        real: true,
+                        answer: answer(localizer.get()?, shot, heading)?,
+                    })
+                })?;
             }
         }
-        observations.extend(self.observe_elsewhere(&localizer, on_photo));
-        Ok(observations)
+        self.observe_elsewhere(&localizer, observer)
     }
 
     fn observe_elsewhere(
         &self,
-        localizer: &Localizer,
-        on_photo: &mut dyn FnMut(),
-    ) -> Vec<Observation> {
+        localizer: &SceneLocalizer<'_>,
+        observer: &mut Observer<'_>,
+    ) -> Result<(), ObserveError> {
         let numbered = self.elsewhere.iter();
         let sources: Vec<Source> = numbered.map(|numbered| numbered.source.clone()).collect();
-        let trials = elsewhere::run(localizer, &sources, &self.trials, &mut |_| on_photo());
         let scene_of = |name: &str| {
             let mut numbered = self.elsewhere.iter();
             let own = numbered.find(|numbered| numbered.source.name == name);
             own.map_or(0, |numbered| numbered.scene)
         };
-        trials
-            .iter()
-            .map(|trial| Observation {
-                scene: scene_of(&trial.source),
-                elsewhere: true,
-                heading_known: trial.heading_known,
-                real: true,
-                answer: trial.support.map(Answer::elsewhere),
+        elsewhere::try_each(&sources, &self.trials, &mut |make| {
+            observer.next(|| {
+                let trial = make(localizer.get()?);
+                Ok(Observation {
+                    scene: scene_of(&trial.source),
+                    elsewhere: true,
+                    heading_known: trial.heading_known,
+                    real: true,
+                    answer: trial.support.map(Answer::elsewhere),
+                })
             })
-            .collect()
+        })
     }
 }
 

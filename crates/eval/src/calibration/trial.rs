@@ -1,35 +1,18 @@
 //! Localises each photo on its own map and on another scene's, with the gates nearly open.
 
+use std::cell::OnceCell;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 
-use grimnet_locate::{Gates, Localizer, LocateError, Options};
+use grimnet_locate::{Gates, Localizer, Options};
 use grimnet_net::Model;
-use grimnet_pack::{BuildOptions, Pack, PackError, build};
+use grimnet_pack::{BuildLimits, BuildOptions, Pack, build_interruptible};
 
 use super::observation::{Answer, Observation};
+use super::observer::{ObserveError, Observer};
 use crate::evaluation::{TrialError, evaluate_one};
 use crate::scene::{HeadingMode, Scene, Shot};
-
-/// Why observations cannot be made.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ObserveError {
-    /// The pack cannot be built.
-    #[error(transparent)]
-    Pack(#[from] PackError),
-    /// The localiser refuses the model or the pack.
-    #[error(transparent)]
-    Locate(Box<LocateError>),
-    /// A photo cannot be localised.
-    #[error(transparent)]
-    Trial(#[from] TrialError),
-}
-
-impl From<LocateError> for ObserveError {
-    fn from(error: LocateError) -> Self {
-        Self::Locate(Box::new(error))
-    }
-}
 
 /// One in so many photos is also localised without its heading, which takes a dozen times as long.
 const UNKNOWN_HEADING_EVERY: usize = 6;
@@ -52,19 +35,19 @@ pub fn pack_path(folder: &Path, number: usize) -> PathBuf {
     folder.join(format!("scene_{number}.grim"))
 }
 
-/// Localises the photos of all scenes: each scene's own and the next scene's on its map. `on_photo` is called after each.
+/// Localises the photos of all scenes: each scene's own and the next scene's on its map.
 ///
 /// # Errors
-/// A map, pack or photo is refused.
+/// A map, pack or photo is refused, an observation cannot be kept, or the run was stopped.
 pub fn observe(
     model: &Model,
     scenes: &[Scene],
     folder: &Path,
-    on_photo: &mut dyn FnMut(),
-) -> Result<Vec<Observation>, ObserveError> {
-    let mut observations = Vec::new();
+    observer: &mut Observer<'_>,
+) -> Result<(), ObserveError> {
     for (index, scene) in scenes.iter().enumerate() {
-        let localizer = localizer(model, scene, &pack_path(folder, index))?;
+        let localizer =
+            SceneLocalizer::new(model, scene, pack_path(folder, index), observer.stop());
         let other = (index + 1) % scenes.len();
         for (from, elsewhere) in [(index, false), (other, true)] {
             if elsewhere && other == index {
@@ -76,20 +59,21 @@ pub fn observe(
                     .into_iter()
                     .take(1 + usize::from(also_unknown))
                 {
-                    observations.push(Observation {
-                        // The scene of the photo, so that a photo is on one side of a check only.
-                        scene: from,
-                        elsewhere,
-                        heading_known: heading == HeadingMode::Known,
-                        real: false,
-                        answer: answer(&localizer, shot, heading)?,
-                    });
-                    on_photo();
+                    observer.next(|| {
+                        Ok(Observation {
+                            // The scene of the photo, so that a photo is on one side of a check only.
+                            scene: from,
+                            elsewhere,
+                            heading_known: heading == HeadingMode::Known,
+                            real: false,
+                            answer: answer(localizer.get()?, shot, heading)?,
+                        })
+                    })?;
                 }
             }
         }
     }
-    Ok(observations)
+    Ok(())
 }
 
 /// How many photos [`observe`] will localise.
@@ -104,18 +88,67 @@ pub fn count(scenes: &[Scene]) -> usize {
 }
 
 /// The localiser of a scene's map under the settings of an observation; the pack is written to `pack`, unless it is there already.
+/// Its build ends when `stop` is set.
 ///
 /// # Errors
-/// The map or the pack is refused.
-pub fn localizer(model: &Model, scene: &Scene, pack: &Path) -> Result<Localizer, ObserveError> {
-    build(
+/// The map or the pack is refused, or the build was stopped.
+pub fn localizer(
+    model: &Model,
+    scene: &Scene,
+    pack: &Path,
+    stop: &AtomicBool,
+) -> Result<Localizer, ObserveError> {
+    build_interruptible(
         scene.map.as_ref(),
         model,
         &BuildOptions::standard(),
+        &BuildLimits::default(),
         pack,
-        &mut |_| {},
+        &mut |_| {
+            if stop.load(Ordering::Relaxed) {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        },
     )?;
     Ok(Localizer::new(model.clone(), Pack::open(pack)?)?.with_options(observing()))
+}
+
+/// The [`localizer`] of a scene, made when the first photo needs it: not where an earlier
+/// run made all observations.
+pub struct SceneLocalizer<'a> {
+    model: &'a Model,
+    scene: &'a Scene,
+    pack: PathBuf,
+    stop: &'a AtomicBool,
+    made: OnceCell<Localizer>,
+}
+
+impl<'a> SceneLocalizer<'a> {
+    /// What [`localizer`] gives.
+    #[must_use]
+    pub fn new(model: &'a Model, scene: &'a Scene, pack: PathBuf, stop: &'a AtomicBool) -> Self {
+        Self {
+            model,
+            scene,
+            pack,
+            stop,
+            made: OnceCell::new(),
+        }
+    }
+
+    /// The localiser.
+    ///
+    /// # Errors
+    /// As [`localizer`].
+    pub fn get(&self) -> Result<&Localizer, ObserveError> {
+        if let Some(localizer) = self.made.get() {
+            return Ok(localizer);
+        }
+        let localizer = localizer(self.model, self.scene, &self.pack, self.stop)?;
+        Ok(self.made.get_or_init(|| localizer))
+    }
 }
 
 /// The answer to one photo; `None` without a fix.

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use grimnet_geo::LonLat;
+use grimnet_photo::HEADING_RANGE_DEG;
 
 /// The truth of one photo.
 ///
@@ -173,11 +174,12 @@ impl Columns {
             Ok(lat.zip(lon))
         };
         let text = |column: usize| record.get(column).unwrap_or("").to_owned();
+        let (lowest_deg, highest_deg) = HEADING_RANGE_DEG.into_inner();
         Ok(TruthFrame {
             photo: text(self.photo),
             centre_lat_lon_deg: point(self.centre)?,
             gps_lat_lon_deg: point(self.gps)?,
-            heading_deg: named(&["heading_deg", "flight_yaw_deg"], -720.0, 720.0)?,
+            heading_deg: named(&["heading_deg", "flight_yaw_deg"], lowest_deg, highest_deg)?,
             height_agl_m: named(&["height_agl_m"], -20_000.0, 20_000.0)?,
             footprint_width_m: named(&["footprint_w_m"], 0.1, 1e6)?,
             tilt_deg: named(&["tilt_deg"], 0.0, 180.0)?,

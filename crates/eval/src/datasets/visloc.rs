@@ -8,6 +8,8 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
+use grimnet_photo::HEADING_RANGE_DEG;
+
 use crate::datasets::truth::TruthFrame;
 
 /// A scene as read from its folder.
@@ -134,7 +136,7 @@ fn frame(row: &HashMap<String, String>) -> Option<TruthFrame> {
     Some(TruthFrame {
         photo: row.get("filename").filter(|name| !name.is_empty())?.clone(),
         centre_lat_lon_deg: Some((number("lat", 90.0)?, number("lon", 180.0)?)),
-        heading_deg: number("Phi1", 720.0),
+        heading_deg: number("Phi1", *HEADING_RANGE_DEG.end()),
         ..TruthFrame::default()
     })
 }

@@ -1,8 +1,9 @@
 //! Assembles the pack from a finished journal.
 
+use grimnet_output::Journal;
+
 use crate::builder::finished_level::FinishedLevel;
 use crate::builder::index_build::{BuiltIndex, write_index};
-use crate::builder::journal::Journal;
 use crate::builder::keypoint_index_build::write_keypoint_index;
 use crate::builder::recipe::Recipe;
 use crate::builder::tile_descriptors::TileDescriptors;

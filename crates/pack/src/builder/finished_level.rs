@@ -1,6 +1,7 @@
 //! What the build of a level leaves in the journal, read again to assemble the pack.
 
-use crate::builder::journal::{Journal, Place};
+use grimnet_output::{Journal, RecordPlace};
+
 use crate::builder::level_plan::{Item, LevelPlan};
 use crate::builder::record::{Record, UnitHead};
 use crate::error::{PackError, Result};
@@ -11,7 +12,7 @@ use crate::format::TileEntry;
 pub struct FinishedLevel {
     pub plan: LevelPlan,
     /// Items and where their records lie, in order.
-    pub items: Vec<(Item, Place)>,
+    pub items: Vec<(Item, RecordPlace)>,
     /// Tiles with a descriptor and where it lies in the journal, in any order.
     pub tiles: Vec<(TileEntry, u64)>,
     pub keypoints_per_unit: u32,
@@ -31,7 +32,9 @@ impl FinishedLevel {
     ) -> Result<()> {
         let mut bytes = Vec::new();
         for (item, place) in &self.items {
-            journal.read(place.offset, place.len as usize, &mut bytes)?;
+            journal
+                .read(place.offset, place.len as usize, &mut bytes)
+                .map_err(PackError::of_journal)?;
             let record = Record::from_bytes(&bytes).ok_or_else(|| {
                 PackError::Options("the journal changed while it was read".into())
             })?;

@@ -1,7 +1,8 @@
 //! Builds and writes the keypoint index of a level.
 
+use grimnet_output::Journal;
+
 use crate::builder::finished_level::FinishedLevel;
-use crate::builder::journal::Journal;
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::Result;

@@ -7,15 +7,16 @@ use grimnet_net::{Domain, ExtractOptions, Extractor, Model, Statistics};
 
 use crate::builder::adapt::adapted_statistics;
 use crate::builder::finished_level::FinishedLevel;
-use crate::builder::journal::{Journal, Kind};
 use crate::builder::level_plan::{Item, LevelPlan};
 use crate::builder::level_state::LevelState;
 use crate::builder::progress::{Meter, Phase, Progress};
 use crate::builder::recipe::Recipe;
 use crate::builder::record::Record;
+use crate::builder::resume::{ITEM, STATISTICS};
 use crate::builder::unit::Unit;
-use crate::error::Result;
+use crate::error::{PackError, Result};
 use crate::options::BuildOptions;
+use grimnet_output::Journal;
 
 /// The inputs of one level.
 pub struct LevelBuild<'a> {
@@ -66,7 +67,9 @@ impl LevelBuild<'_> {
                     .compute_item(&extractor, &extract, &self.plan, &item, &patch)?;
                 drop(patch);
                 let record = self.record(&mut state, &item, units);
-                let place = journal.append(Kind::Item, &record.to_bytes())?;
+                let place = journal
+                    .append(ITEM, &record.to_bytes())
+                    .map_err(PackError::of_journal)?;
                 state.add(item, place, &record);
                 let tiles = self.recipe.tiles_completed_by(&item);
                 meter.advance(tiles, tiles - record.tiles.len() as u64);
@@ -99,7 +102,9 @@ impl LevelBuild<'_> {
             };
             let bytes = statistics.to_bytes();
             let head = [self.number.to_le_bytes(), tiles.to_le_bytes()].concat();
-            journal.append(Kind::Statistics, &[head, bytes.clone()].concat())?;
+            journal
+                .append(STATISTICS, &[head, bytes.clone()].concat())
+                .map_err(PackError::of_journal)?;
             state.statistics = Some((bytes, tiles));
         }
         let bytes = state

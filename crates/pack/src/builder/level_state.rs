@@ -1,7 +1,8 @@
 //! How much of a level is finished.
 
+use grimnet_output::RecordPlace;
+
 use crate::builder::frontier::Frontier;
-use crate::builder::journal::Place;
 use crate::builder::level_plan::Item;
 use crate::builder::record::Record;
 use crate::format::TileEntry;
@@ -10,7 +11,7 @@ use crate::format::TileEntry;
 #[derive(Debug, Default)]
 pub struct LevelState {
     /// Finished items and where their records lie in the journal.
-    pub items: Vec<(Item, Place)>,
+    pub items: Vec<(Item, RecordPlace)>,
     /// Tiles with a descriptor and where it lies in the journal, bytes.
     pub tiles: Vec<(TileEntry, u64)>,
     /// Cells that remaining tiles need.
@@ -23,7 +24,7 @@ pub struct LevelState {
 
 impl LevelState {
     /// Adds a record that lies in the journal.
-    pub fn add(&mut self, item: Item, place: Place, record: &Record) {
+    pub fn add(&mut self, item: Item, place: RecordPlace, record: &Record) {
         let dim = record
             .globals
             .len()

@@ -2,11 +2,17 @@
 
 use std::collections::VecDeque;
 
-use crate::builder::journal::{Kind, Place};
+use grimnet_output::RecordPlace;
+
 use crate::builder::level_plan::{Item, LevelPlan};
 use crate::builder::level_state::LevelState;
 use crate::builder::recipe::Recipe;
 use crate::builder::record::Record;
+
+/// Kind of a record in the journal: adapted statistics of one level.
+pub const STATISTICS: u32 = 2;
+/// Kind of a record in the journal: a finished item.
+pub const ITEM: u32 = 3;
 
 /// Takes the records of a journal in order and restores the state of each level from them.
 pub struct Resume<'a> {
@@ -33,11 +39,11 @@ impl<'a> Resume<'a> {
     }
 
     /// Takes the next record. Returns `false` if it is not the one that the plan expects.
-    pub fn accept(&mut self, kind: Kind, place: Place, content: &[u8]) -> bool {
+    pub fn accept(&mut self, kind: u32, place: RecordPlace, content: &[u8]) -> bool {
         match kind {
-            Kind::Start => false,
-            Kind::Statistics => self.accept_statistics(content).is_some(),
-            Kind::Item => self.accept_item(place, content).is_some(),
+            STATISTICS => self.accept_statistics(content).is_some(),
+            ITEM => self.accept_item(place, content).is_some(),
+            _ => false,
         }
     }
 
@@ -74,7 +80,7 @@ impl<'a> Resume<'a> {
         Some(())
     }
 
-    fn accept_item(&mut self, place: Place, content: &[u8]) -> Option<()> {
+    fn accept_item(&mut self, place: RecordPlace, content: &[u8]) -> Option<()> {
         let level = self.advance()?;
         let record = Record::from_bytes(content)?;
         let state = self.levels.back_mut()?;

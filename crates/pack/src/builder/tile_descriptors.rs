@@ -1,9 +1,9 @@
 //! Tile descriptors of a level, read back from the journal.
 
 use grimnet_net::normalise;
+use grimnet_output::Journal;
 
-use crate::builder::journal::Journal;
-use crate::error::Result;
+use crate::error::{PackError, Result};
 use crate::format::TileEntry;
 
 /// Numbers of tile descriptors handled at once: 64 MiB.
@@ -65,7 +65,8 @@ impl<'a> TileDescriptors<'a> {
     fn read(&mut self, tile: usize, into: &mut Vec<f32>) -> Result<()> {
         let mut bytes = Vec::new();
         self.journal
-            .read(self.tiles[tile].1, self.dim * size_of::<f32>(), &mut bytes)?;
+            .read(self.tiles[tile].1, self.dim * size_of::<f32>(), &mut bytes)
+            .map_err(PackError::of_journal)?;
         let first = into.len();
         into.extend(
             bytes

@@ -32,7 +32,7 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 /// A map of noise of this side, pixels, and the options that place it.
-fn noise_map(path: &Path, side_px: u32, seed: u32) -> [&'static str; 2] {
+pub fn noise_map(path: &Path, side_px: u32, seed: u32) -> [&'static str; 2] {
     let mut state = seed;
     let noise = image::RgbImage::from_fn(side_px, side_px, |_, _| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use grimnet_photo::HEADING_RANGE_DEG;
 use grimnet_world::{PhotoTags, WorldError, write_jpeg_with_exif};
 use image::RgbImage;
 
@@ -85,7 +86,7 @@ impl Sample {
     }
 
     fn check(&self) -> Result<(), SampleError> {
-        let [_, pitch_deg, _] = self.euler_deg;
+        let [_, pitch_deg, yaw_deg] = self.euler_deg;
         if self.focal_px <= 0.0 {
             let found = format!("focal length {}", self.focal_px);
             return Err(content("K", found, "a positive focal length in pixels"));
@@ -96,6 +97,10 @@ impl Sample {
         }
         if pitch_deg.abs() > MAX_PITCH_DEG {
             return Err(SampleError::Pitch { pitch_deg });
+        }
+        if !HEADING_RANGE_DEG.contains(&yaw_deg) {
+            let found = format!("yaw {yaw_deg}");
+            return Err(content("euler_deg", found, "degrees from -720 to 720"));
         }
         Ok(())
     }

@@ -1,33 +1,24 @@
-//! The results so far, in a file beside the pack that is only appended to.
+//! The results of long work so far, in a file beside its output that is only appended to.
 //!
-//! Each record carries a checksum over its kind, length and content. A killed build leaves complete records and
-//! possibly a part of one, which is cut off when the build continues. Records are not synced to disk: after a power cut
+//! Each record carries a checksum over its kind, length and content. A killed process leaves complete records and
+//! possibly a part of one, which is cut off when the work continues. Records are not synced to disk: after a power cut
 //! some may be lost or damaged, which the checksums detect as well.
 
 use std::fs::{File, TryLockError};
 use std::io::{BufReader, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use crate::error::{PackError, Result};
+use crate::error::{OutputError, Result};
 
 const MAGIC: [u8; 4] = *b"GJR1";
 const HEAD_LEN: usize = 32;
 
-/// The kind of a record.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u32)]
-pub enum Kind {
-    /// The build's fingerprint; the first record.
-    Start = 1,
-    /// Adapted statistics of one level.
-    Statistics = 2,
-    /// A finished item.
-    Item = 3,
-}
+/// Kind of the first record, whose content is the fingerprint of the work. Those of its results are the caller's, from 2 on.
+const START: u32 = 1;
 
 /// The place of a record's content in the journal.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct RecordPlace {
     /// Start of the content, bytes.
     pub offset: u64,
     /// Length of the content, bytes.
@@ -43,44 +34,44 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// Opens or creates the journal at `path`, locks it, and calls `each` for each valid record of the same build. If
-    /// `each` returns `false`, this record and the rest are cut off. A journal of another build (another fingerprint)
-    /// is emptied.
+    /// Opens or creates the journal at `path`, locks it, and calls `each` with kind, place and content of each valid record of
+    /// the same work. If `each` returns `false`, this record and the rest are cut off. A journal of other work (another
+    /// `fingerprint`, which stands for all that the results depend on) is emptied.
     ///
     /// # Errors
-    /// Returns [`PackError::Busy`] if another process holds the journal (`output` names the pack in the message),
-    /// [`PackError::InTheWay`] if something else than a journal is there, and [`PackError::Io`] for errors of the system.
+    /// [`OutputError::Busy`] if another process holds the journal (`output` is named in the message),
+    /// [`OutputError::InTheWay`] if something else than a journal is there, and [`OutputError::Io`].
     pub fn open(
         path: &Path,
         output: &Path,
         fingerprint: &str,
-        mut each: impl FnMut(Kind, Place, &[u8]) -> Result<bool>,
+        mut each: impl FnMut(u32, RecordPlace, &[u8]) -> bool,
     ) -> Result<Self> {
         let file = lock(path, output)?;
         let len = file
             .metadata()
-            .map_err(|e| PackError::io("read", path, e))?
+            .map_err(OutputError::io("read", path))?
             .len();
         check_own(&file, path)?;
         let mut reader = BufReader::with_capacity(1 << 20, &file);
         let mut content = Vec::new();
         let mut end = 0;
         while let Some(kind) = next_record(&mut reader, len - end, &mut content) {
-            let place = Place {
+            let place = RecordPlace {
                 offset: end + HEAD_LEN as u64,
                 len: content.len() as u64,
             };
             let is_first = end == 0;
             let wanted = match (is_first, kind) {
-                (true, Kind::Start) => content == fingerprint.as_bytes(),
-                (false, Kind::Statistics | Kind::Item) => each(kind, place, &content)?,
+                (true, START) => content == fingerprint.as_bytes(),
+                (false, kind) if kind != START => each(kind, place, &content),
                 _ => false,
             };
             if !wanted {
                 if is_first {
                     tracing::warn!(
                         journal = %path.display(),
-                        "the unfinished build here has another map, model or other options; starting from the beginning"
+                        "the unfinished work here has other inputs or options; starting from the beginning"
                     );
                 }
                 break;
@@ -88,16 +79,16 @@ impl Journal {
             end = place.offset + place.len;
         }
         drop(reader);
-        let error = |e| PackError::io("write", path, e);
-        file.set_len(end).map_err(error)?;
-        (&file).seek(SeekFrom::Start(end)).map_err(error)?;
+        file.set_len(end)
+            .and_then(|()| (&file).seek(SeekFrom::Start(end)))
+            .map_err(OutputError::io("write", path))?;
         let mut journal = Self {
             path: path.to_path_buf(),
             file,
             end,
         };
         if end == 0 {
-            journal.append(Kind::Start, fingerprint.as_bytes())?;
+            journal.append(START, fingerprint.as_bytes())?;
         }
         Ok(journal)
     }
@@ -105,15 +96,15 @@ impl Journal {
     /// Appends a record.
     ///
     /// # Errors
-    /// Returns [`PackError::Io`] for errors of the system; the journal stays valid up to the record before.
-    pub fn append(&mut self, kind: Kind, content: &[u8]) -> Result<Place> {
+    /// [`OutputError::Io`]; the journal stays valid up to the record before.
+    pub fn append(&mut self, kind: u32, content: &[u8]) -> Result<RecordPlace> {
         let mut record = Vec::with_capacity(HEAD_LEN + content.len());
-        record.extend_from_slice(&head(kind as u32, content));
+        record.extend_from_slice(&head(kind, content));
         record.extend_from_slice(content);
         self.file
             .write_all(&record)
-            .map_err(|e| PackError::io("write", &self.path, e))?;
-        let place = Place {
+            .map_err(OutputError::io("write", &self.path))?;
+        let place = RecordPlace {
             offset: self.end + HEAD_LEN as u64,
             len: content.len() as u64,
         };
@@ -121,46 +112,46 @@ impl Journal {
         Ok(place)
     }
 
-    /// Reads `len` bytes at `offset`, as given by a [`Place`]. Nothing may be appended afterwards.
+    /// Reads `len` bytes at `offset`, as given by a [`RecordPlace`]. Nothing may be appended afterwards.
     ///
     /// # Errors
-    /// Returns [`PackError::Io`] for errors of the system.
+    /// [`OutputError::Io`].
     pub fn read(&mut self, offset: u64, len: usize, into: &mut Vec<u8>) -> Result<()> {
         into.resize(len, 0);
         self.file
             .seek(SeekFrom::Start(offset))
             .and_then(|_| self.file.read_exact(into))
-            .map_err(|e| PackError::io("read", &self.path, e))
+            .map_err(OutputError::io("read", &self.path))
     }
 
-    /// Deletes the journal, once the pack is in place.
+    /// Deletes the journal, once the output is in place.
     ///
     /// # Errors
-    /// Returns [`PackError::Io`] for errors of the system.
+    /// [`OutputError::Io`].
     pub fn remove(self) -> Result<()> {
-        fs_err::remove_file(&self.path).map_err(|e| PackError::io("delete", &self.path, e))
+        std::fs::remove_file(&self.path).map_err(OutputError::io("delete", &self.path))
+    }
+
+    /// Deletes the journal of finished work that was killed between renaming its output and deleting it. A journal of other work, or
+    /// one that another process holds, stays.
+    pub fn remove_finished(path: &Path, fingerprint: &str) {
+        if check_plain(path).is_err() {
+            return;
+        }
+        let Ok(file) = File::open(path) else { return };
+        let len = file.metadata().map_or(0, |metadata| metadata.len());
+        let mut content = Vec::new();
+        let first = next_record(&mut BufReader::new(&file), len, &mut content);
+        let is_of_this_work = first == Some(START) && content == fingerprint.as_bytes();
+        if is_of_this_work && file.try_lock().is_ok() {
+            // The output is there: what is left does no harm.
+            let _ = std::fs::remove_file(path);
+        }
     }
 }
 
-/// Deletes the journal of a finished build that was killed between renaming its pack and deleting it. A journal of another build, or one
-/// that another process holds, stays.
-pub fn remove_finished(path: &Path, fingerprint: &str) {
-    if check_plain(path).is_err() {
-        return;
-    }
-    let Ok(file) = File::open(path) else { return };
-    let len = file.metadata().map_or(0, |metadata| metadata.len());
-    let mut content = Vec::new();
-    let first = next_record(&mut BufReader::new(&file), len, &mut content);
-    let is_of_this_build = first == Some(Kind::Start) && content == fingerprint.as_bytes();
-    if is_of_this_build && file.try_lock().is_ok() {
-        // The pack is there: what is left does no harm.
-        let _ = fs_err::remove_file(path);
-    }
-}
-
-fn in_the_way(path: &Path, why: &'static str) -> PackError {
-    PackError::InTheWay {
+fn in_the_way(path: &Path, why: &'static str) -> OutputError {
+    OutputError::InTheWay {
         path: path.to_path_buf(),
         why,
     }
@@ -176,19 +167,19 @@ fn check_plain(path: &Path) -> Result<()> {
     }
 }
 
-/// Refuses a file that is not a journal, or that has another name elsewhere. A build that was killed at once leaves an
+/// Refuses a file that is not a journal, or that has another name elsewhere. Work that was killed at once leaves an
 /// empty file or a part of the magic.
 fn check_own(mut file: &File, path: &Path) -> Result<()> {
-    let error = |e| PackError::io("read", path, e);
     let mut start = Vec::new();
     file.take(MAGIC.len() as u64)
         .read_to_end(&mut start)
-        .map_err(error)?;
-    file.seek(SeekFrom::Start(0)).map_err(error)?;
+        .and_then(|_| file.seek(SeekFrom::Start(0)))
+        .map_err(OutputError::io("read", path))?;
     if !MAGIC.starts_with(&start) {
-        return Err(in_the_way(path, "it is not an unfinished build"));
+        return Err(in_the_way(path, "it does not hold unfinished work"));
     }
-    if links(&file.metadata().map_err(error)?) > 1 {
+    let metadata = file.metadata().map_err(OutputError::io("read", path))?;
+    if links(&metadata) > 1 {
         return Err(in_the_way(path, "it has a second name (a hard link)"));
     }
     Ok(())
@@ -215,19 +206,19 @@ fn lock(path: &Path, output: &Path) -> Result<File> {
             .create(true)
             .truncate(false)
             .open(path)
-            .map_err(|e| PackError::io("create", path, e))?;
+            .map_err(OutputError::io("create", path))?;
         match file.try_lock() {
             Ok(()) => {}
             Err(TryLockError::WouldBlock) => {
-                return Err(PackError::Busy {
+                return Err(OutputError::Busy {
                     path: output.to_path_buf(),
                 });
             }
             // Some network file systems do not support locks.
             Err(TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {
-                tracing::warn!(path = %path.display(), "this file system cannot lock files; do not start a second build of the same pack");
+                tracing::warn!(path = %path.display(), "this file system cannot lock files; do not start a second run with the same output");
             }
-            Err(TryLockError::Error(e)) => return Err(PackError::io("lock", path, e)),
+            Err(TryLockError::Error(e)) => return Err(OutputError::io("lock", path)(e)),
         }
         // The holder may have finished and deleted the file between opening and locking: then this is a file without
         // a name, and the next process would not see the lock.
@@ -265,7 +256,7 @@ fn head(kind: u32, content: &[u8]) -> [u8; HEAD_LEN] {
 }
 
 /// The next record, or `None` if what follows is not a complete valid record.
-fn next_record(reader: &mut impl Read, left: u64, content: &mut Vec<u8>) -> Option<Kind> {
+fn next_record(reader: &mut impl Read, left: u64, content: &mut Vec<u8>) -> Option<u32> {
     let mut found = [0; HEAD_LEN];
     reader.read_exact(&mut found).ok()?;
     let word =
@@ -279,31 +270,29 @@ fn next_record(reader: &mut impl Read, left: u64, content: &mut Vec<u8>) -> Opti
     if head(word(4), content) != found {
         return None;
     }
-    [Kind::Start, Kind::Statistics, Kind::Item]
-        .into_iter()
-        .find(|&kind| kind as u32 == word(4))
+    Some(word(4))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    const ITEM: u32 = 3;
+
     fn records(path: &Path, fingerprint: &str) -> Vec<Vec<u8>> {
         let mut all = Vec::new();
         Journal::open(path, path, fingerprint, |_, _, content| {
             all.push(content.to_vec());
-            Ok(true)
+            true
         })
         .unwrap();
         all
     }
 
     fn filled(path: &Path) {
-        let mut journal = Journal::open(path, path, "a", |_, _, _| Ok(true)).unwrap();
+        let mut journal = Journal::open(path, path, "a", |_, _, _| true).unwrap();
         for i in 0..5u8 {
-            journal
-                .append(Kind::Item, &vec![i; 10 * usize::from(i)])
-                .unwrap();
+            journal.append(ITEM, &vec![i; 10 * usize::from(i)]).unwrap();
         }
     }
 
@@ -346,9 +335,9 @@ mod tests {
     /// Nothing changes at the path, nor behind it.
     fn refused(path: &Path) {
         let before = std::fs::read(path).unwrap();
-        let error = Journal::open(path, path, "a", |_, _, _| Ok(true)).unwrap_err();
-        assert!(matches!(error, PackError::InTheWay { .. }), "{error}");
-        remove_finished(path, "a");
+        let error = Journal::open(path, path, "a", |_, _, _| true).unwrap_err();
+        assert!(matches!(error, OutputError::InTheWay { .. }), "{error}");
+        Journal::remove_finished(path, "a");
         assert_eq!(std::fs::read(path).unwrap(), before);
     }
 
@@ -359,7 +348,7 @@ mod tests {
         for notes in ["n", "GJR", "notes, more than a record's head is long"] {
             std::fs::write(&path, notes).unwrap();
             if notes == "GJR" {
-                // What a build may leave that is killed at once.
+                // What work may leave that is killed at once.
                 records(&path, "a");
             } else {
                 refused(&path);
@@ -377,14 +366,14 @@ mod tests {
         refused(&path);
         std::fs::remove_file(&path).unwrap();
         std::fs::hard_link(&other, &path).unwrap();
-        let error = Journal::open(&path, &path, "b", |_, _, _| Ok(true)).unwrap_err();
-        assert!(matches!(error, PackError::InTheWay { .. }), "{error}");
+        let error = Journal::open(&path, &path, "b", |_, _, _| true).unwrap_err();
+        assert!(matches!(error, OutputError::InTheWay { .. }), "{error}");
         std::fs::remove_file(&path).unwrap();
         assert_eq!(records(&other, "a").len(), 5);
     }
 
     #[test]
-    fn another_build_starts_from_the_beginning() {
+    fn other_work_starts_from_the_beginning() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("j");
         filled(&path);
@@ -399,8 +388,8 @@ mod tests {
         filled(&path);
         let whole = std::fs::read(&path).unwrap();
         std::fs::write(&path, &whole[..whole.len() - 3]).unwrap();
-        let mut journal = Journal::open(&path, &path, "a", |_, _, _| Ok(true)).unwrap();
-        let place = journal.append(Kind::Item, b"again").unwrap();
+        let mut journal = Journal::open(&path, &path, "a", |_, _, _| true).unwrap();
+        let place = journal.append(ITEM, b"again").unwrap();
         let mut bytes = Vec::new();
         journal.read(place.offset + 1, 3, &mut bytes).unwrap();
         assert_eq!(bytes, b"gai");
@@ -412,11 +401,12 @@ mod tests {
     fn a_second_writer_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("j");
-        let first = Journal::open(&path, &path, "a", |_, _, _| Ok(true)).unwrap();
-        let error =
-            Journal::open(&path, Path::new("area.grim"), "a", |_, _, _| Ok(true)).unwrap_err();
-        assert!(matches!(error, PackError::Busy { .. }) && error.to_string().contains("area.grim"));
+        let first = Journal::open(&path, &path, "a", |_, _, _| true).unwrap();
+        let error = Journal::open(&path, Path::new("area.grim"), "a", |_, _, _| true).unwrap_err();
+        assert!(
+            matches!(error, OutputError::Busy { .. }) && error.to_string().contains("area.grim")
+        );
         first.remove().unwrap();
-        Journal::open(&path, &path, "a", |_, _, _| Ok(true)).unwrap();
+        Journal::open(&path, &path, "a", |_, _, _| true).unwrap();
     }
 }

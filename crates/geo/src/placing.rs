@@ -9,7 +9,7 @@ use crate::sidecar_values::SidecarValues;
 use crate::stated_crs::StatedCrs;
 use crate::tiff::TiffMap;
 use crate::tiff_georeference::{TiffPlace, place_of};
-use crate::world_file::{find_world_file, read_world_file};
+use crate::world_file::{find_prj, find_world_file, read_prj, read_world_file};
 use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, offset_en_m};
 
 const CORNERS_ORDER: &str = "the order is LL_LON,LL_LAT,UR_LON,UR_LAT";
@@ -121,20 +121,22 @@ fn place_by_files(
                 no_georeference(path, reason)
             })?;
             sidecars.affine = Some(affine);
-            (affine, format!("{} does not give one", file.display()))
+            let reason = format!("{} does not give one, and no .prj", file.display());
+            (affine, reason)
         }
     };
     // Some writers store the transform in the file and the coordinate system beside it, or the other way round.
     let file_crs = match own_crs {
         Some(crs) => crs,
         None => {
-            sidecars.crs = pam.crs.clone();
-            let crs = pam.crs.clone().in_file(&pam_path(path))?;
-            crs.ok_or_else(|| GeoError::MissingCrs {
-                path: path.to_path_buf(),
-                reason: without_crs,
-            })?
-            .into()
+            let (crs, file) = crs_beside(path, pam)?;
+            sidecars.crs = crs.clone();
+            crs.in_file(&file)?
+                .ok_or_else(|| GeoError::MissingCrs {
+                    path: path.to_path_buf(),
+                    reason: without_crs,
+                })?
+                .into()
         }
     };
     let georeference = georeference(path, affine, file_crs.clone(), size_px)?;
@@ -162,6 +164,14 @@ fn affine_beside(path: &Path, pam: &SidecarValues) -> Result<Option<(Affine, Pat
         return Ok(None);
     };
     Ok(Some((read_world_file(&file)?, file)))
+}
+
+/// The coordinate system that a file beside a picture gives, and that file.
+fn crs_beside(path: &Path, pam: &SidecarValues) -> Result<(StatedCrs, PathBuf), GeoError> {
+    match find_prj(path).filter(|_| pam.crs == StatedCrs::Absent) {
+        Some(file) => Ok((read_prj(&file)?, file)),
+        None => Ok((pam.crs.clone(), pam_path(path))),
+    }
 }
 
 /// In a sentence, where GDAL's `.aux.xml` puts a file, if its tags put it elsewhere: GDAL prefers the former.

@@ -8,7 +8,7 @@ use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
 use crate::pam::find_pam;
 use crate::windowed::read_window;
-use crate::world_file::find_world_file;
+use crate::world_file::{find_prj, find_world_file};
 use crate::{GeoError, Georeference, Raster, RasterPatch, WindowPx};
 
 /// A map in one file.
@@ -92,7 +92,14 @@ impl Raster for SingleMap {
 
 /// Files of a map, each followed by those beside it that describe it.
 fn with_descriptions(files: &[PathBuf]) -> Vec<PathBuf> {
-    let beside = |file: &PathBuf| [Some(file.clone()), find_world_file(file), find_pam(file)];
+    let beside = |file: &PathBuf| {
+        [
+            Some(file.clone()),
+            find_world_file(file),
+            find_pam(file),
+            find_prj(file),
+        ]
+    };
     files.iter().flat_map(beside).flatten().collect()
 }
 

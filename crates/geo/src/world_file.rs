@@ -1,7 +1,8 @@
-//! World files: six numbers beside a picture.
+//! World files, six numbers beside a picture, and the coordinate systems beside those.
 
 use std::path::{Path, PathBuf};
 
+use crate::stated_crs::StatedCrs;
 use crate::{Affine, GeoError};
 
 /// What some editors write before a text in UTF-8.
@@ -22,6 +23,25 @@ pub(crate) fn find_world_file(picture: &Path) -> Option<PathBuf> {
         .flat_map(|e| [e.clone(), e.to_ascii_uppercase()])
         .map(|e| picture.with_extension(e))
         .find(|path| path.is_file())
+}
+
+/// The coordinate system beside a picture (ESRI's `map.prj` beside `map.jpg` and `map.jgw`), if there is one.
+pub(crate) fn find_prj(picture: &Path) -> Option<PathBuf> {
+    ["prj", "PRJ"]
+        .map(|ending| picture.with_extension(ending))
+        .into_iter()
+        .find(|path| path.is_file())
+}
+
+/// Reads what [`find_prj`] found.
+pub(crate) fn read_prj(path: &Path) -> Result<StatedCrs, GeoError> {
+    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
+        std::io::ErrorKind::InvalidData => GeoError::damaged(path, "it is not UTF-8 text"),
+        _ => GeoError::io(path, e),
+    })?;
+    Ok(StatedCrs::from_text(
+        text.trim_start_matches(BYTE_ORDER_MARK),
+    ))
 }
 
 /// Reads a world file. Its six numbers give the *centre* of the top-left pixel (ESRI); the

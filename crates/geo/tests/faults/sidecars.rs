@@ -226,6 +226,50 @@ fn a_coordinate_system_without_a_code_beside_a_picture_is_read_or_named() {
 }
 
 #[test]
+fn a_prj_beside_a_world_file_gives_the_coordinate_system() {
+    let dir = folder();
+    let world = "0.5 0 0 -0.5 300000.25 2699999.75";
+    let prj = dir.path().join("town.prj");
+    let crs_of = |map: &dyn Raster| map.georeference().crs().definition().to_owned();
+    for name in ["town.png", "town.tif"] {
+        let path = dir.path().join(name);
+        if name == "town.tif" {
+            write_map(&path, (20, 10), vec![], colours);
+        } else {
+            picture(&path, 20, 10);
+        }
+        let world_file = path.with_extension(if name == "town.tif" { "tfw" } else { "pgw" });
+        std::fs::write(&world_file, world).unwrap();
+        refused(open(&path), &path, &["no coordinate system", ".prj"]);
+        std::fs::write(&prj, esri("Transverse_Mercator")).unwrap();
+        let map = open(&path).unwrap();
+        let in_zone_33 = with_crs(&path, "EPSG:32633").unwrap();
+        let [own, given] = [&map, &in_zone_33].map(|map| {
+            let place = map.georeference();
+            place.lonlat_from_map_px(place.centre_px()).unwrap()
+        });
+        assert!(distance_m(own, given) < 0.01);
+        assert!(map.files().contains(&prj), "{:?}", map.files());
+        // It belongs to the map, GDAL's file comes first, and what is not known is not guessed.
+        let first = hash(map.as_ref());
+        std::fs::write(&prj, "EPSG:32632").unwrap();
+        assert_ne!(hash(open(&path).unwrap().as_ref()), first);
+        let pam = dir.path().join(format!("{name}.aux.xml"));
+        std::fs::write(&pam, "<PAMDataset><SRS>EPSG:32634</SRS></PAMDataset>").unwrap();
+        assert_eq!(crs_of(open(&path).unwrap().as_ref()), "EPSG:32634");
+        std::fs::remove_file(&pam).unwrap();
+        std::fs::write(&prj, esri("Other")).unwrap();
+        refused(open(&path), &prj, &["WGS_1984_Own", "projection other"]);
+        std::fs::remove_file(&prj).unwrap();
+    }
+    // Keys in the file are its own.
+    let tagged = dir.path().join("tagged.tif");
+    write_map(&tagged, (20, 10), geo_tags(32632), colours);
+    std::fs::write(dir.path().join("tagged.prj"), "EPSG:32633").unwrap();
+    assert_eq!(crs_of(open(&tagged).unwrap().as_ref()), "EPSG:32632");
+}
+
+#[test]
 fn a_coordinate_system_that_contradicts_several_files_is_said() {
     let dir = folder();
     for (name, east_m) in [("a.tif", 0.0), ("b.tif", 10.0)] {

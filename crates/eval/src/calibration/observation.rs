@@ -107,7 +107,7 @@ pub fn line(observation: &Observation) -> csv::Result<Vec<u8>> {
     Ok(line)
 }
 
-/// Reads what [`line`] made; `None` for anything else.
+/// Reads what [`line()`] made; `None` for anything else.
 #[must_use]
 pub fn of_line(line: &[u8]) -> Option<Observation> {
     let mut reader = csv::ReaderBuilder::new()

@@ -258,16 +258,8 @@ mod tests {
             }));
         }
         text += track.closing();
-        let lines = text.split("<coordinates>\n").skip(1);
-        let lines: Vec<Vec<f64>> = lines
-            .map(|rest| {
-                let points = rest.split("</").next().unwrap().lines();
-                let lons = points.map(|point| point.split(',').next().unwrap().parse().unwrap());
-                lons.collect()
-            })
-            .collect();
         assert_eq!(
-            lines,
+            crate::tests::longitudes_of_lines(&text),
             [
                 vec![179.0, 179.5, 180.0],
                 vec![-180.0, -179.5, -179.0, -180.0],

@@ -352,7 +352,7 @@ impl Flight {
             Ok(Outcome::Fix(_)) => {
                 let point = self.tracker.point_at(time_s);
                 let estimate = point.as_ref().and_then(|point| point.estimate);
-                if estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0)) {
+                if estimate.is_some_and(|estimate| estimate.is_at_fix()) {
                     self.whole_map.accepted();
                     if point.is_some_and(|point| point.state.is_usable()) {
                         self.checks.accepted();

@@ -8,8 +8,8 @@ use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
 use crate::map_form::{MapForm, form_of};
 use crate::picture::Picture;
+use crate::text_file::BYTE_ORDER_MARK;
 use crate::windowed::{check, empty_patch, read_window};
-use crate::world_file::BYTE_ORDER_MARK;
 use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, RasterPatch, WindowPx};
 
 const ORDER: &str = "the columns are latitude and longitude of two corners, in degrees";

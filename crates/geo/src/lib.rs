@@ -72,6 +72,7 @@ mod sidecar_values;
 mod single_map;
 mod source_file;
 mod stated_crs;
+mod text_file;
 mod tiff;
 mod tiff_compression;
 mod tiff_georeference;

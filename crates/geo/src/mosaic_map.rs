@@ -18,9 +18,9 @@ use crate::sidecar_values::SidecarValues;
 use crate::single_map::SingleMap;
 use crate::source_file::{OpenFiles, Source, SourceFile};
 use crate::stated_crs::StatedCrs;
+use crate::text_file::read_text;
 use crate::tiff::TiffMap;
 use crate::vrt::read_vrt;
-use crate::world_file::BYTE_ORDER_MARK;
 use crate::{Crs, GeoError, Georeference, WindowPx};
 
 /// Pictures, at most.
@@ -247,17 +247,13 @@ fn listed(path: &Path) -> Result<Vec<PathBuf>, GeoError> {
     if length > MAX_LIST_BYTES {
         return Err(GeoError::damaged(path, format!("it has {length} bytes")));
     }
-    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::InvalidData => GeoError::Unsupported {
-            path: path.to_path_buf(),
-            what: "a list that is not UTF-8 text".to_string(),
-            advice: "save it as UTF-8",
-        },
-        _ => GeoError::io(path, e),
+    let text = read_text(path, || GeoError::Unsupported {
+        path: path.to_path_buf(),
+        what: "a list that is not UTF-8 text".to_string(),
+        advice: "save it as UTF-8",
     })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let files: Vec<PathBuf> = text
-        .trim_start_matches(BYTE_ORDER_MARK)
         .lines()
         .map(str::trim)
         .filter(|line| !line.is_empty() && !line.starts_with('#'))

@@ -86,12 +86,16 @@ pub(crate) fn crs_of_definition(system: &WktNode) -> Result<Crs, String> {
     let definition = match system.keyword.as_str() {
         "GEOGCS" => format!("+proj=longlat {} +no_defs", datum(system, None)?),
         "PROJCS" => {
-            let method = method_name(system)?;
-            let parameters = parameters(system, &method)?;
-            if method == WEB_MERCATOR.0 && is_plain(&parameters) {
+            let name = method_name(system)?;
+            if name == WEB_MERCATOR.0 && is_plain(&parameters(system, ProjectionMethod::Mercator)?)
+            {
                 return Crs::from_epsg(WEB_MERCATOR.1).map_err(reason);
             }
-            projected(system, &method, parameters)?
+            let (_, method) = METHODS
+                .iter()
+                .find(|(known, _)| *known == name)
+                .ok_or_else(|| format!("the projection {name} without an EPSG code"))?;
+            projected(system, *method, parameters(system, *method)?)?
         }
         other => return Err(format!("{other} without an EPSG code")),
     };
@@ -115,33 +119,29 @@ fn proj4_extension(system: &WktNode) -> Option<&str> {
 
 fn projected(
     system: &WktNode,
-    method: &str,
+    method: ProjectionMethod,
     parameters: ProjectionParameters,
 ) -> Result<String, String> {
     let base = system.node("GEOGCS").ok_or("no GEOGCS in its PROJCS")?;
-    let (_, found) = METHODS
-        .iter()
-        .find(|(name, _)| *name == method)
-        .ok_or_else(|| format!("the projection {method} without an EPSG code"))?;
-    let found = match found {
+    let method = match method {
         ProjectionMethod::LambertConformal2 if parameters.lat_2_deg.is_none() => {
             if parameters.lat_1_deg != Some(parameters.lat_0_deg) {
                 return Err("a conic projection without its parallels".to_string());
             }
             ProjectionMethod::LambertConformal1
         }
-        other => *other,
+        other => other,
     };
     let is_turned =
         |node: &WktNode| node.keyword == "AXIS" && matches!(node.text(1), Some("SOUTH" | "WEST"));
-    if found != ProjectionMethod::PolarStereographic && system.nodes().any(is_turned) {
+    if method != ProjectionMethod::PolarStereographic && system.nodes().any(is_turned) {
         return Err("axes to the south or west".to_string());
     }
-    if found == ProjectionMethod::Krovak {
+    if method == ProjectionMethod::Krovak {
         check_krovak(system, &parameters)?;
     }
-    check_scale(found, &parameters)?;
-    let projection = found.proj_string(&parameters)?;
+    check_scale(method, &parameters)?;
+    let projection = method.proj_string(&parameters)?;
     let datum = datum(base, Some(parameters.lon_0_deg))?;
     let units = proj_units(linear_unit_m(system)?);
     Ok(format!("{projection} {datum} {units} +no_defs"))
@@ -196,10 +196,12 @@ fn method_name(system: &WktNode) -> Result<String, String> {
 
 /// Parameters of a projection. Angles are in the unit of the ellipsoid's coordinates, which must be degrees; offsets in the unit of
 /// the plane.
-fn parameters(system: &WktNode, method: &str) -> Result<ProjectionParameters, String> {
+fn parameters(system: &WktNode, method: ProjectionMethod) -> Result<ProjectionParameters, String> {
     let unit_m = linear_unit_m(system)?;
-    let is_krovak = method == "krovak";
-    let is_oblique = is_krovak || method.contains("oblique_mercator") || method.contains("skew");
+    let is_krovak = method == ProjectionMethod::Krovak;
+    let is_oblique = is_krovak
+        || method == ProjectionMethod::ObliqueMercatorCentre
+        || method == ProjectionMethod::ObliqueMercatorOrigin;
     let mut found = ProjectionParameters {
         lat_0_deg: 0.0,
         lon_0_deg: 0.0,

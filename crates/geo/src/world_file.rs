@@ -3,10 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use crate::stated_crs::StatedCrs;
+use crate::text_file::read_text;
 use crate::{Affine, GeoError};
-
-/// What some editors write before a text in UTF-8.
-pub(crate) const BYTE_ORDER_MARK: char = '\u{feff}';
 
 /// The world file of a picture, if there is one: `map.jgw`, `map.jpgw` or `map.wld` beside
 /// `map.jpg`, in any case.
@@ -18,41 +16,33 @@ pub(crate) fn find_world_file(picture: &Path) -> Option<PathBuf> {
     }
     endings.push(format!("{extension}w"));
     endings.push("wld".to_string());
-    endings
-        .iter()
-        .flat_map(|e| [e.clone(), e.to_ascii_uppercase()])
-        .map(|e| picture.with_extension(e))
+    endings.iter().find_map(|ending| beside(picture, ending))
+}
+
+/// The file beside a picture with another ending, in small or in capital letters, if there is one.
+fn beside(picture: &Path, ending: &str) -> Option<PathBuf> {
+    [ending.to_string(), ending.to_ascii_uppercase()]
+        .into_iter()
+        .map(|ending| picture.with_extension(ending))
         .find(|path| path.is_file())
 }
 
 /// The coordinate system beside a picture (ESRI's `map.prj` beside `map.jpg` and `map.jgw`), if there is one.
 pub(crate) fn find_prj(picture: &Path) -> Option<PathBuf> {
-    ["prj", "PRJ"]
-        .map(|ending| picture.with_extension(ending))
-        .into_iter()
-        .find(|path| path.is_file())
+    beside(picture, "prj")
 }
 
 /// Reads what [`find_prj`] found.
 pub(crate) fn read_prj(path: &Path) -> Result<StatedCrs, GeoError> {
-    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::InvalidData => GeoError::damaged(path, "it is not UTF-8 text"),
-        _ => GeoError::io(path, e),
-    })?;
-    Ok(StatedCrs::from_text(
-        text.trim_start_matches(BYTE_ORDER_MARK),
-    ))
+    let text = read_text(path, || GeoError::damaged(path, "it is not UTF-8 text"))?;
+    Ok(StatedCrs::from_text(&text))
 }
 
 /// Reads a world file. Its six numbers give the *centre* of the top-left pixel (ESRI); the
 /// transform is moved to that pixel's corner.
 pub(crate) fn read_world_file(path: &Path) -> Result<Affine, GeoError> {
-    let text = std::fs::read_to_string(path).map_err(|e| match e.kind() {
-        std::io::ErrorKind::InvalidData => bad(path, "it is not UTF-8 text"),
-        _ => GeoError::io(path, e),
-    })?;
+    let text = read_text(path, || bad(path, "it is not UTF-8 text"))?;
     let numbers: Vec<f64> = text
-        .trim_start_matches(BYTE_ORDER_MARK)
         .split_whitespace()
         .map(|word| {
             word.parse()

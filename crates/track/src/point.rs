@@ -99,6 +99,14 @@ pub struct Estimate {
     pub position_of: PositionOf,
 }
 
+impl Estimate {
+    /// Whether it is at the time of a fix that was accepted.
+    #[must_use]
+    pub fn is_at_fix(&self) -> bool {
+        self.age_of_last_fix_s == Some(0.0)
+    }
+}
+
 impl TrackPoint {
     /// The track at `time_s`, which is not before the latest input of `filter`.
     pub(crate) fn of(filter: &Filter, time_s: f64, options: &TrackOptions) -> Self {

@@ -1,4 +1,5 @@
 //! Where `grim track` writes to.
+
 use anyhow::{Context as _, Result};
 use grimnet_output::{OutputPolicy, PlannedOutput, check_apart};
 use grimnet_track::TrackPoint;

@@ -174,10 +174,11 @@ impl Live {
         };
         let now_s = running.clock.now_s() + self.frame_clock.ahead_s().unwrap_or(0.0);
         let least_s = tracker.options().coasting_after_s;
-        let last_s = self
-            .pace
-            .last_s()
-            .filter(|last_s| has_fix_of(tracker, *last_s));
+        let has_fix = |frame_s: &f64| {
+            let estimate = tracker.point_at(*frame_s).and_then(|point| point.estimate);
+            estimate.is_some_and(|estimate| estimate.is_at_fix())
+        };
+        let last_s = self.pace.last_s().filter(has_fix);
         let fix_is_recent_for_s = last_s.map_or(least_s, |last_s| {
             self.pace.fix_is_recent_for_s(now_s - last_s, least_s)
         });
@@ -244,13 +245,6 @@ impl Drop for Running {
 
 fn lock(shared: &Shared) -> MutexGuard<'_, Published> {
     shared.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
-/// Whether the track accepted a fix of the frame at `frame_s`.
-fn has_fix_of(tracker: &Tracker, frame_s: f64) -> bool {
-    let point = tracker.point_at(frame_s);
-    let estimate = point.and_then(|point| point.estimate);
-    estimate.is_some_and(|estimate| estimate.age_of_last_fix_s == Some(0.0))
 }
 
 /// Checks that frames have the time of day, which NMEA sentences carry.

@@ -183,16 +183,18 @@ impl<R: BufRead> Names<R> {
                 return Ok(None);
             }
             self.lines += 1;
-            let is_too_long = line.len() > MOST_NAME_BYTES;
-            if is_too_long || !is_text(&line) {
+            if line.len() > MOST_NAME_BYTES || !is_text(&line) {
                 let garbled = self.garbled.as_mut();
                 let Some(garbled) = garbled.filter(|garbled| **garbled < MOST_GARBLED) else {
                     bail!(NEITHER);
                 };
                 *garbled += 1;
                 tracing::warn!("standard input, line {}: left out: no name", self.lines);
-                if is_too_long {
-                    skip_line(&mut self.input)?;
+                while !line.ends_with(b"\n") {
+                    line.clear();
+                    if read_limited(&mut self.input, &mut line)? == 0 {
+                        return Ok(None);
+                    }
                 }
                 continue;
             }
@@ -210,15 +212,6 @@ impl<R: BufRead> Names<R> {
 fn read_limited(input: &mut impl BufRead, line: &mut Vec<u8>) -> Result<usize> {
     let mut limited = input.take(MOST_NAME_BYTES as u64 + 1);
     limited.read_until(b'\n', line).context(CANNOT_READ)
-}
-
-/// Reads the rest of a line.
-fn skip_line(input: &mut impl BufRead) -> Result<()> {
-    let mut part = Vec::new();
-    while read_limited(input, &mut part)? > 0 && !part.ends_with(b"\n") {
-        part.clear();
-    }
-    Ok(())
 }
 
 /// Whether bytes of a stream may be lines with names, and not those of pictures or videos.
@@ -292,11 +285,12 @@ mod tests {
     #[test]
     fn lines_that_were_damaged_do_not_end_a_flight_that_has_names() {
         let long = vec![b'x'; 3 * MOST_NAME_BYTES];
+        let too_long_by_its_end = vec![b'y'; MOST_NAME_BYTES];
         let lines = |garbled: usize| {
             let mut bytes = b"a_1.5.jpg\n".to_vec();
             for number in 0..garbled {
-                let damaged: [&[u8]; 3] = [b"b_\0.jpg", &long, b"\x89PNG"];
-                bytes.extend_from_slice(damaged[number % 3]);
+                let damaged: [&[u8]; 4] = [b"b_\0.jpg", &long, b"\x89PNG", &too_long_by_its_end];
+                bytes.extend_from_slice(damaged[number % 4]);
                 bytes.push(b'\n');
             }
             bytes.extend_from_slice(b"c_2.5.jpg\n");

@@ -84,7 +84,17 @@ struct Row {
 /// # Errors
 /// The file cannot be written.
 pub fn write(to: impl std::io::Write, observations: &[Observation]) -> csv::Result<()> {
-    let mut writer = csv::Writer::from_writer(to);
+    write_rows(to, true, observations)
+}
+
+fn write_rows(
+    to: impl std::io::Write,
+    has_header: bool,
+    observations: &[Observation],
+) -> csv::Result<()> {
+    let mut writer = csv::WriterBuilder::new()
+        .has_headers(has_header)
+        .from_writer(to);
     for observation in observations {
         writer.serialize(Row::of(observation))?;
     }
@@ -98,12 +108,7 @@ pub fn write(to: impl std::io::Write, observations: &[Observation]) -> csv::Resu
 /// Never: the line is made in memory.
 pub fn line(observation: &Observation) -> csv::Result<Vec<u8>> {
     let mut line = Vec::new();
-    let mut writer = csv::WriterBuilder::new()
-        .has_headers(false)
-        .from_writer(&mut line);
-    writer.serialize(Row::of(observation))?;
-    writer.flush()?;
-    drop(writer);
+    write_rows(&mut line, false, std::slice::from_ref(observation))?;
     Ok(line)
 }
 

@@ -2,7 +2,7 @@
 
 use grimnet_track::measure::{Measure, time_to_locate_s};
 use grimnet_track::simulation::{Flight, Runs};
-use grimnet_track::{GATE_99_9_PERCENT, Input, OptionsError, TrackOptions, Tracker};
+use grimnet_track::{Estimate, GATE_99_9_PERCENT, Input, OptionsError, TrackOptions, Tracker};
 
 use super::figures::{Relocalised, RunFigures, ThreeFigures};
 
@@ -165,7 +165,7 @@ fn innovations(flight: &Flight, options: &TrackOptions) -> Result<Vec<f64>, Opti
             .and_then(|point| point.state.is_usable().then_some(point.estimate).flatten());
         nis.extend(
             estimate
-                .filter(|estimate| estimate.age_of_last_fix_s == Some(0.0))
+                .filter(Estimate::is_at_fix)
                 .map(|estimate| estimate.test_ratio * GATE_99_9_PERCENT),
         );
     }

@@ -19,9 +19,8 @@ DATUM = ("+datum=", "+ellps=", "+towgs84=", "+a=", "+b=", "+rf=", "+pm=", "+nadg
 METHOD = ("+proj=", "+axis=", "+units=", "+to_meter=")
 
 
-def place(crs):
+def place(crs, area):
     """x, y, longitude and latitude of a place in the area of use that PROJ transforms there and back."""
-    area = crs.area_of_use
     to_wgs84 = pyproj.Transformer.from_crs(crs, 4326, always_xy=True, allow_ballpark=False)
     width = (area.east - area.west) % 360 or 360
     for share in (0.5, 0.35, 0.7):
@@ -55,7 +54,7 @@ def main(listed):
             continue
         # A CRS that cannot be transformed tells nothing of its datum: the next one may.
         try:
-            found = place(crs)
+            found = place(crs, crs.area_of_use)
         except pyproj.exceptions.ProjError:
             continue
         if found:
@@ -67,4 +66,5 @@ def main(listed):
     print(len(rows), "rows")
 
 
-main(sys.argv[1])
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -12,28 +12,13 @@ import warnings
 from pathlib import Path
 
 import pyproj
+from make_golden import place
 
 HERE = Path(__file__).parent
 PROJECTED = (
     2039, 2056, 2057, 2100, 2326, 2393, 3003, 3021, 3078, 3375, 3765, 3844, 3907, 5514, 20350, 21781, 23030, 23700, 26191, 27291, 27700, 28192,
     28406, 28992, 29873, 29903, 30161, 31255, 31287, 31370, 31467, 32260,
 )  # fmt: skip
-
-
-def place(text, area):
-    """x, y, longitude and latitude of a place in the area of use."""
-    crs = pyproj.CRS.from_wkt(text)
-    to_wgs84 = pyproj.Transformer.from_crs(crs, 4326, always_xy=True, allow_ballpark=False)
-    for share in (0.5, 0.35, 0.7):
-        lon = (area.west + share * ((area.east - area.west) % 360 or 360) + 180) % 360 - 180
-        lat = area.south + share * (area.north - area.south)
-        x, y = to_wgs84.transform(lon, lat, direction="INVERSE")
-        # As they are written.
-        x, y = (round(v, 8 if crs.is_geographic else 3) for v in (x, y))
-        lon, lat = to_wgs84.transform(x, y)
-        if abs(x) < 1e12 and abs(lon) <= 180.01:
-            return x, y, lon, lat
-    return None
 
 
 def main():
@@ -49,7 +34,7 @@ def main():
             texts.append(re.sub(r',AUTHORITY\["EPSG","\d+"\]', "", crs.to_wkt("WKT1_GDAL")))
         for text in texts:
             try:
-                found = place(text, crs.area_of_use)
+                found = place(pyproj.CRS.from_wkt(text), crs.area_of_use)
             except pyproj.exceptions.ProjError:
                 found = None
             if found is None:

@@ -128,6 +128,20 @@ async function main() {
     await page.waitForFunction((older) => document.getElementById("facts").textContent === older, older, { timeout });
   });
 
+  await check("a photo that was changed after it was chosen is not taken for a service that is away", async () => {
+    const changed = path.resolve(out, "changed.jpg");
+    const other = await browser.newPage();
+    await other.goto(url);
+    fs.writeFileSync(changed, "no picture");
+    await other.setInputFiles("#files", changed);
+    await status(other, "not a picture");
+    fs.writeFileSync(changed, "another size");
+    await other.click("#settings summary");
+    await other.click("#again");
+    await status(other, "changed.jpg: This browser cannot read it");
+    await other.close();
+  });
+
   await check("a busy service is asked again", async () => {
     let asked = 0;
     await page.route("**/v1/locate*", (route) => {
@@ -186,6 +200,17 @@ async function main() {
     await frame(1);
     await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("frame 2"), null, { timeout });
     await page.screenshot({ path: path.join(out, "track.png") });
+    // Nothing of it is left when another one is followed.
+    const empty = await (await post("/v1/tracks", JSON.stringify({ map: "other" }))).json();
+    await page.click("#read-tracks");
+    await page.waitForFunction(() => document.getElementById("track-choice").options.length > 1, null, { timeout });
+    await page.selectOption("#track-choice", String(empty.id));
+    await page.click("#follow");
+    await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("no frame yet"), null, { timeout });
+    await page.waitForFunction(() => window.grimnet.map.queryRenderedFeatures({ layers: ["track-point"] }).length === 0, null, { timeout });
+    await page.selectOption("#track-choice", String(track.id));
+    await page.click("#follow");
+    await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("frame 2"), null, { timeout });
     // Events have no end: the page to try the API shows them as they come, after the frame of its header field.
     const api = await browser.newPage();
     await api.goto(`${url}/api`);
@@ -228,6 +253,8 @@ async function main() {
     await long.waitForFunction((count) => document.getElementById("track-status").textContent.includes(`frame ${count} `), count, { timeout });
     const drawings = await long.evaluate(() => window.drawings);
     assert.ok(drawings < count / 10, `${drawings} drawings`);
+    // The connection ended, and there is no other.
+    await long.waitForFunction(() => document.getElementById("track-status").textContent.includes("no connection"), null, { timeout });
     await long.close();
   });
 

@@ -43,8 +43,8 @@ impl Drawings {
         let names = Self::names(photos);
         if let Some(photo) = photos.iter().find(|photo| is_directly_in(photo, folder)) {
             bail!(
-                "{}: {} is in this folder, and the next run would take the drawings for photos; choose another folder than \
-                 that of the photos",
+                "{}: {} is in this folder, and drawings have the names of their photos; choose another folder than that of the \
+                 photos",
                 folder.display(),
                 photo.display()
             );
@@ -61,12 +61,23 @@ impl Drawings {
 
     /// Draws the answer of one photo. A failure is reported and counted: the answers are worth more than a picture.
     pub fn draw(&mut self, number: usize, photo: &Photo, outcome: &Outcome) {
+        let drawn = jpeg_of(photo, outcome, self.map.as_deref());
+        self.put(number, drawn);
+    }
+
+    /// Leaves no drawing of a photo that cannot be read.
+    pub fn leave_out(&mut self, number: usize) {
+        self.put(number, Ok(None));
+    }
+
+    fn put(&mut self, number: usize, drawn: Result<Option<Vec<u8>>>) {
         let name = &self.names[number];
-        let drawn = jpeg_of(photo, outcome, self.map.as_deref()).and_then(|jpeg| match jpeg {
+        let put = drawn.and_then(|jpeg| match jpeg {
             Some(jpeg) => Ok(self.folder.write_bytes(name, &jpeg)?),
-            None => Ok(()),
+            // The drawing of an earlier run would show another answer than this one.
+            None => Ok(self.folder.prune(|earlier| earlier == name)?),
         });
-        if let Err(error) = drawn {
+        if let Err(error) = put {
             self.failed += 1;
             tracing::error!("no drawing {name}: {}", errors::message(&error));
         }

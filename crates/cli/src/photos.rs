@@ -22,7 +22,7 @@ pub fn expand(arguments: &[PathBuf]) -> Result<Vec<PathBuf>> {
         let found = expand_one(argument)?;
         if found.is_empty() {
             bail!(
-                "{}: no photos found (looked for {})",
+                "{}: no photos found (looked for {}, not in folders below it; name each folder that holds photos)",
                 argument.display(),
                 EXTENSIONS.join(", ")
             );
@@ -122,6 +122,15 @@ mod tests {
         assert_eq!(names(&[dir.path().join("*.jpg")]), ["a.jpg", "b.JPG"]);
         assert_eq!(names(&[dir.path().join("gone.jpg")]), ["gone.jpg"]);
         assert!(expand(&[dir.path().join("*.webp")]).is_err());
+        let [card, below] = ["DCIM", "DCIM/100MEDIA"].map(|name| dir.path().join(name));
+        fs_err::create_dir_all(&below).unwrap();
+        fs_err::write(below.join("DJI_0001.JPG"), "x").unwrap();
+        assert_eq!(names(&[below]), ["DJI_0001.JPG"]);
+        let refused = expand(&[card]).unwrap_err().to_string();
+        assert!(
+            refused.contains("name each folder that holds photos"),
+            "{refused}"
+        );
         let drawing = own_pictures::encoded(&image::RgbImage::new(8, 8), image::ImageFormat::Png);
         let path = dir.path().join("d.png");
         fs_err::write(&path, drawing.unwrap()).unwrap();

@@ -7,7 +7,7 @@
 //! the trial alone.
 
 use std::convert::Infallible;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use grimnet_locate::{Outcome, Prior, Support};
 use grimnet_photo::{Metadata, Photo, PhotoLimits, QUERY_LONG_SIDE_PX};
@@ -18,7 +18,6 @@ use serde::Serialize;
 
 use crate::evaluation::Method;
 use crate::scene::TRUE_HEADING_SIGMA_DEG;
-use grimnet_photo::pictures::file_name;
 
 /// Widths of the footprints that are drawn, as shares of the map's width.
 pub const WIDTH_SHARES: [f64; 2] = [0.1, 2.0];
@@ -29,8 +28,10 @@ const MIN_CROP: f64 = 0.6;
 /// Pictures of one origin, none of them on the map.
 #[derive(Debug, Clone)]
 pub struct Source {
-    /// Name for people, such as the folder's.
+    /// Name, such as the folder's: no other source has it.
     pub name: String,
+    /// The folder that the pictures lie in or below.
+    pub folder: PathBuf,
     /// The pictures.
     pub pictures: Vec<PathBuf>,
     /// Whether the model was trained on them.
@@ -71,7 +72,7 @@ pub struct ElsewhereTrial {
     pub source: String,
     /// Whether the model was trained on the source.
     pub trained_on: bool,
-    /// File name of the picture.
+    /// Path of the picture from the folder of its source.
     pub picture: String,
     /// How the ground width was chosen.
     pub scale: Scale,
@@ -203,7 +204,7 @@ fn one(
     ElsewhereTrial {
         source: source.name.clone(),
         trained_on: source.trained_on,
-        picture: file_name(&photo.path),
+        picture: picture_name(source, &photo.path),
         scale,
         footprint_width_m,
         map_share: footprint_width_m.map(|width_m| width_m / options.map_width_m),
@@ -219,6 +220,12 @@ fn one(
             .and_then(|found| found.outcome.as_ref().and_then(Outcome::fix))
             .map(|fix| fix.support),
     }
+}
+
+/// The path of a picture from the folder of its source: folders of a camera have files of the same names.
+fn picture_name(source: &Source, path: &Path) -> String {
+    let inside = path.strip_prefix(&source.folder).unwrap_or(path);
+    inside.to_string_lossy().into_owned()
 }
 
 /// A random part of a photo, of the same proportions.
@@ -243,7 +250,6 @@ fn cropped(photo: &Photo, rng: &mut ChaCha8Rng) -> Photo {
 #[cfg(test)]
 mod tests {
     use std::collections::HashSet;
-    use std::path::Path;
 
     use grimnet_geo::LonLat;
     use grimnet_locate::HeadingPrior;
@@ -308,6 +314,7 @@ mod tests {
             .collect();
         Source {
             name: name.to_owned(),
+            folder: folder.to_owned(),
             pictures,
             trained_on,
         }
@@ -438,6 +445,23 @@ mod tests {
         let settings = ElsewhereSummary::of(&trials).by_setting;
         assert_eq!(settings.len(), 1);
         assert_eq!(settings[0].name, "scale not given, heading unknown");
+    }
+
+    #[test]
+    fn pictures_of_one_name_in_several_folders_are_several() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut flights = source(folder.path(), "DJI_", 1, false);
+        for flight in ["a", "b"] {
+            let path = folder.path().join(flight).join("DJI_0.png");
+            fs_err::create_dir_all(path.parent().unwrap()).unwrap();
+            fs_err::copy(&flights.pictures[0], &path).unwrap();
+            flights.pictures.push(path);
+        }
+        let trials = run(&Gullible, &[flights], &options(9, 1), &mut |_| ());
+        let names: HashSet<&str> = trials.iter().map(|t| t.picture.as_str()).collect();
+        let in_a = Path::new("a").join("DJI_0.png");
+        assert!(names.contains("DJI_0.png") && names.contains(in_a.to_str().unwrap()));
+        assert_eq!(ElsewhereSummary::of(&trials).all.pictures, 3);
     }
 
     fn tags() -> PhotoTags {

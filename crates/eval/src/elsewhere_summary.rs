@@ -23,7 +23,7 @@ pub struct Group {
     pub share: f64,
     /// 95 % interval of the share (Wilson 1927), as of so many trials as there are pictures: the crops of one are not independent.
     pub share_interval: [f64; 2],
-    /// Number of pictures that the trials are of, by their file names.
+    /// Number of pictures that the trials are of.
     pub pictures: usize,
 }
 

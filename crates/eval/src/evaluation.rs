@@ -42,6 +42,8 @@ pub struct Found {
     pub confidence: Option<f64>,
     /// Matches that are consistent with the answer.
     pub inliers: Option<usize>,
+    /// Ground metres per pixel of the photo at full size, by the fix.
+    pub gsd_m: Option<f64>,
     /// Time by stage and in `total`, milliseconds; empty if the method does not measure it.
     pub stage_ms: BTreeMap<String, f64>,
     /// The localiser's answer; `None` for other methods.
@@ -59,6 +61,7 @@ impl Found {
                 fix: Some(ScoredFix::of(fix)),
                 confidence: fix.confidence.map(|value| rounded(value, 6)),
                 inliers: Some(fix.inliers),
+                gsd_m: Some(fix.gsd_m),
                 stage_ms: stage_ms(&fix.time_ms),
                 ..Self::default()
             },
@@ -150,11 +153,13 @@ pub fn evaluate_one(method: &dyn Method, shot: &Shot, heading: HeadingMode) -> T
             };
         }
     };
+    let prior = shot.prior(heading, photo.full_size_px);
     let since = Instant::now();
-    let found = method.locate(&photo, &shot.prior(heading, photo.full_size_px));
+    let found = method.locate(&photo, &prior);
     let elapsed_ms = since.elapsed().as_secs_f64() * 1e3;
     let mut scored = frame(shot, &found.as_ref().map_err(|error| chain(error.as_ref())));
     scored.time_ms.get_or_insert(elapsed_ms);
+    scored.shown_width_m = shown_width_m(&photo, &prior, found.as_ref().ok());
     Trial {
         frame: scored,
         found: found.map_err(TrialError::Method),
@@ -176,6 +181,13 @@ pub fn evaluate(
             trial
         })
         .collect()
+}
+
+/// Ground width of a photo by what is given, by its metadata or by its fix, metres.
+fn shown_width_m(photo: &Photo, prior: &Prior, found: Option<&Found>) -> Option<f64> {
+    let known = photo.view(&prior.view).footprint;
+    let by_fix = || Some(found?.gsd_m? * f64::from(photo.full_size_px.0));
+    known.map(|footprint| footprint.width_m).or_else(by_fix)
 }
 
 /// An error and its causes in one line; a cause that its error repeats is left out.
@@ -262,6 +274,7 @@ mod tests {
                     radius95_m: 5.0,
                 }),
                 confidence: Some(0.9),
+                gsd_m: is_given.then_some(3.0),
                 ..Found::default()
             })
         }
@@ -326,6 +339,34 @@ mod tests {
         assert!(matches!(trials[2].found, Err(TrialError::Photo(_))));
         let unknown = evaluate_one(&Fixed, &shots[0], HeadingMode::Unknown);
         assert!(!unknown.frame.fixed && unknown.found.is_ok());
+    }
+
+    #[test]
+    fn the_ground_of_a_photo_is_as_wide_as_given_or_as_its_metadata_or_its_fix_say() {
+        let width_m =
+            |shot: &Shot, heading| evaluate_one(&Fixed, shot, heading).frame.shown_width_m;
+        let plain = shot("a", 9);
+        assert_eq!(width_m(&plain, HeadingMode::Known), Some(3.0 * 64.0));
+        assert_eq!(width_m(&plain, HeadingMode::Unknown), None, "no fix");
+        let metadata = Metadata {
+            gimbal_pitch_deg: Some(-90.0),
+            relative_altitude_m: Some(100.0),
+            calibrated_focal_px: Some(50.0),
+            orientation: 1,
+            ..Metadata::default()
+        };
+        let image = RgbImage::from_pixel(64, 48, image::Rgb([9; 3]));
+        let tagged = Shot {
+            photo: PhotoSource::Memory(Arc::new(Photo::from_image(image, metadata))),
+            ..plain
+        };
+        let by_metadata = width_m(&tagged, HeadingMode::Unknown).unwrap();
+        assert!((by_metadata - 128.0).abs() < 1.0, "{by_metadata}");
+        let given = Shot {
+            footprint_width_m: Some(300.0),
+            ..tagged
+        };
+        assert_eq!(width_m(&given, HeadingMode::Known), Some(300.0));
     }
 
     #[test]

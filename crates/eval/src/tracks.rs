@@ -6,7 +6,6 @@
 
 pub mod about;
 pub mod camera_tilt;
-pub mod exif_time;
 pub mod figures;
 pub mod figures_table;
 pub mod frame_figures;

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use grimnet_eval::metrics::Frame;
-use grimnet_eval::report::plot::{error_per_frame, runs_compared};
+use grimnet_eval::report::plot::{error_per_frame, risk_coverage, runs_compared};
 
 fn frames(errors_m: &[Option<f64>]) -> Vec<Frame> {
     errors_m
@@ -45,4 +45,25 @@ fn every_frame_of_every_run_is_drawn() {
     let svg = runs_compared(&[("ours", &ours), ("theirs", &theirs)]).unwrap();
     assert_eq!(circles_px(&svg).len(), 6);
     assert!(svg.contains("ours") && svg.contains("theirs"));
+}
+
+#[test]
+fn a_share_of_failures_above_a_fifth_is_drawn_where_it_belongs() {
+    let all = frames(&[Some(50.0), Some(60.0)]);
+    let half = frames(&[Some(1.0), Some(50.0)]);
+    let svg = risk_coverage(&[("all", &all), ("half", &half)]).unwrap();
+    let ends_px: Vec<f64> = svg
+        .split("<polyline")
+        .filter(|line| line.contains("stroke-width=\"2\""))
+        .filter_map(|line| line.split("points=\"").nth(1)?.split('"').next())
+        .filter_map(|points| points.split_whitespace().last()?.split(',').nth(1))
+        .filter_map(|y| y.parse().ok())
+        .collect();
+    let [all_px, half_px] = ends_px[..] else {
+        panic!("two lines: {svg}");
+    };
+    assert!(
+        half_px - all_px > 100.0,
+        "{all_px} and {half_px} px from the top"
+    );
 }

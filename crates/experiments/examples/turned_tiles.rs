@@ -101,7 +101,7 @@ fn scene(folder: &Path, footprint_width_m: Option<f64>) -> Result<Scene, Box<dyn
         folder,
         map: None,
         map_options: MapOptions::default(),
-        photos_out: folder,
+        scratch: folder,
         photo_limits: PhotoLimits::DEFAULT,
     })?;
     let map = data.open_map()?;

@@ -232,7 +232,7 @@ fn photos_are_read_with_their_truth_and_scale() {
         folder: &data,
         map: None,
         map_options: MapOptions::default(),
-        photos_out: folder.path(),
+        scratch: folder.path(),
         photo_limits: PhotoLimits::DEFAULT,
     };
     let found = DataSet::find(&request).unwrap();

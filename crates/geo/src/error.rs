@@ -204,9 +204,13 @@ pub enum GeoError {
     },
 }
 
-/// How to make a file that can be read, for the errors that need it.
+/// How to make a file that can be read, for the errors that need it. JPEG has no samples of more than 8 bits, nor grey with alpha.
 pub(crate) const ADVICE_TILE_IT: &str =
-    "convert it: gdal_translate -of COG -co COMPRESS=JPEG IN OUT.tif";
+    "convert it: gdal_translate -of COG -co COMPRESS=DEFLATE IN OUT.tif";
+
+/// How to make a file whose samples can be read.
+pub(crate) const ADVICE_SAMPLES: &str =
+    "convert it: gdal_translate -ot Float32 -of COG -co COMPRESS=DEFLATE IN OUT.tif";
 
 fn list(zooms: &[u8]) -> String {
     if zooms.is_empty() {

@@ -208,6 +208,7 @@ impl TiffMap {
         }
         .map_err(|e| image.error(e))?;
         let mut mask = vec![255_u8; w * h];
+        image.mark_unwritten(x, y, w, &mut mask);
         if level.palette && self.nodata.is_some() {
             let indices = image
                 .file

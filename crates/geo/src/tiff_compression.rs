@@ -6,18 +6,17 @@ use crate::GeoError;
 use crate::error::ADVICE_TILE_IT;
 use crate::tiff_images::TiffImage;
 
+const JPEG: u16 = 7;
 const WEBP: u16 = 50001;
 const LERC: u16 = 34887;
 /// TIFF 6.0, PlanarConfiguration: the samples of a pixel lie together.
 const CONTIGUOUS: u16 = 1;
-/// How to make a file with alpha that can be read.
-const ADVICE_DEFLATE: &str = "convert it: gdal_translate -of COG -co COMPRESS=DEFLATE IN OUT.tif";
 
 /// Compressions that are read: number (TIFF tag 259, as TIFF 6.0 and libtiff's tiff.h have them) and name.
 const READ: [(u16, &str); 9] = [
     (1, "uncompressed"),
     (5, "LZW"),
-    (7, "JPEG"),
+    (JPEG, "JPEG"),
     (8, "Deflate"),
     (32946, "Deflate"),
     (32773, "PackBits"),
@@ -65,16 +64,18 @@ pub(crate) fn check_compression(image: &TiffImage) -> Result<(), GeoError> {
         let name = compression_name(number);
         return Err(refused(format!("pixels compressed as {name} ({number})")));
     }
+    let samples = image.ifd.samples_per_pixel();
+    let together = image.ifd.planar_configuration() == CONTIGUOUS;
     // Encoders leave out the alpha of tiles that are opaque, and the decoder expects it.
-    if number == WEBP && image.ifd.samples_per_pixel() != 3 {
+    if number == WEBP && samples != 3 {
         return Err(refused("WebP with alpha inside TIFF".to_owned()));
     }
     if number == LERC && has_lerc_mask(&image.ifd) {
-        return Err(GeoError::Unsupported {
-            path: image.path.to_path_buf(),
-            what: "LERC with 8-bit alpha inside TIFF".to_owned(),
-            advice: ADVICE_DEFLATE,
-        });
+        return Err(refused("LERC with 8-bit alpha inside TIFF".to_owned()));
+    }
+    // The decoder has no JPEG of two components, as grey with alpha is stored (also by GDAL's COG driver).
+    if number == JPEG && together && samples == 2 {
+        return Err(refused("JPEG of grey with alpha inside TIFF".to_owned()));
     }
     Ok(())
 }

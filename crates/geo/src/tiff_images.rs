@@ -7,7 +7,7 @@ use grimnet_limits::MapLimits;
 use tiff_reader::{Ifd, OpenOptions, TiffError, TiffFile};
 
 use crate::GeoError;
-use crate::error::ADVICE_TILE_IT;
+use crate::error::{ADVICE_SAMPLES, ADVICE_TILE_IT};
 
 /// TIFF 6.0, NewSubfileType.
 const TAG_NEW_SUBFILE_TYPE: u16 = 254;
@@ -79,7 +79,6 @@ pub(crate) fn open_images(path: &Path) -> Result<TiffImages, GeoError> {
         .filter(|image| is_mask(image))
         .cloned()
         .collect();
-    let mut external_overviews = 0;
     for ending in ["ovr", "msk", "msk.ovr"] {
         let Some(sidecar) = sidecar(path, ending) else {
             continue;
@@ -89,7 +88,6 @@ pub(crate) fn open_images(path: &Path) -> Result<TiffImages, GeoError> {
             if ending != "ovr" || is_mask(&image) {
                 masks.push(image);
             } else if is_smaller_likeness(&base, &image) {
-                external_overviews += 1;
                 overviews.push(image);
             }
         }
@@ -97,18 +95,26 @@ pub(crate) fn open_images(path: &Path) -> Result<TiffImages, GeoError> {
     }
     overviews.sort_by_key(|image| std::cmp::Reverse(image.size()));
     overviews.dedup_by_key(|image| image.size());
-    let mut levels = Vec::with_capacity(1 + overviews.len());
+    let mut levels: Vec<TiffLevel> = Vec::with_capacity(1 + overviews.len());
     for image in std::iter::once(base).chain(overviews) {
         let mask = masks
             .iter()
             .find(|mask| mask.size() == image.size())
             .cloned();
+        // Such an overview shows what the map's mask hides: `gdaladdo -ro` writes none of a mask in the map's own file.
+        if mask.is_none() && levels.first().is_some_and(|full| full.mask.is_some()) {
+            continue;
+        }
         check_complete(&image)?;
         if let Some(mask) = &mask {
             check_complete(mask)?;
         }
         levels.push(TiffLevel { image, mask });
     }
+    let external_overviews = levels
+        .iter()
+        .filter(|level| level.image.path.as_path() != path)
+        .count();
     Ok(TiffImages {
         levels,
         files,
@@ -269,9 +275,14 @@ pub(crate) fn tiff_error(path: &Path, error: TiffError) -> GeoError {
         TiffError::UnsupportedCompression(_)
         | TiffError::UnsupportedPredictor(_)
         | TiffError::UnsupportedPlanarConfiguration(_)
-        | TiffError::UnsupportedBitsPerSample(_)
-        | TiffError::UnsupportedSampleFormat(_)
         | TiffError::InvalidImageLayout(_) => unsupported(error.to_string()),
+        TiffError::UnsupportedBitsPerSample(_) | TiffError::UnsupportedSampleFormat(_) => {
+            GeoError::Unsupported {
+                path: path.to_path_buf(),
+                what: error.to_string(),
+                advice: ADVICE_SAMPLES,
+            }
+        }
         TiffError::DecodeOutputTooLarge { requested, .. } => {
             unsupported(format!("a strip or tile of {} MiB", requested >> 20))
         }

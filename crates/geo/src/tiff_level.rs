@@ -4,7 +4,7 @@ use tiff_reader::{ColorModel, ExtraSample};
 
 use crate::GeoError;
 use crate::block::BlockLayout;
-use crate::error::ADVICE_TILE_IT;
+use crate::error::ADVICE_SAMPLES;
 use crate::samples::{Bands, SampleKind, Samples};
 use crate::tiff_compression::check_compression;
 use crate::tiff_images::{TiffImage, TiffLevel};
@@ -76,7 +76,7 @@ impl Level {
                 "samples of {} bits, format {}",
                 layout.bits_per_sample, layout.sample_format
             ),
-            advice: ADVICE_TILE_IT,
+            advice: ADVICE_SAMPLES,
         })?;
         let bands = bands_of(&model, layout.samples_per_pixel, access);
         Ok(Self {

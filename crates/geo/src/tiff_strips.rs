@@ -63,6 +63,15 @@ impl TiffImage {
             .all(|(offset, count)| offset == 0 || count == 0)
     }
 
+    /// Clears the mask of a rectangle in rows of strips that were never written: a block may hold several strips.
+    pub(crate) fn mark_unwritten(&self, x: usize, y: usize, w: usize, mask: &mut [u8]) {
+        for (row, seen) in mask.chunks_exact_mut(w).enumerate() {
+            if self.is_unwritten(x, y + row, w, 1) {
+                seen.fill(0);
+            }
+        }
+    }
+
     /// Checks the JPEG data of the blocks under a rectangle, if that is how they are compressed: the decoder goes on after damage, with
     /// what follows shifted.
     ///

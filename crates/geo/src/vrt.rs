@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use grimnet_limits::MapLimits;
 
 use crate::content_hash::ContentValues;
+use crate::error::ADVICE_TILE_IT;
 use crate::pam::affine_of;
 use crate::stated_crs::StatedCrs;
 use crate::xml_tree::{Element, read_xml};
@@ -12,7 +13,6 @@ use crate::{Affine, GeoError, WindowPx};
 
 /// Pictures, at most.
 const MAX_SOURCES: usize = MapLimits::DEFAULT.max_mosaic_pictures as usize;
-const ADVICE: &str = "convert it: gdal_translate -of COG -co COMPRESS=JPEG IN.vrt OUT.tif";
 /// Largest side of a VRT, pixels.
 const MAX_SIDE_PX: u64 = 1 << 31;
 
@@ -102,7 +102,7 @@ impl Reader<'_> {
         GeoError::Unsupported {
             path: self.path.to_path_buf(),
             what: what.to_string(),
-            advice: ADVICE,
+            advice: ADVICE_TILE_IT,
         }
     }
 

@@ -23,7 +23,8 @@ pub struct MapBuild {
     pub limits: BuildLimits,
     /// The network; `None` for the bundled model. Photos must be localised with the same model.
     pub model: Option<Model>,
-    /// Whether a file at the pack's path that is not a pack may be replaced. The map never is.
+    /// Whether a file at the pack's path may be replaced that is neither a pack nor named, as it is, in the list `.grim-output` of its
+    /// folder. The map never is.
     pub overwrite: bool,
 }
 
@@ -49,12 +50,12 @@ pub enum BuildError {
 /// GeoTIFFs, a CSV of pictures, PMTiles, a folder of tiles `z/x/y`, or MBTiles with the feature `mbtiles`.
 ///
 /// `on_progress` is called after each piece of work. A build that was interrupted continues when it is called again with the same
-/// arguments; a complete pack of the same map, model and options is kept as it is. Another pack at that path is replaced, any other
-/// file only with [`MapBuild::overwrite`].
+/// arguments; a complete pack of the same map, model and options is kept as it is. Another pack at that path is replaced, and an
+/// unchanged file that `.grim-output` names as written by the program `grim`; any other file only with [`MapBuild::overwrite`].
 ///
 /// # Errors
 /// Returns an error if the map cannot be read or has no usable georeference, an option is invalid, or the pack cannot be written or would
-/// replace a file that is not a pack.
+/// replace a file that it may not.
 ///
 /// # Example
 /// ```no_run

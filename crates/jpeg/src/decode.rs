@@ -36,6 +36,14 @@ impl<'a> Jpeg<'a> {
     /// [`JpegError`] if they are damaged, end too early, or state a variant that is not supported.
     pub fn read(bytes: &'a [u8]) -> Result<Self, JpegError> {
         let structure = JpegStructure::read(bytes)?;
+        let frame = &structure.frame;
+        // The decoder takes the first scan of a baseline file for one of all colours where they differ in size.
+        if structure.has_several_scans() && !frame.is_progressive && frame.max_sampling() != (1, 1)
+        {
+            return Err(JpegError::Unsupported(
+                "a baseline JPEG with subsampled colours in several scans".into(),
+            ));
+        }
         Ok(Self { bytes, structure })
     }
 
@@ -49,14 +57,12 @@ impl<'a> Jpeg<'a> {
     #[must_use]
     pub fn memory_bytes_per_px(&self) -> f64 {
         let frame = &self.structure.frame;
-        let keeps_coefficients =
-            frame.is_progressive || self.structure.first_scan_components < frame.components.len();
         let picture = match frame.components.len() {
             // Grey is decoded first and then copied.
             1 => 4.0,
             _ => 3.0,
         };
-        let coefficients = if keeps_coefficients {
+        let coefficients = if self.structure.has_several_scans() {
             2.0 * frame.samples_per_px()
         } else {
             0.0

@@ -107,6 +107,11 @@ pub(crate) struct JpegStructure {
 const MAX_PIXELS_PER_BYTE: u64 = 64 * 256;
 
 impl JpegStructure {
+    /// Whether coefficients come in several scans.
+    pub(crate) fn has_several_scans(&self) -> bool {
+        self.frame.is_progressive || self.first_scan_components < self.frame.components.len()
+    }
+
     /// Reads the segments up to the first scan.
     pub(crate) fn read(bytes: &[u8]) -> Result<Self, JpegError> {
         let mut frame = None;

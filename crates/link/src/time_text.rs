@@ -44,7 +44,7 @@ pub(crate) fn unix_s_from_rfc3339(text: &str) -> Option<f64> {
     Some((days_from_civil(year, month, day) * 86_400 + of_day) as f64 + part)
 }
 
-/// Seconds east of UTC of `Z`, `+02:00`, or nothing.
+/// Seconds east of UTC of `Z`, `+02:00`, `+0200` and `+02` (ISO 8601), or nothing.
 fn offset_s(text: &str) -> Option<i64> {
     if matches!(text, "" | "Z" | "z") {
         return Some(0);
@@ -54,7 +54,12 @@ fn offset_s(text: &str) -> Option<i64> {
         b'-' => -1,
         _ => return None,
     };
-    let (hours, minutes) = text.get(1..)?.split_once(':')?;
+    let digits = text.get(1..)?;
+    let (hours, minutes) = match digits.split_once(':') {
+        Some(parts) => parts,
+        None if digits.len() == 2 => (digits, "00"),
+        None => (digits.get(..2)?, digits.get(2..)?),
+    };
     let two = |part: &str| -> Option<i64> {
         (part.len() == 2 && part.bytes().all(|byte| byte.is_ascii_digit()))
             .then(|| part.parse().ok())?
@@ -85,6 +90,9 @@ mod tests {
             ("2026-09-21 14:13:20", 1_790_000_000.0),
             ("2026-09-21t16:13:20.5+02:00", 1_790_000_000.5),
             ("2026-09-21T08:43:20-05:30", 1_790_000_000.0),
+            // As `date +%FT%T%z` writes it, and PostgreSQL.
+            ("2026-09-21T08:43:20-0530", 1_790_000_000.0),
+            ("2026-09-21 16:13:20+02", 1_790_000_000.0),
         ] {
             assert_eq!(unix_s_from_rfc3339(text), Some(expected), "{text}");
         }
@@ -95,6 +103,8 @@ mod tests {
             "2026-09-21T24:13:20Z",
             "2026-09-21T14:13:20x",
             "2026-09-21T14:13:20+2:00",
+            "2026-09-21T14:13:20+2",
+            "2026-09-21T14:13:20+02000",
             "äöü6-09-21T14:13:20Z",
             "2026-09-21T14:13:2ö",
         ] {

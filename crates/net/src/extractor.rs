@@ -221,19 +221,6 @@ impl Extractor {
         Ok(self.features_of(&self.dense(image, mask)?, mask, options))
     }
 
-    /// [`Extractor::extract`], normalised with the image's own statistics as by [`Extractor::dense_instance`].
-    ///
-    /// # Errors
-    /// [`NetError::ImageSize`], [`NetError::MaskSize`].
-    pub fn extract_instance(
-        &self,
-        image: &RgbImage,
-        mask: Option<&GrayImage>,
-        options: &ExtractOptions,
-    ) -> Result<Features, NetError> {
-        Ok(self.features_of(&self.dense_instance(image, mask)?.0, mask, options))
-    }
-
     /// The features of an image from the network's output for it, with the mask of that run.
     pub fn features_of(
         &self,

@@ -244,12 +244,14 @@ fn parameters(file: &SafeTensors) -> Result<BTreeMap<String, Parameter>, ModelFi
                 if scales.dtype() != Dtype::F32 {
                     return Err(wrong(&scale_name, scales.dtype(), "F32"));
                 }
-                if scales.shape() != &tensor.shape()[..1] {
+                // A tensor without axes is one value, and has no rows.
+                let rows = tensor.shape().first().copied().unwrap_or(0);
+                if scales.shape() != [rows] {
                     return Err(ModelFileError::Parameters(ParameterError::Shape {
                         name: scale_name,
                         found: scales.shape().to_vec(),
                         values: scales.data().len() / size_of::<f32>(),
-                        expected: tensor.shape()[..1].to_vec(),
+                        expected: vec![rows],
                     }));
                 }
                 Values::I8 {

@@ -112,11 +112,10 @@ fn the_smallest_picture_works_in_every_way() {
         let image = picture(32, 32, 1);
         let nothing = GrayImage::new(32, 32);
         for mask in [None, Some(&nothing)] {
+            let (of_instance, _) = extractor.dense_instance(&image, mask).unwrap();
             for features in [
                 extractor.extract(&image, mask, &options()).unwrap(),
-                extractor
-                    .extract_instance(&image, mask, &options())
-                    .unwrap(),
+                extractor.features_of(&of_instance, mask, &options()),
             ] {
                 let all = features.global.iter().chain(&features.descriptors);
                 assert!(all.into_iter().all(|v| v.is_finite()));

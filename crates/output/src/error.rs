@@ -54,9 +54,9 @@ pub enum OutputError {
         /// The path of the other as given.
         path: PathBuf,
     },
-    /// The file exists, and the program did not write it or it was changed since.
+    /// The file exists, and is not known to be the program's own: neither its first bytes nor the list of its folder say so.
     #[error(
-        "{} already exists and is not a file that this program wrote there unchanged; choose another output path, or allow \
+        "{} already exists and is not known to be an unchanged file of this program; choose another output path, or allow \
          overwriting",
         path.display()
     )]

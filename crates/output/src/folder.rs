@@ -121,8 +121,8 @@ impl OutputFolder {
                 .policy
                 .checked_in(&self.file_path(name)?, name, &state.listing)?;
         }
-        // A file that is dropped before it is committed leaves nothing.
-        match AtomicFile::create(self.inner.path.join("check")) {
+        // Under the list's name, which nothing else has. A file that is dropped before it is committed leaves nothing.
+        match AtomicFile::create(self.inner.path.join(LISTING_NAME)) {
             Err(OutputError::Io { source, .. }) => Err(OutputError::io(
                 "write into the folder",
                 &self.inner.path,

@@ -109,6 +109,18 @@ fn names_stay_in_the_folder() {
 }
 
 #[test]
+fn a_folder_of_any_name_may_be_in_it() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("check")).unwrap();
+    let out = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();
+    out.check(["a"]).unwrap();
+    out.write_bytes("a", b"1").unwrap();
+    out.check(["a"]).unwrap();
+    let count = fs::read_dir(folder.path()).unwrap().count();
+    assert_eq!(count, 3, "the folder, the file and the list");
+}
+
+#[test]
 fn one_writer_at_a_time() {
     let folder = tempfile::tempdir().unwrap();
     let first = OutputFolder::open(folder.path(), &OutputPolicy::new()).unwrap();

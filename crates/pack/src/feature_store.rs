@@ -39,7 +39,7 @@ impl FeatureStore {
     ) -> Result<Self> {
         let Some(map) = map.filter(|_| section.len > limits.copy_features_bytes) else {
             let bytes = file.copy(section.offset, section.len)?;
-            check_blocks(file, section, bytes.as_slice(), block_hashes.as_slice())?;
+            check_blocks(file, section, 0, bytes.as_slice(), block_hashes.as_slice())?;
             return Ok(Self::Copied(bytes));
         };
         let blocks = section.len.div_ceil(BLOCK_LEN) as usize;
@@ -144,21 +144,22 @@ impl MappedFeatures {
     }
 }
 
-/// Compares all blocks of a section with their hashes.
+/// Compares the blocks of a section from block `first` on with their hashes; `hashes` are those of all blocks.
 pub(crate) fn check_blocks(
     file: &PackFile,
     section: &Section,
+    first: usize,
     bytes: &[u8],
     hashes: &[u8],
 ) -> Result<()> {
     bytes
         .par_chunks(BLOCK_LEN as usize)
         .enumerate()
-        .try_for_each(|(i, block)| check_block(file, section, i, block, hashes))
+        .try_for_each(|(i, block)| check_block(file, section, first + i, block, hashes))
 }
 
 /// Compares block `i` of a section with its hash.
-pub(crate) fn check_block(
+fn check_block(
     file: &PackFile,
     section: &Section,
     i: usize,
@@ -173,8 +174,44 @@ pub(crate) fn check_block(
         file.path(),
         format!(
             "section {}: checksum of the block at byte {} differs",
-            section.name,
+            section.name.escape_debug(),
             section.offset + i as u64 * BLOCK_LEN
         ),
     ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_damaged_block_is_named_by_its_place_in_the_file() {
+        const OFFSET: u64 = 64;
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("area.grim");
+        std::fs::write(&path, []).unwrap();
+        let file = PackFile::open(&path).unwrap();
+        let mut bytes = vec![7; 2 * BLOCK_LEN as usize + 100];
+        let section = Section {
+            name: "0/features".into(),
+            offset: OFFSET,
+            len: bytes.len() as u64,
+            blake3: String::new(),
+            block_len: Some(BLOCK_LEN),
+        };
+        let hashes: Vec<u8> = bytes
+            .chunks(BLOCK_LEN as usize)
+            .flat_map(|block| *blake3::hash(block).as_bytes())
+            .collect();
+        let last = 2 * BLOCK_LEN as usize;
+        check_blocks(&file, &section, 0, &bytes, &hashes).unwrap();
+        check_blocks(&file, &section, 2, &bytes[last..], &hashes).unwrap();
+        bytes[last + 5] ^= 1;
+        for (first, start) in [(0, 0), (1, BLOCK_LEN as usize), (2, last)] {
+            let error = check_blocks(&file, &section, first, &bytes[start..], &hashes);
+            let error = error.unwrap_err().to_string();
+            let place = format!("block at byte {} differs", OFFSET + 2 * BLOCK_LEN);
+            assert!(error.contains(&place), "{error}");
+        }
+    }
 }

@@ -10,7 +10,7 @@ use crate::error::{PackError, Result};
 use crate::feature_store::FeatureStore;
 use crate::features::{FeatureBlock, TileFeatures};
 use crate::file::PackFile;
-use crate::format::{BlobLayout, TileEntry, UnitState};
+use crate::format::{BlobLayout, TileEntry};
 use crate::global_rows::GlobalRows;
 use crate::index::Index;
 use crate::level_tables::{Tables, features_of};
@@ -126,6 +126,11 @@ impl Level {
     /// Side of a tile, metres at the map's centre.
     pub fn tile_m(&self) -> f64 {
         f64::from(self.manifest.tile_px) * self.manifest.frame.gsd_m
+    }
+
+    /// Level pixels per pixel of the picture that the network saw: 1 except in packs of paper mode.
+    pub fn px_per_network_px(&self) -> f64 {
+        f64::from(self.manifest.tile_px) / f64::from(self.manifest.network_px)
     }
 
     /// Numbers in a local descriptor.
@@ -244,7 +249,7 @@ impl Level {
     pub fn blocks(&self, i: usize) -> Result<Vec<FeatureBlock<'_>>> {
         let TileEntry { column, row } = self.tables.tiles()[i];
         let m = &self.manifest;
-        let px_per_stored_px = m.tile_px as f32 / m.network_px as f32;
+        let px_per_stored_px = self.px_per_network_px() as f32;
         let side = m.units_per_tile_side;
         let units = self.tables.units();
         let mut blocks = Vec::with_capacity((side * side) as usize);
@@ -328,17 +333,6 @@ impl Level {
             .statistics()
             .map(Statistics::from_bytes)
             .transpose()?)
-    }
-
-    /// Whether the feature unit at a column and row of the unit grid was computed.
-    pub fn unit_is_computed(&self, unit: [u32; 2]) -> bool {
-        let at = unit[1] as usize * self.manifest.unit_grid[0] as usize + unit[0] as usize;
-        unit[0] < self.manifest.unit_grid[0]
-            && self
-                .tables
-                .units()
-                .get(at)
-                .is_some_and(|u| u.state == UnitState::Computed as u32)
     }
 
     /// Bytes of this level in the file, the manifest left out.

@@ -57,9 +57,8 @@ impl Pack {
             while done < section.len {
                 let len = STEP_LEN.min(section.len - done);
                 let bytes = file.copy(section.offset + done, len)?;
-                let first = (done / BLOCK_LEN) as usize * blake3::OUT_LEN;
-                let hashes = hashes.as_slice().get(first..).unwrap_or_default();
-                check_blocks(file, section, bytes.as_slice(), hashes)?;
+                let first = (done / BLOCK_LEN) as usize;
+                check_blocks(file, section, first, bytes.as_slice(), hashes.as_slice())?;
                 done += len;
                 progress.done_bytes += len;
                 on_progress(progress);

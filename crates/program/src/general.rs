@@ -48,7 +48,7 @@ impl GeneralOptions {
         tracing_subscriber::fmt()
             .with_env_filter(filter)
             .with_writer(std::io::stderr)
-            .with_ansi(terminal::colours_on_stderr())
+            .with_ansi(terminal::has_colours(&std::io::stderr()))
             .without_time()
             .with_target(false)
             // Whoever reads the messages may go away (`2>&1 | head`), and the work go on.

@@ -8,7 +8,7 @@ pub const OWN_MAGICS: &[&[u8]] = &[&grimnet_pack::format::MAGIC];
 /// Whether existing files may be replaced; the same option in every command that writes.
 #[derive(Debug, Clone, Copy, Default, clap::Args)]
 pub struct OverwriteChoice {
-    /// Replace existing files that grim did not write [default: refuse]
+    /// Replace existing files [default: refuse]
     ///
     /// Packs, and files that grim wrote into a folder of results and nobody changed since, are replaced anyway. Inputs of
     /// the same command are never replaced.

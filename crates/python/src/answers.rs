@@ -203,7 +203,8 @@ answer_methods!(Fix, State::Fix, true, {
         self.answer.runner_up_inliers
     }
 
-    /// Corners of the photo on the ground, 4 x 2: longitude and latitude in degrees, clockwise from the top left.
+    /// Corners of the photo on the ground, 4 x 2: longitude and latitude in degrees, clockwise from the top left. Corners beyond the
+    /// horizon are left out: 3 x 2, or 0 x 2 if fewer than three remain.
     #[getter]
     fn outline_lon_lat_deg<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
         let corners = self

@@ -87,7 +87,9 @@ impl Admission {
     /// of `largest_body_bytes` for each of these.
     pub(crate) fn new(work: Work, limits: &Limits, largest_body_bytes: usize) -> Arc<Self> {
         let workers = limits.at_once.max(1);
-        let places = workers + limits.queue;
+        let places = workers
+            .saturating_add(limits.queue)
+            .min(Semaphore::MAX_PERMITS);
         Arc::new(Self {
             work,
             places: Arc::new(Semaphore::new(places)),
@@ -310,6 +312,16 @@ mod tests {
         assert_eq!(places.remove(0).run(|| 7).await, Ok(7));
         assert_eq!(admission.waiting(), 2);
         assert!(place(&admission, &limits).is_ok());
+    }
+
+    #[test]
+    fn any_number_may_wait() {
+        let limits = limits(2, usize::MAX);
+        let admission = admission(&limits);
+        let places: Vec<_> = (0..3)
+            .map(|_| place(&admission, &limits).unwrap())
+            .collect();
+        assert_eq!(admission.waiting(), places.len());
     }
 
     #[test]

@@ -23,7 +23,7 @@ const MAX_ID_CHARACTERS: usize = 64;
 pub struct ServedMap {
     pub(crate) id: String,
     pub(crate) localizer: Arc<Localizer>,
-    pub(crate) raster: Option<Box<dyn Raster>>,
+    pub(crate) raster: Option<Arc<dyn Raster>>,
     /// Outline of the map, closed; longitudes continue over the antimeridian, and are then above 180 degrees.
     pub(crate) outline: Vec<LonLat>,
 }
@@ -39,7 +39,7 @@ impl ServedMap {
     pub fn new(
         name: &str,
         localizer: impl Into<Arc<Localizer>>,
-        raster: Option<Box<dyn Raster>>,
+        raster: Option<Arc<dyn Raster>>,
     ) -> Result<Self, ServeError> {
         let localizer = localizer.into();
         let outline = outline(&localizer)?;

@@ -36,7 +36,7 @@ const MAX_NEW_TRACK_BYTES: usize = 16 << 10;
 const OFFERED: [AnswerType; 3] = [AnswerType::Geojson, AnswerType::Gpx, AnswerType::Json];
 
 /// What a new track is on.
-#[derive(Debug, Default, Deserialize, utoipa::ToSchema)]
+#[derive(Debug, Deserialize, utoipa::ToSchema)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct NewTrack {
     /// The map; it may be left out if there is only one.
@@ -54,8 +54,14 @@ pub(crate) struct TrackList {
 #[utoipa::path(post, path = "/v1/tracks", tag = "tracks", request_body = Option<NewTrack>, responses((status = 201, description = "The track", body = TrackSummary)))]
 pub(crate) async fn begin(
     axum::extract::State(state): Shared,
+    uri: Uri,
     request: Request,
 ) -> Result<Response, Problem> {
+    if !Query::of(&uri)?.is_empty() {
+        return Err(Problem::bad_request(
+            "the address has a query; expected what the track is on in the body, such as {\"map\": \"town\"}",
+        ));
+    }
     let body = read_body(
         request.into_body(),
         MAX_NEW_TRACK_BYTES,
@@ -63,13 +69,14 @@ pub(crate) async fn begin(
         None,
     )
     .await?;
-    let new: NewTrack = if body.is_empty() {
-        NewTrack::default()
+    let new: Option<NewTrack> = if body.is_empty() {
+        None
     } else {
         serde_json::from_slice(&body)
             .map_err(|error| Problem::bad_request(format!("the body is not understood: {error}")))?
     };
-    let map = state.maps.get_or_only(new.map.as_deref())?;
+    let map = new.and_then(|new| new.map);
+    let map = state.maps.get_or_only(map.as_deref())?;
     let flight = Flight::new(map.localizer.clone(), FlightOptions::default()).map_err(|error| {
         tracing::error!(%error, "a track cannot begin");
         Problem::internal()
@@ -162,15 +169,7 @@ pub(crate) async fn frame(
 ) -> Result<Json<TrackFrame>, Problem> {
     let track = state.tracks.get(&id)?;
     let mut query = Query::of(&uri)?;
-    let time_s = query
-        .take("time_s")
-        .and_then(|text| text.parse::<f64>().ok())
-        .filter(|time_s| time_s.abs() <= MAX_TIME_S)
-        .ok_or_else(|| {
-            Problem::bad_request(
-                "expected `time_s` in the query: the time of the exposure, seconds",
-            )
-        })?;
+    let time_s = time_of(query.take("time_s").as_deref())?;
     let name = query.take("name");
     let arrival = state.localisations.arrive()?;
     let upload = Upload::read(request, &state.limits, &arrival).await?;
@@ -193,6 +192,26 @@ pub(crate) async fn frame(
     };
     let frame = place.run(work).await??;
     Ok(Json(TrackFrame::clone(&frame)))
+}
+
+/// The time of a frame, seconds.
+///
+/// # Errors
+/// Status 400 if it is not given, no number or out of range, as a time in microseconds is.
+fn time_of(text: Option<&str>) -> Result<f64, Problem> {
+    let expected = format!(
+        "expected the time of the exposure in seconds, {:e} to {MAX_TIME_S:e}",
+        -MAX_TIME_S
+    );
+    let Some(text) = text else {
+        return Err(Problem::bad_request(format!(
+            "the query has no time_s; {expected}"
+        )));
+    };
+    let time_s = text.parse::<f64>().ok();
+    time_s
+        .filter(|time_s| time_s.abs() <= MAX_TIME_S)
+        .ok_or_else(|| Problem::bad_request(format!("time_s is {text:?}; {expected}")))
 }
 
 /// Decodes a frame and gives it to the flight, unless there is one of its time. This takes long.

@@ -3,7 +3,7 @@
 /** Times that a photo is sent to a busy service. */
 const MAX_TRIES = 10;
 
-/** An error that the service states (RFC 9457), or that it cannot be reached. */
+/** An error that the service states (RFC 9457), or that it cannot be reached, or a photo not be read. */
 export class ServiceError extends Error {
   /** `retryAfterS`: seconds after which a busy service wants to be asked again, or null. */
   constructor(message, status = 0, retryAfterS = null) {
@@ -42,6 +42,15 @@ export function saveAs(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+/** Throws if the browser cannot read a file: sending it would fail as if there were no service. */
+async function checkReadable(file) {
+  try {
+    await file.slice(0, 1).arrayBuffer();
+  } catch {
+    throw new ServiceError("This browser cannot read it: it is a folder, or was changed or removed after it was chosen. Choose the photo again.");
+  }
+}
+
 /**
  * Localises one photo. `prior` holds texts by field; empty ones are left out. `onBusy` is called with the error of a busy service,
  * which is asked again after `retryAfterS` seconds.
@@ -60,6 +69,7 @@ export async function locate(file, map, prior, token, onBusy) {
   const query = new URLSearchParams({ map, detail: "true" });
   for (let tries = 1; ; tries++) {
     try {
+      await checkReadable(file);
       const response = await ask(`/v1/locate?${query}`, token, { method: "POST", body });
       return await response.json();
     } catch (error) {

@@ -36,10 +36,11 @@ export function drawn(frames, upTo) {
 const isGone = (error) => error instanceof ServiceError && error.status === 404;
 
 /**
- * Reads the events of a track until the track ends or `signal` aborts; a broken connection is resumed after the last frame. Throws if
- * the service does not have the track at all.
+ * Reads the events of a track until the track ends or `signal` aborts; a broken connection is resumed after the last frame.
+ * `onConnection` is called with true whenever there is a connection, with false whenever there is none. Throws if the service does not
+ * have the track at all.
  */
-async function follow(id, token, signal, onFrame) {
+async function follow(id, token, signal, onConnection, onFrame) {
   let last = 0;
   let isBegun = false;
   while (!signal.aborted) {
@@ -48,6 +49,7 @@ async function follow(id, token, signal, onFrame) {
     try {
       const response = await ask(`/v1/tracks/${id}/events`, token, { headers, signal });
       isBegun = true;
+      onConnection(true);
       const reader = response.body.pipeThrough(new TextDecoderStream()).getReader();
       let text = "";
       for (;;) {
@@ -67,6 +69,7 @@ async function follow(id, token, signal, onFrame) {
     } catch (error) {
       if (signal.aborted || (isBegun && isGone(error))) return;
       if (error instanceof ServiceError && error.status) throw error;
+      onConnection(false);
     }
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
   }
@@ -86,8 +89,7 @@ export function connectTracks({ token, showMap, showTrack, goTo }) {
     const upTo = Number(slider.value);
     showTrack(drawn(frames, upTo));
     const frame = frames.findLast((each) => each.number <= upTo);
-    if (!frame) return;
-    say(frameText(frame));
+    say(frame ? frameText(frame) : "The track has no frame yet.");
   };
   // Once for all frames that come between two pictures of the screen: a long track is replayed at once.
   const showSoon = () => {
@@ -116,11 +118,18 @@ export function connectTracks({ token, showMap, showTrack, goTo }) {
     const id = byId("track-choice").value;
     frames = [];
     slider.disabled = false;
+    slider.max = slider.min = 1;
+    // What is shown is the track before.
+    show();
     let isPlaced = false;
     try {
       const map = tracks.find((track) => String(track.id) === id)?.map;
       if (map !== undefined) await showMap(map);
-      await follow(id, token(), signal, (frame) => {
+      const onConnection = (isThere) => {
+        if (isThere) show();
+        else say(`There is no connection to the service, which is tried again: what is shown of track ${id} may be old.`);
+      };
+      await follow(id, token(), signal, onConnection, (frame) => {
         const atEnd = slider.value === slider.max;
         frames.push(frame);
         slider.min = frames[0].number;

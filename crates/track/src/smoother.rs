@@ -1,6 +1,6 @@
 //! The track of a recorded flight, each point with what came before and after it.
 
-use nalgebra::Vector2;
+use nalgebra::{Matrix2, Vector2};
 use serde::Serialize;
 
 use crate::{
@@ -182,6 +182,14 @@ impl Piece {
         let Some(journal) = self.hypothesis.journal else {
             return;
         };
+        let begin = points.len();
+        let forgets_velocity = journal.epochs.get(1).is_some_and(|second| {
+            let remains = second
+                .transition
+                .fixed_view::<2, 2>(VELOCITY, VELOCITY)
+                .into_owned();
+            remains == Matrix2::zeros()
+        });
         for ((mean, covariance), (time_s, reference_m_s)) in
             rts::smooth(&journal.epochs).into_iter().zip(journal.at)
         {
@@ -211,6 +219,13 @@ impl Piece {
                 _ => points.push(point),
             }
         }
+        // Nothing told the velocity at the first fix but the motion since then, which began with an error of its own.
+        if let Some([first, second]) = points.get_mut(begin..).and_then(|of| of.first_chunk_mut())
+            && forgets_velocity
+        {
+            first.velocity_east_m_s = second.velocity_east_m_s;
+            first.velocity_north_m_s = second.velocity_north_m_s;
+        }
     }
 }
 
@@ -224,7 +239,7 @@ mod tests {
         attitude::Attitude,
         gauss_markov::GaussMarkov,
         hypothesis::PositionOf,
-        input::{Height, Velocity},
+        input::{Height, RelativeMotion, Velocity},
         observation::tilt_error,
         options::Vehicle,
     };
@@ -339,6 +354,29 @@ mod tests {
         let left = &ones - &gain * &ones;
         let covariance = &path - &gain * path.transpose() + &left * left.transpose() / information;
         (mean, covariance)
+    }
+
+    #[test]
+    fn where_photos_alone_tell_the_velocity_every_point_has_it() {
+        let mut inputs = inputs(true);
+        inputs.retain(|input| !matches!(input, Input::Velocity(_)));
+        for number in 1..FIXES {
+            inputs.push(Input::Motion(RelativeMotion {
+                from_time_s: INTERVAL_S * (number - 1) as f64,
+                time_s: INTERVAL_S * number as f64,
+                forward_px: SPEED_M_S * INTERVAL_S / 0.05,
+                right_px: 0.0,
+                turn_deg: 0.0,
+                sigma_px: 2.0,
+                surface_sigma_px: Some(0.0),
+            }));
+        }
+        let points = smooth(&inputs, &TrackOptions::default()).unwrap();
+        assert_eq!(points.len(), FIXES);
+        for point in points {
+            let off_m_s = (point.velocity_north_m_s - SPEED_M_S).hypot(point.velocity_east_m_s);
+            assert!(off_m_s < 1.5, "{point:?}");
+        }
     }
 
     #[test]

@@ -161,6 +161,11 @@ fn scenes_teach_the_encoder_and_the_joint_stage_starts_from_it() {
         validator.measure_at_end(&state).unwrap().is_none(),
         "the same step"
     );
+    let mut none_held_out = data.clone();
+    none_held_out.held_out.clear();
+    let mut validator = Validator::new(&config, &none_held_out, &out, 30).unwrap();
+    let due = validator.measure_at_end(&state).unwrap();
+    assert_eq!(due, Some(Vec::new()), "the flight is due");
     Validator::new(&config, &data, &out, 30).unwrap();
     assert_eq!(rows(), 0, "step 60 is trained again");
     for (_, figures) in &measured {

@@ -22,7 +22,7 @@ use grimnet_photo::PhotoLimits;
 use grimnet_photo::pictures::file_name;
 
 use super::data_set_map::open_map;
-use super::elsewhere::{source, width_m};
+use super::elsewhere::{pictures, sources, width_m};
 use super::{LimitsChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::formats::stopped;
@@ -268,7 +268,7 @@ impl From<PlacesChoice> for PlacesUsed {
 /// Reads the data set in a folder, whose files become inputs of `policy`. Gives them as well.
 fn data_set(
     folder: &Path,
-    photos_out: &Path,
+    scratch: &Path,
     photo_limits: PhotoLimits,
     policy: &OutputPolicy,
 ) -> Result<(Scene, Vec<PathBuf>)> {
@@ -276,13 +276,13 @@ fn data_set(
         folder,
         map: None,
         map_options: MapOptions::default(),
-        photos_out,
+        scratch,
         photo_limits,
     })?;
     let map = open_map(&set, policy)?;
-    // Photos that are extracted for this run are as the file that they come from.
-    let own = set.files().filter(|path| !path.starts_with(photos_out));
-    let files = own.map(Path::to_owned).chain(map.files()).collect();
+    // What is written for this run is as the files that it comes from.
+    let all = set.files().map(Path::to_owned).chain(map.files());
+    let files = all.filter(|path| !path.starts_with(scratch)).collect();
     Ok((set.into_scene(map)?, files))
 }
 
@@ -292,15 +292,12 @@ fn observe(
     model: &Model,
     policy: &OutputPolicy,
 ) -> Result<Option<Observed>> {
-    let sources = arguments
-        .elsewhere
-        .iter()
-        .map(|folder| source(folder, true))
-        .collect::<Result<Vec<Source>>>()?;
+    let elsewhere = arguments.elsewhere.iter().map(|folder| (folder, true));
+    let sources = sources(&elsewhere.collect::<Vec<_>>())?;
     let of_sources = sources.iter().flat_map(|source| source.pictures.clone());
     let mut files: Vec<PathBuf> = of_sources.collect();
-    for pictures in &arguments.pictures {
-        files.extend(source(pictures, true)?.pictures);
+    for folder in &arguments.pictures {
+        files.extend(pictures(folder)?);
     }
     policy.add_inputs(&files);
     let folder = tempfile::tempdir()?;

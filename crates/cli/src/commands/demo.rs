@@ -111,7 +111,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         folder: out,
         map: None,
         map_options: MapOptions::default(),
-        photos_out: out,
+        scratch: out,
         photo_limits: PhotoLimits::DEFAULT,
     })?;
     let map = data.open_map()?;

@@ -63,31 +63,48 @@ impl ElsewhereOptions {
     /// The pictures of each folder.
     ///
     /// # Errors
-    /// As [`source`].
+    /// As [`sources`].
     pub fn sources(&self) -> Result<Vec<Source>> {
         let untrained = self.elsewhere.iter().map(|folder| (folder, false));
         let trained = self.elsewhere_trained.iter().map(|folder| (folder, true));
-        untrained
-            .chain(trained)
-            .map(|(folder, trained_on)| source(folder, trained_on))
-            .collect()
+        sources(&untrained.chain(trained).collect::<Vec<_>>())
     }
+}
+
+/// The pictures of folders, each with whether the model was trained on them. Folders are named by their last part, those that share it
+/// by their whole path.
+///
+/// # Errors
+/// As [`pictures`].
+pub fn sources(folders: &[(&PathBuf, bool)]) -> Result<Vec<Source>> {
+    let names: Vec<String> = folders.iter().map(|(path, _)| file_name(path)).collect();
+    let is_alone = |name: &String| names.iter().filter(|other| *other == name).count() == 1;
+    let source = |(&(folder, trained_on), name): (&(&PathBuf, bool), &String)| {
+        let name = if is_alone(name) {
+            name.clone()
+        } else {
+            folder.display().to_string()
+        };
+        Ok(Source {
+            name,
+            folder: folder.clone(),
+            pictures: pictures(folder)?,
+            trained_on,
+        })
+    };
+    folders.iter().zip(&names).map(source).collect()
 }
 
 /// The pictures in a folder and below it.
 ///
 /// # Errors
 /// The folder cannot be read or has no pictures.
-pub fn source(folder: &Path, trained_on: bool) -> Result<Source> {
+pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
     let pictures = picture_files_below(folder)?;
     if pictures.is_empty() {
         bail!("{}: no pictures", folder.display());
     }
-    Ok(Source {
-        name: file_name(folder),
-        pictures,
-        trained_on,
-    })
+    Ok(pictures)
 }
 
 /// Runs the trials on a map, writes `elsewhere.json` and `elsewhere.csv` and prints the figures.
@@ -174,4 +191,27 @@ fn line(group: &Group) -> String {
         format!("{:.2} %", 100.0 * group.share),
         format!("{low:.2}-{high:.2} %")
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn folders_of_one_name_are_told_apart_by_their_paths() {
+        let root = tempfile::tempdir().unwrap();
+        let folders = ["a/photos", "b/photos", "c/coast"].map(|name| root.path().join(name));
+        for folder in &folders {
+            fs_err::create_dir_all(folder).unwrap();
+            fs_err::write(folder.join("DJI_0001.jpg"), "").unwrap();
+        }
+        let given: Vec<(&PathBuf, bool)> = folders.iter().map(|folder| (folder, false)).collect();
+        let names: Vec<String> = sources(&given)
+            .unwrap()
+            .into_iter()
+            .map(|s| s.name)
+            .collect();
+        let [a, b, _] = folders.map(|folder| folder.display().to_string());
+        assert_eq!(names, [a, b, "coast".to_owned()]);
+    }
 }

@@ -100,7 +100,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     }
     let names = || FILE_NAMES.into_iter().chain([RECALL]);
     results.check(names())?;
-    // AnyVisLoc's photos are written there.
+    // AnyVisLoc's photos are written there, and how the parts of a map lie.
     let scratch = tempfile::tempdir()?;
     let mut data = data_set(arguments, &results.folder, scratch.path())?;
     for (frame, _) in &mut data.frames {
@@ -191,15 +191,13 @@ fn evaluate_and_write(
 /// `grim eval --elsewhere`: photos that are not on the map.
 fn run_elsewhere(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
     let policy = &results.policy;
+    let scratch = tempfile::tempdir()?;
     let map = match (&arguments.map, &arguments.folder) {
         (Some(map), _) => arguments.place.open(map, policy)?,
-        (None, Some(_)) => {
-            let scratch = tempfile::tempdir()?;
-            open_map(
-                &data_set(arguments, &results.folder, scratch.path())?,
-                policy,
-            )?
-        }
+        (None, Some(_)) => open_map(
+            &data_set(arguments, &results.folder, scratch.path())?,
+            policy,
+        )?,
         (None, None) => bail!("--elsewhere needs a map: FOLDER with a map.tif, or --map MAP"),
     };
     let sources = arguments.elsewhere.sources()?;
@@ -310,7 +308,7 @@ fn data_set(arguments: &EvalArgs, out: &OutputFolder, scratch: &Path) -> Result<
         folder: &folder,
         map: arguments.map.as_deref(),
         map_options: arguments.place.options(),
-        photos_out: scratch,
+        scratch,
         photo_limits: arguments.limits.photo(),
     })?;
     Ok(match arguments.world {

@@ -2,12 +2,11 @@
 
 use std::io::Write;
 
-use anyhow::{Result, bail};
+use anyhow::Result;
 use grimnet_eval::metrics::statistics::percentile;
-use grimnet_eval::scene::{HeadingMode, Scene};
+use grimnet_eval::scene::Scene;
 use grimnet_eval::tracks::about::TrackAbout;
-use grimnet_eval::tracks::exif_time::seconds_of_exif_time;
-use grimnet_eval::tracks::hidden::{HiddenError, TimedShot, predict_hidden};
+use grimnet_eval::tracks::hidden::{TimedShot, predict_hidden};
 use grimnet_eval::tracks::hidden_figures::figures;
 use grimnet_eval::tracks::hidden_results::hidden_files;
 use grimnet_locate::Localizer;
@@ -32,21 +31,7 @@ pub fn hide(
     let mut shots = Vec::new();
     for (index, shot) in scene.shots.iter().enumerate() {
         let photo = shot.photo.open()?;
-        let Some(time_s) = photo
-            .metadata
-            .captured_at
-            .as_deref()
-            .and_then(seconds_of_exif_time)
-        else {
-            let photo = shot.name.clone();
-            bail!(HiddenError::NoTime { photo });
-        };
-        let timed = TimedShot {
-            name: shot.name.clone(),
-            time_s,
-            truth: shot.truth.position,
-            known: shot.prior(HeadingMode::Known, photo.full_size_px),
-        };
+        let timed = TimedShot::new(shot, photo.as_ref())?;
         shots.push((index, timed));
     }
     shots.sort_by(|(_, a), (_, b)| a.time_s.total_cmp(&b.time_s));
@@ -71,7 +56,7 @@ pub fn hide(
     let metres = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.1} m"));
     writeln!(
         out,
-        "{} photos, {:.0} s apart (median)",
+        "{} photos, {:.1} s apart (median)",
         shots.len(),
         percentile(&gaps_s, 0.5).unwrap_or(0.0)
     )?;

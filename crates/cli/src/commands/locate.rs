@@ -62,7 +62,8 @@ pub struct LocateArgs {
     /// Write the answers to this file; `-` is standard output [default: standard output]
     ///
     /// During the run the answers are in FILE.partial, which is well-formed after every photo and stays there if the run is
-    /// killed. Ctrl-C ends the run after the current photo and completes FILE with the answers so far.
+    /// killed; those of a GeoPackage are in memory. Ctrl-C ends the run after the current photo and completes FILE with the
+    /// answers so far.
     #[arg(short, long, value_name = "FILE", help_heading = OUTPUT)]
     out: Option<PathBuf>,
 
@@ -212,6 +213,9 @@ fn locate_all(
             }
             Err(error) => {
                 unreadable += 1;
+                if let Some(drawings) = drawings {
+                    drawings.leave_out(number);
+                }
                 let message = errors::message_with_hint(&error);
                 if format == Format::Gpx {
                     // GPX has only photos with a fix: nothing else would say which photo it is.

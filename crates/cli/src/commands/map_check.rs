@@ -1,6 +1,6 @@
 //! `grim map check`: what a map is, and what a pack of it would take, before it is built.
 
-use std::io::{IsTerminal as _, Write};
+use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -15,6 +15,7 @@ use grimnet_program::exit::Exit;
 use grimnet_program::map_place::MapPlace;
 use grimnet_program::model_choice::ModelChoice;
 use grimnet_program::outputs::OverwriteChoice;
+use grimnet_program::terminal::has_colours;
 use grimnet_program::values;
 use serde::Serialize;
 
@@ -131,9 +132,7 @@ pub fn run(arguments: &CheckArgs) -> Result<Exit> {
         serde_json::to_writer_pretty(&mut out, &report)?;
         writeln!(out)?;
     } else {
-        let colours = std::io::stdout().is_terminal()
-            && std::env::var_os("NO_COLOR").is_none_or(|v| v.is_empty());
-        if colours {
+        if has_colours(&std::io::stdout()) {
             write!(out, "{}", terminal_picture(&picture))?;
         }
         print(&mut out, &report)?;

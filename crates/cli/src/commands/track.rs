@@ -104,6 +104,9 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     let nmea = open_nmea(arguments, &policy)?;
     // Before the first frame is waited for.
     let live = Live::start(&live_options, source.is_live())?;
+    // Before it is opened: a program that decodes a stream ends with the flight.
+    let stop = Arc::new(AtomicBool::new(false));
+    interrupt::stop_on_interrupt(&stop)?;
     let mut frames = source.open(arguments, needed, &policy)?;
     if let (Some(telemetry), Some(ends_s)) = (&mut telemetry, frames.ends_s()) {
         telemetry.compare_with_video(ends_s);
@@ -125,7 +128,7 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     };
     let partial = stream.partial_path();
     let rows = while_read(stream, arguments);
-    let interrupted = write_track(&mut followed, frames.as_mut(), rows, output.smooth)
+    let interrupted = write_track(&mut followed, frames.as_mut(), rows, output.smooth, &stop)
         .map_err(|error| stopped(error, TRACK_SO_FAR, partial))?;
     if let Some(report) = report {
         report.write(&followed.scored)?;
@@ -292,8 +295,9 @@ fn write_track(
     frames: &mut dyn Frames,
     mut rows: WhileRead<RowOutput<TrackLine>>,
     smooth: bool,
+    stop: &AtomicBool,
 ) -> Result<bool> {
-    let interrupted = follow(followed, frames, &mut rows, smooth)?;
+    let interrupted = follow(followed, frames, &mut rows, smooth, stop)?;
     if smooth {
         let options = followed.session.flight().tracker().options();
         let inputs = followed.session.inputs();
@@ -305,22 +309,21 @@ fn write_track(
     Ok(interrupted)
 }
 
-/// Takes frame after frame until the last one or Ctrl-C. Gives whether it was interrupted.
+/// Takes frame after frame until the last one or `stop`. Gives whether it was interrupted.
 fn follow(
     followed: &mut Followed<'_>,
     frames: &mut dyn Frames,
     rows: &mut WhileRead<RowOutput<TrackLine>>,
     only_at_end: bool,
+    stop: &AtomicBool,
 ) -> Result<bool> {
-    let stop = Arc::new(AtomicBool::new(false));
-    interrupt::stop_on_interrupt(&stop)?;
     let bar = match frames.count() {
         Some(count) => progress::bar(count as u64, "following", "frames"),
         None => progress::spinner("waiting for the first frame"),
     };
     let since = Instant::now();
-    while let Some(frame) = frames.next(&stop)? {
-        followed.beside.live.wait_until(frame.time_s, &stop);
+    while let Some(frame) = frames.next(stop)? {
+        followed.beside.live.wait_until(frame.time_s, stop);
         let tracked = bar.suspend(|| followed.frame(frame, &*frames))?;
         #[cfg(feature = "serve")]
         if let Some(file) = &mut followed.session_file {

@@ -262,7 +262,7 @@ pub struct OutputArgs {
 
     /// Write the track to this file; `-` is standard output [default: standard output]
     ///
-    /// During the flight it is in FILE.partial, which is well-formed after every frame.
+    /// During the flight it is in FILE.partial, which is well-formed after every frame; a GeoPackage is written at the end.
     #[arg(short, long, value_name = "FILE", help_heading = OUTPUT)]
     pub out: Option<PathBuf>,
 

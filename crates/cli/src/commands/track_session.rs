@@ -42,7 +42,7 @@ impl<'a> SessionFile<'a> {
         Ok(Self {
             path,
             policy,
-            map: ServedMap::new(&name.to_string_lossy(), localizer, raster)?,
+            map: ServedMap::new(&name.to_string_lossy(), localizer, raster.map(Into::into))?,
             frames: Vec::new(),
         })
     }

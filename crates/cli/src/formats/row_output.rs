@@ -77,12 +77,21 @@ impl<R: Clone> RowOutput<R> {
     pub fn finish(self) -> Result<()> {
         match self {
             Self::Text(stream) => stream.finish(),
-            Self::Database(mut database) => {
-                let bytes = (database.bytes_of)(&database.rows)?;
-                database.file.write_all(&bytes)?;
-                Ok(database.file.commit()?)
-            }
+            Self::Database(database) => database.finish(),
         }
+    }
+}
+
+impl<R> DatabaseOutput<R> {
+    fn finish(mut self) -> Result<()> {
+        let bytes = (self.bytes_of)(&self.rows)?;
+        let written = self.file.write_all(&bytes).and_then(|()| self.file.flush());
+        if let Err(error) = written {
+            // Nothing reads a part of a database; a device or pipe cannot be cut.
+            let _ = self.file.cut_back(0);
+            return Err(error.into());
+        }
+        Ok(self.file.commit()?)
     }
 }
 

@@ -17,6 +17,8 @@ use grimnet_answer::printable;
 const POLL: Duration = Duration::from_millis(50);
 /// A file whose size and time of change stayed the same for this long is complete.
 const COMPLETE_AFTER: Duration = Duration::from_millis(150);
+/// One that cannot be used then may still be written, such as over a radio link that stalls: it is taken as it is after this long.
+const BROKEN_AFTER: Duration = Duration::from_secs(3);
 
 /// See the module.
 pub struct Following {
@@ -28,8 +30,8 @@ pub struct Following {
     most_wait: Duration,
     /// Gets every photo that is found as an input.
     policy: OutputPolicy,
-    /// Files that are being written: what they looked like, and since when.
-    growing: HashMap<PathBuf, (Look, Instant)>,
+    /// Files that may still be written.
+    growing: HashMap<PathBuf, Growing>,
     seen: HashSet<PathBuf>,
     ready: Vec<Ready>,
     /// The times of the photos that were ready, as bits.
@@ -46,8 +48,21 @@ pub struct Following {
 /// What a file looks like from outside.
 type Look = (u64, Option<SystemTime>);
 
+/// A file that may still be written.
+#[derive(Debug, Clone, Copy)]
+struct Growing {
+    look: Look,
+    /// Since when it looks like that.
+    since: Instant,
+    /// It is complete if it looks like that for so long.
+    complete_after: Duration,
+    /// Its number among the frames, once it was taken for complete.
+    number: Option<usize>,
+}
+
 struct Ready {
     path: PathBuf,
+    file: Growing,
     time_s: f64,
     since: Instant,
 }
@@ -108,16 +123,23 @@ impl Following {
             }
             listed.insert(path.clone());
             let look = (metadata.len(), metadata.modified().ok());
-            match self.growing.get(&path) {
-                Some((before, since)) if *before == look => {
-                    if now.duration_since(*since) >= COMPLETE_AFTER && look.0 > 0 {
+            let before = self.growing.get(&path);
+            match before.filter(|before| before.look == look) {
+                Some(same) => {
+                    if now.duration_since(same.since) >= same.complete_after && look.0 > 0 {
                         complete.push(path);
                     }
                 }
-                _ => {
+                None => {
+                    let file = Growing {
+                        look,
+                        since: now,
+                        complete_after: COMPLETE_AFTER,
+                        number: before.and_then(|before| before.number),
+                    };
                     self.last_new = now;
                     self.policy.add_inputs([&path]);
-                    self.growing.insert(path, (look, now));
+                    self.growing.insert(path, file);
                 }
             }
         }
@@ -126,20 +148,24 @@ impl Following {
         // Names are in order of time more often than the order of a folder is.
         complete.sort();
         for path in complete {
-            self.growing.remove(&path);
-            self.seen.insert(path.clone());
-            self.take(path, now);
+            if let Some(file) = self.growing.remove(&path) {
+                self.seen.insert(path.clone());
+                self.take(path, file, now);
+            }
         }
         Ok(())
     }
 
     /// Puts a complete file among those that are ready, if it has a time.
-    fn take(&mut self, path: PathBuf, now: Instant) {
-        let time = match self.options.time_of_file(self.taken, &path) {
+    fn take(&mut self, path: PathBuf, mut file: Growing, now: Instant) {
+        let number = file.number.unwrap_or(self.taken);
+        let time = match self.options.time_of_file(number, &path) {
             Ok(time) => time,
             Err(reason) => {
-                self.without_time += 1;
-                tracing::warn!("{reason}");
+                if !self.may_grow(&path, file) {
+                    self.without_time += 1;
+                    tracing::warn!("{reason}");
+                }
                 return;
             }
         };
@@ -152,9 +178,10 @@ impl Following {
             );
             return;
         }
-        self.taken += 1;
+        let is_first = file.number.replace(number).is_none();
+        self.taken += usize::from(is_first);
         self.is_coarse |= !time.has_fraction;
-        let is_equal = !self.times.insert(time.time_s.to_bits());
+        let is_equal = is_first && !self.times.insert(time.time_s.to_bits());
         if is_equal && !std::mem::replace(&mut self.warned_of_equal_times, true) {
             let name = path.display().to_string();
             tracing::warn!(
@@ -164,9 +191,36 @@ impl Following {
         }
         self.ready.push(Ready {
             path,
+            file,
             time_s: time.time_s,
             since: now,
         });
+    }
+
+    /// Whether a file that cannot be used is waited for: it may not be whole yet.
+    fn may_grow(&mut self, path: &Path, file: Growing) -> bool {
+        let may_grow = file.complete_after < BROKEN_AFTER && path.is_file();
+        if may_grow {
+            let file = Growing {
+                complete_after: BROKEN_AFTER,
+                ..file
+            };
+            self.seen.remove(path);
+            self.growing.insert(path.to_owned(), file);
+        }
+        may_grow
+    }
+
+    /// The next frame, if one is there.
+    fn next_frame(&mut self, now: Instant) -> Result<Option<Frame>> {
+        self.look(now)?;
+        while let Some(ready) = self.next_ready(now) {
+            let frame = frame_from_file(&ready.path, ready.time_s, &self.options);
+            if frame.photo.is_ok() || !self.may_grow(&ready.path, ready.file) {
+                return Ok(Some(frame));
+            }
+        }
+        Ok(None)
     }
 
     /// The next frame by time; those that waited for too long are dropped for newer ones.
@@ -188,15 +242,13 @@ impl Frames for Following {
                 return Ok(None);
             }
             let now = Instant::now();
-            self.look(now)?;
-            if let Some(ready) = self.next_ready(now) {
-                let frame = frame_from_file(&ready.path, ready.time_s, &self.options);
+            if let Some(frame) = self.next_frame(now)? {
                 // What is being processed is no idleness.
                 self.last_new = self.last_new.max(now);
                 return Ok(Some(frame));
             }
             // An empty file may stay so: a full disk, a camera without power.
-            let waits = self.growing.values().any(|((bytes, _), _)| *bytes > 0);
+            let waits = self.growing.values().any(|file| file.look.0 > 0);
             if !waits && self.idle.is_some_and(|idle| now - self.last_new >= idle) {
                 return Ok(None);
             }
@@ -234,6 +286,44 @@ mod tests {
         let options = FrameOptions::default();
         let (idle, policy) = (Some(Duration::from_millis(1)), OutputPolicy::new());
         Following::new(folder, options, idle, most_wait, policy).unwrap()
+    }
+
+    /// A file that was the same for long, whatever is in it.
+    fn whole() -> Growing {
+        Growing {
+            look: (1, None),
+            since: Instant::now(),
+            complete_after: BROKEN_AFTER,
+            number: None,
+        }
+    }
+
+    #[test]
+    fn a_picture_that_is_written_with_pauses_is_taken_once_it_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let [slow, broken] = ["slow.jpg", "broken.jpg"].map(|name| folder.path().join(name));
+        let mut following = following(folder.path(), Duration::from_secs(9));
+        following.options.frames_per_s = Some(2.0);
+        image::RgbImage::new(64, 48).save(&slow).unwrap();
+        let bytes = fs_err::read(&slow).unwrap();
+        let half = &bytes[..bytes.len() / 2];
+        fs_err::write(&slow, half).unwrap();
+        let begin = Instant::now();
+        let mut next = |ms: u64| {
+            let frame = following.next_frame(begin + Duration::from_millis(ms));
+            let frame = frame.unwrap()?;
+            let is_whole = frame.photo.is_ok();
+            Some((Path::new(&frame.name).to_owned(), frame.time_s, is_whole))
+        };
+        assert_eq!([0, 200].map(&mut next), [None, None]);
+        fs_err::write(&broken, half).unwrap();
+        assert_eq!([1000, 1200].map(&mut next), [None, None]);
+        fs_err::write(&slow, &bytes).unwrap();
+        assert_eq!([1400, 1600].map(&mut next), [None, Some((slow, 0.0, true))]);
+        assert_eq!(next(3900), None);
+        assert_eq!(next(4100), Some((broken, 0.5, false)));
+        assert_eq!(next(9000), None);
+        assert!(!following.warned_of_equal_times);
     }
 
     #[test]
@@ -275,7 +365,7 @@ mod tests {
         let mut following = following(folder.path(), Duration::from_secs(1));
         let begin = Instant::now();
         for name in ["f_1.0.jpg", "f_2.0.jpg", "f_3.0.jpg"] {
-            following.take(folder.path().join(name), begin);
+            following.take(folder.path().join(name), whole(), begin);
         }
         let in_time = following.next_ready(begin).unwrap();
         assert_eq!(in_time.time_s, 1.0);
@@ -283,7 +373,7 @@ mod tests {
         let later = begin + Duration::from_secs(2);
         assert_eq!(following.next_ready(later).unwrap().time_s, 3.0);
         assert_eq!(following.dropped, 1);
-        following.take(folder.path().join("no time.jpg"), later);
+        following.take(folder.path().join("no time.jpg"), whole(), later);
         assert_eq!(following.without_time, 1);
     }
 
@@ -293,11 +383,11 @@ mod tests {
         let mut following = following(folder.path(), Duration::ZERO);
         let begin = Instant::now();
         for name in ["f_1.0.jpg", "f_2.0.jpg", "f_3.0.jpg"] {
-            following.take(folder.path().join(name), begin);
+            following.take(folder.path().join(name), whole(), begin);
         }
         assert_eq!(following.next_ready(begin).unwrap().time_s, 3.0);
         assert_eq!(following.dropped, 2);
-        following.take(folder.path().join("f_4.0.jpg"), begin);
+        following.take(folder.path().join("f_4.0.jpg"), whole(), begin);
         assert_eq!(following.next_ready(begin).unwrap().time_s, 4.0);
     }
 
@@ -310,7 +400,7 @@ mod tests {
             ("a_2.5.jpg", false),
             ("b_1.5.jpg", true),
         ] {
-            following.take(folder.path().join(name), Instant::now());
+            following.take(folder.path().join(name), whole(), Instant::now());
             assert_eq!(following.warned_of_equal_times, expected, "{name}");
         }
     }
@@ -323,7 +413,7 @@ mod tests {
             ("20260621_100000_500.jpg", false),
             ("20260621_100001.jpg", true),
         ] {
-            following.take(folder.path().join(name), Instant::now());
+            following.take(folder.path().join(name), whole(), Instant::now());
             assert_eq!(following.is_coarse(), expected, "{name}");
         }
     }

@@ -38,7 +38,10 @@ pub enum TimeSource {
     Name,
 }
 
-/// Times from 2001 on count milliseconds, microseconds or nanoseconds since 1970 if they have so many digits.
+/// Photos of earlier and later years are of no drone: such a number is something else.
+const YEARS: std::ops::Range<i64> = 1970..2100;
+/// Times from 2001 on count seconds, milliseconds, microseconds or nanoseconds since 1970 if they have so many digits. A number that is
+/// filled up with zeros counts the frames.
 const UNIX_DIGITS: [(usize, f64); 4] = [(10, 1.0), (13, 1e3), (16, 1e6), (19, 1e9)];
 
 /// The time of a photo; `None` if neither its metadata nor its name tell it.
@@ -63,8 +66,8 @@ pub fn frame_time(
 }
 
 /// The time in a file's name, without folder and ending: a date and time of day (`20260621_100000`, `2026-06-21T10-00-00.5`,
-/// `DJI_20260621100000_0001`), seconds since 1970 (10 digits, with a decimal point if they have a fraction; 13, 16 or 19
-/// digits for milliseconds, microseconds or nanoseconds), or seconds with a decimal point (`frame_12.50`).
+/// `2026-06-21 10.00.00`, `DJI_20260621100000_0001`), seconds since 1970 (10 digits, with a decimal point if they have a fraction; 13,
+/// 16 or 19 digits for milliseconds, microseconds or nanoseconds), or seconds with a decimal point (`frame_12.50`).
 pub fn from_name(name: &str) -> Option<FrameTime> {
     let path = Path::new(name);
     // `frame_12.50` has no ending, and `12.50.jpg` has one.
@@ -112,6 +115,11 @@ fn date_in(stem: &str) -> Option<FrameTime> {
         let mut digits = String::new();
         for (at, group) in groups.iter().enumerate().skip(first).take(6) {
             digits.push_str(group.text);
+            let mut fraction = group.fraction;
+            if let Some(next) = fraction.filter(|next| is_part_of_date(group.text, next)) {
+                digits.push_str(next);
+                fraction = None;
+            }
             if digits.len() >= 14 {
                 // Milliseconds may follow in the same group, or in the next one: `20260621_100000_500`.
                 let more = &digits[14..];
@@ -119,11 +127,11 @@ fn date_in(stem: &str) -> Option<FrameTime> {
                     Some(more)
                 } else {
                     let next = groups.get(at + 1).filter(|next| next.text.len() == 3);
-                    group.fraction.or(next.map(|next| next.text))
+                    fraction.or(next.map(|next| next.text))
                 };
                 return date(&digits[..14], fraction);
             }
-            if group.fraction.is_some() {
+            if fraction.is_some() {
                 return None;
             }
         }
@@ -131,9 +139,14 @@ fn date_in(stem: &str) -> Option<FrameTime> {
     })
 }
 
+/// Whether what a point follows and what follows it are parts of a date, as in `10.00.05`, `2026.06.21` and `20260621.100005`.
+fn is_part_of_date(before: &str, after: &str) -> bool {
+    matches!((before.len(), after.len()), (2 | 4, 2) | (8, 6))
+}
+
 fn date(digits: &str, fraction: Option<&str>) -> Option<FrameTime> {
     let number = |from: usize, to: usize| digits.get(from..to)?.parse::<i64>().ok();
-    let year = number(0, 4).filter(|year| (1970..2200).contains(year))?;
+    let year = number(0, 4).filter(|year| YEARS.contains(year))?;
     let whole_s = calendar::unix_s(
         [year, number(4, 6)?, number(6, 8)?],
         [number(8, 10)?, number(10, 12)?],
@@ -155,7 +168,8 @@ fn number_in(stem: &str) -> Option<FrameTime> {
     digit_groups(stem).iter().rev().find_map(|group| {
         let unit = UNIX_DIGITS
             .iter()
-            .find(|(digits, _)| *digits == group.text.len());
+            .find(|(digits, _)| *digits == group.text.len())
+            .filter(|_| !group.text.starts_with('0'));
         let whole: f64 = group.text.parse().ok()?;
         let fraction_s = match group.fraction {
             Some(fraction) => format!("0.{fraction}").parse::<f64>().ok()?,
@@ -189,11 +203,16 @@ mod tests {
             ("20260621_100000_500.jpg", TEN + 0.5, Epoch::Unix),
             ("20260621100000250.jpg", TEN + 0.25, Epoch::Unix),
             ("2026-06-21T10-00-00.5.jpg", TEN + 0.5, Epoch::Unix),
+            ("2026-06-21 10.00.00.jpg", TEN, Epoch::Unix),
+            ("2026.06.21_10.00.00.500.jpg", TEN + 0.5, Epoch::Unix),
+            ("20260621.100000.jpg", TEN, Epoch::Unix),
             ("DJI_20260621100000_0001_V.JPG", TEN, Epoch::Unix),
             ("a/b/frame_1782036000.125.png", TEN + 0.125, Epoch::Unix),
             ("frame_1782036000125.png", TEN + 0.125, Epoch::Unix),
             ("cam2_1782036000125000.jpg", TEN + 0.125, Epoch::Unix),
             ("cam2_1782036000125000000.jpg", TEN + 0.125, Epoch::Unix),
+            // With the number of the camera it would be a date in 2171.
+            ("cam2_1711011212345.jpg", 1_711_011_212.345, Epoch::Unix),
             ("frame_12.50.jpg", 12.5, Epoch::Start),
             ("12.50", 12.5, Epoch::Start),
         ] {
@@ -206,6 +225,9 @@ mod tests {
             "DJI_0042.jpg",
             "photo.jpg",
             "20261399_250000.jpg",
+            // Numbers of frames, as KITTI writes them.
+            "0000000042.png",
+            "frame_0000000000042.png",
             "",
         ] {
             assert_eq!(from_name(name), None, "{name}");

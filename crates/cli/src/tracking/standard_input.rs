@@ -60,40 +60,21 @@ enum Content {
 }
 
 impl StreamedFrames {
-    /// Waits for the first byte. `keep` says what becomes of a frame that waits while others come.
+    /// Reads on a thread of its own, from now on. `keep` says what becomes of a frame that waits while others come.
     ///
     /// # Errors
-    /// Nothing can be read, it is neither pictures nor names, or no thread can be started.
+    /// No thread can be started.
     pub fn new(
-        mut input: impl BufRead + Send + 'static,
+        input: impl BufRead + Send + 'static,
         options: FrameOptions,
         policy: OutputPolicy,
         keep: Keep,
     ) -> Result<Self> {
-        let first = input.fill_buf().context(CANNOT_READ)?;
-        let holds_pictures = first.first() == Some(&JPEG_BEGIN);
-        if !holds_pictures && !is_text(first) {
-            bail!(NEITHER);
-        }
         // Where all are kept, what comes while one waits and another is searched stays in the pipe.
         let (giver, taker) = handover();
-        let read = move || {
-            if holds_pictures {
-                let mut stream = JpegStream::new(input);
-                let next = || {
-                    let picture = stream.next_picture().context(CANNOT_READ)?;
-                    Ok(picture.map(Content::Picture))
-                };
-                give_all(next, &giver, keep);
-            } else {
-                let mut names = Names::new(input);
-                let next = || Ok(names.next()?.map(Content::Name));
-                give_all(next, &giver, keep);
-            }
-        };
         thread::Builder::new()
             .name("frames".to_owned())
-            .spawn(read)
+            .spawn(move || read_all(input, &giver, keep))
             .context("cannot start a thread")?;
         Ok(Self {
             input: taker,
@@ -131,16 +112,60 @@ impl StreamedFrames {
     }
 }
 
+/// Hands over what a stream holds, or why nothing can be read of it.
+fn read_all(mut input: impl BufRead, giver: &Giver<Result<Streamed>>, keep: Keep) {
+    match holds_pictures(&mut input) {
+        Ok(true) => {
+            let mut stream = JpegStream::new(input);
+            let next = || {
+                let picture = stream.next_picture().context(CANNOT_READ)?;
+                Ok(picture.map(Content::Picture))
+            };
+            give_all(next, giver, keep);
+        }
+        Ok(false) => {
+            let mut names = Names::new(input);
+            let next = || Ok(names.next()?.map(Content::Name));
+            give_all(next, giver, keep);
+        }
+        Err(error) => {
+            giver.give(Err(error), Keep::All);
+        }
+    }
+}
+
+/// Waits for the first byte: whether pictures or names follow.
+fn holds_pictures(input: &mut impl BufRead) -> Result<bool> {
+    let first = input.fill_buf().context(CANNOT_READ)?;
+    let holds_pictures = first.first() == Some(&JPEG_BEGIN);
+    if !holds_pictures && !is_text(first) {
+        bail!(NEITHER);
+    }
+    Ok(holds_pictures)
+}
+
 /// Hands over what `next` gives until its end, an error, or nobody takes it.
+///
+/// A picture that is byte for byte the one before it is counted and left out: `ffmpeg` repeats the last one at a constant rate where the
+/// video has none, and no two exposures have the same noise.
 fn give_all(
     mut next: impl FnMut() -> Result<Option<Content>>,
     giver: &Giver<Result<Streamed>>,
     keep: Keep,
 ) {
+    let mut last_picture = None;
     for number in 0.. {
         let given = match next() {
             Ok(None) => return,
-            Ok(Some(content)) => giver.give(Ok(Streamed { number, content }), keep),
+            Ok(Some(content)) => {
+                if let Content::Picture(bytes) = &content {
+                    let hash = Some(blake3::hash(bytes));
+                    if std::mem::replace(&mut last_picture, hash) == hash {
+                        continue;
+                    }
+                }
+                giver.give(Ok(Streamed { number, content }), keep)
+            }
             // The frame before it is still of use.
             Err(error) => {
                 giver.give(Err(error), Keep::All);
@@ -281,6 +306,29 @@ mod tests {
         assert_eq!(frames.without_time(), 1);
     }
 
+    /// Such as `ffmpeg` writes a video with gaps, or of fewer frames a second, at a constant rate.
+    #[test]
+    fn a_picture_that_is_repeated_is_one_frame_at_the_time_of_the_first() {
+        let jpeg = |grey: u8| {
+            let picture = image::RgbImage::from_pixel(64, 48, image::Rgb([grey; 3]));
+            let mut bytes = io::Cursor::new(Vec::new());
+            picture
+                .write_to(&mut bytes, image::ImageFormat::Jpeg)
+                .unwrap();
+            bytes.into_inner()
+        };
+        let options = FrameOptions {
+            frames_per_s: Some(2.0),
+            ..FrameOptions::default()
+        };
+        let stream = [10, 10, 80, 80, 80, 160, 10].map(jpeg).concat();
+        let (input, policy) = (io::Cursor::new(stream), OutputPolicy::new());
+        let mut frames = StreamedFrames::new(input, options, policy, Keep::All).unwrap();
+        let go_on = AtomicBool::new(false);
+        let times_s = std::iter::from_fn(|| Some(frames.next(&go_on).unwrap()?.time_s));
+        assert_eq!(Vec::from_iter(times_s), [0.0, 1.0, 2.5, 3.0]);
+    }
+
     /// Such as by a cable.
     #[test]
     fn lines_that_were_damaged_do_not_end_a_flight_that_has_names() {
@@ -336,7 +384,7 @@ mod tests {
         next.err().expect("it is refused").to_string()
     }
 
-    /// A camera that gave one byte, and then nothing for ever.
+    /// A camera that gives nothing for ever.
     struct Silent;
 
     impl io::Read for Silent {
@@ -349,16 +397,18 @@ mod tests {
 
     #[test]
     fn a_silent_camera_does_not_keep_it_from_stopping() {
-        let options = FrameOptions::default();
-        let input = io::BufReader::new((&b"n"[..]).chain(Silent));
-        let policy = OutputPolicy::new();
-        let mut frames = StreamedFrames::new(input, options, policy, Keep::All).unwrap();
-        let stop = std::sync::Arc::new(AtomicBool::new(false));
-        let later = stop.clone();
-        thread::spawn(move || {
-            thread::sleep(2 * PATIENCE);
-            later.store(true, Ordering::Relaxed);
-        });
-        assert!(frames.next(&stop).unwrap().is_none());
+        for first in [&b""[..], b"n"] {
+            let options = FrameOptions::default();
+            let input = io::BufReader::new(first.chain(Silent));
+            let policy = OutputPolicy::new();
+            let mut frames = StreamedFrames::new(input, options, policy, Keep::All).unwrap();
+            let stop = std::sync::Arc::new(AtomicBool::new(false));
+            let later = stop.clone();
+            thread::spawn(move || {
+                thread::sleep(2 * PATIENCE);
+                later.store(true, Ordering::Relaxed);
+            });
+            assert!(frames.next(&stop).unwrap().is_none());
+        }
     }
 }

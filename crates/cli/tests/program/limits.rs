@@ -1,8 +1,6 @@
 //! Every command that reads photos limits their memory, and says which option raises the limit.
 
 use std::fs;
-use std::io::{BufRead as _, BufReader, Read as _, Write as _};
-use std::process::{Command, Stdio};
 
 use predicates::prelude::*;
 use predicates::str::contains;
@@ -93,32 +91,12 @@ fn a_photo_that_tells_the_resolution_of_a_pack_has_the_limit() {
 #[test]
 #[cfg(feature = "serve")]
 fn photos_that_clients_send_have_the_limit() {
-    let mut service = Command::new(assert_cmd::cargo::cargo_bin("grim"))
-        .args(["serve", "--listen", "127.0.0.1:0", "--pack"])
-        .arg(pack())
-        .args(ONE_MIB)
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut address = String::new();
-    BufReader::new(service.stdout.take().unwrap())
-        .read_line(&mut address)
-        .unwrap();
-    let host = address.trim().trim_start_matches("http://");
+    let pack = pack();
+    let [option, limit] = ONE_MIB;
+    let arguments = ["--pack", pack.to_str().unwrap(), option, limit];
+    let service = super::serve::Service::start(&arguments);
     let bytes = fs::read(photo(1)).unwrap();
-    let mut stream = std::net::TcpStream::connect(host).unwrap();
-    let head = format!(
-        "POST /v1/locate HTTP/1.1\r\nhost: {host}\r\nconnection: close\r\ncontent-type: image/jpeg\r\ncontent-length: {}\r\n\r\n",
-        bytes.len()
-    );
-    // The service may answer before it has everything.
-    let _ = stream
-        .write_all(head.as_bytes())
-        .and_then(|()| stream.write_all(&bytes));
-    let mut answer = String::new();
-    let _ = stream.read_to_string(&mut answer);
-    service.kill().unwrap();
-    service.wait().unwrap();
+    let answer = service.ask("POST /v1/locate", "content-type: image/jpeg\r\n", &bytes);
     assert!(answer.starts_with("HTTP/1.1 413"), "{answer}");
     assert!(answer.contains(REFUSAL), "{answer}");
 }

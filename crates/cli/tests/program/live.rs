@@ -88,3 +88,38 @@ fn a_stream_gives_its_newest_frames_and_a_recorded_video_all() {
     let (_, errors) = track(&[&dry_run[..], &["--frame-latency", "0.3"]].concat());
     assert!(!errors.contains(unknown), "{errors}");
 }
+
+#[test]
+#[cfg(unix)]
+fn a_stream_that_gives_nothing_is_ended_together_with_its_decoder() {
+    use std::os::unix::fs::PermissionsExt as _;
+    use std::time::Instant;
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let script = "#!/bin/sh\necho $$ > pid.new\n/bin/mv pid.new pid\nexec /bin/sleep 600\n";
+    fs::write(path("ffmpeg"), script).unwrap();
+    fs::set_permissions(path("ffmpeg"), fs::Permissions::from_mode(0o755)).unwrap();
+    let mut follower = Command::new(assert_cmd::cargo::cargo_bin("grim"))
+        .current_dir(folder.path())
+        .env("PATH", folder.path())
+        .args(["track", "rtsp://127.0.0.1/stream", "--pack"])
+        .arg(pack())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let began = Instant::now();
+    while !path("pid").exists() && began.elapsed() < Duration::from_secs(120) {
+        std::thread::sleep(Duration::from_millis(50));
+    }
+    let kill = |arguments: &str| {
+        let mut shell = Command::new("/bin/sh");
+        shell.args(["-c", &format!("kill {arguments}")]);
+        shell.stderr(Stdio::null()).status().unwrap().success()
+    };
+    assert!(kill(&format!("-TERM {}", follower.id())));
+    assert_eq!(follower.wait().unwrap().code(), Some(130));
+    let decoder = fs::read_to_string(path("pid")).unwrap();
+    assert!(!kill(&format!("-0 {decoder}")));
+}

@@ -13,6 +13,8 @@ mod live;
 mod maps;
 mod outputs;
 mod reference_pages;
+#[cfg(feature = "serve")]
+mod serve;
 mod several_outputs;
 mod spared_inputs;
 mod telemetry;

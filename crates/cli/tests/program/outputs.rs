@@ -90,6 +90,24 @@ fn the_demo_spares_what_a_user_keeps_in_its_folder_and_survives_kills() {
 }
 
 #[test]
+fn answers_that_are_there_are_not_said_to_be_of_another_program() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("answers.csv");
+    let run = |more: &[&str]| {
+        let mut command = grim();
+        command.args(["locate", "--pack"]).arg(pack()).arg(photo(1));
+        command.arg("-o").arg(&out).args(more).assert()
+    };
+    run(&[]).success();
+    let before = fs::read(&out).unwrap();
+    let refused = "answers.csv already exists and is not known to be an unchanged file of this program; choose another output path, or \
+                   allow overwriting (--overwrite allows it)";
+    run(&[]).code(2).stderr(contains(refused));
+    assert_eq!(fs::read(&out).unwrap(), before);
+    run(&["--overwrite"]).success();
+}
+
+#[test]
 fn a_pack_replaces_packs_only() {
     let folder = tempfile::tempdir().unwrap();
     let (map, place) = small_map(folder.path());
@@ -273,8 +291,30 @@ fn drawings_do_not_become_photos_of_the_next_run() {
         .assert()
         .code(2)
         .stdout("")
-        .stderr(contains("choose another folder than that of the photos"));
+        .stderr(contains(
+            "drawings have the names of their photos; choose another folder than that of the photos",
+        ));
     assert_eq!(contents(folder.path()), before);
+}
+
+#[test]
+fn a_photo_that_is_not_drawn_keeps_no_drawing_of_an_earlier_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("1.jpg");
+    fs::copy(photo(1), &copy).unwrap();
+    let drawings = folder.path().join("drawings");
+    let photos = [copy.clone(), photo(2)];
+    let drawn = |arguments: &[&str]| {
+        let to = ["--draw", drawings.to_str().unwrap()];
+        let status = locate(&[&to[..], arguments].concat(), &photos).1;
+        let names = ["1.jpg", "flight_002.jpg"].map(|name| drawings.join(name).exists());
+        (status, names)
+    };
+    assert_eq!(drawn(&[]), (0, [true, true]));
+    assert_eq!(drawn(&["--near", "40,40,100"]), (1, [false, false]));
+    assert_eq!(drawn(&[]), (0, [true, true]));
+    fs::write(&copy, "no picture").unwrap();
+    assert_eq!(drawn(&[]), (2, [false, true]));
 }
 
 #[test]

@@ -23,8 +23,8 @@ pub struct DataSetRequest<'a> {
     pub map: Option<&'a Path>,
     /// Georeference of the map, if its file has none.
     pub map_options: MapOptions,
-    /// Where photos are written that the data set stores in another form (AnyVisLoc).
-    pub photos_out: &'a Path,
+    /// Where files are written that the data set has in another form: photos (AnyVisLoc), a map in parts (UAV-VisLoc).
+    pub scratch: &'a Path,
     /// Limits within which photos are read.
     pub photo_limits: PhotoLimits,
 }
@@ -224,7 +224,7 @@ impl DataSet {
 
     /// A scene of UAV-VisLoc.
     fn visloc(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
-        let scene = visloc::read(request.folder)?;
+        let scene = visloc::read(request.folder, request.scratch)?;
         for line in &scene.left_out {
             tracing::warn!("{line}");
         }
@@ -247,7 +247,7 @@ impl DataSet {
 
     /// A scene of AnyVisLoc, whose photos are written as files.
     fn anyvisloc(request: &DataSetRequest<'_>) -> Result<Self, DataSetError> {
-        let scene = anyvisloc::read(request.folder, request.map, request.photos_out)?;
+        let scene = anyvisloc::read(request.folder, request.map, request.scratch)?;
         for line in &scene.left_out {
             tracing::warn!("{line}");
         }
@@ -258,7 +258,7 @@ impl DataSet {
                 corners: Some(scene.corners),
                 ..MapOptions::default()
             },
-            frames: scorable(scene.frames, request.photos_out)?,
+            frames: scorable(scene.frames, request.scratch)?,
             other_files: scene.sources,
             photo_limits: request.photo_limits,
         })
@@ -443,7 +443,7 @@ mod tests {
                 folder: &scene,
                 map,
                 map_options: MapOptions::default(),
-                photos_out: root.path(),
+                scratch: root.path(),
                 photo_limits: PhotoLimits::DEFAULT,
             };
             DataSet::find(&request).unwrap().map_options.corners
@@ -460,7 +460,7 @@ mod tests {
             folder,
             map: None,
             map_options: MapOptions::default(),
-            photos_out: folder,
+            scratch: folder,
             photo_limits: PhotoLimits::DEFAULT,
         }
     }

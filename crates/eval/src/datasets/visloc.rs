@@ -3,7 +3,10 @@
 //! `UAV-VisLoc/03/` holds `drone/*.JPG`, `satellite03.tif` and `03.csv`; the corners of all maps are in
 //! `satellite_coordinates_range.csv` in the parent folder (some copies have a space before `coordinates`), with the columns
 //! `mapname, LT_lat_map, LT_lon_map, RB_lat_map, RB_lon_map`. `03.csv` gives the position of each photo's centre (`filename`,
-//! `lat`, `lon`) and the aircraft's heading (`Phi1`). Its heights are above sea level and are not used.
+//! `lat`, `lon`) and the aircraft's heading (`Phi1`). Its heights are above sea level and are not used. The map of scene 09 is in
+//! four parts, `satellite09_01-01.tif` and so on, which are joined.
+
+mod map_parts;
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -41,6 +44,17 @@ pub enum VislocError {
         /// The reader's error.
         source: csv::Error,
     },
+    /// A file cannot be read or written.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The parts of the map cannot be joined.
+    #[error("{folder}: the map is in parts that cannot be joined: {reason}")]
+    Parts {
+        /// The scene.
+        folder: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
     /// The table of corners is missing.
     #[error("{folder}: no satellite_coordinates_range.csv, which gives the corners of the maps")]
     NoCorners {
@@ -64,7 +78,8 @@ pub enum VislocError {
 pub fn is_scene(folder: &Path) -> bool {
     name_of(folder).is_some_and(|name| {
         folder.join(format!("{name}.csv")).is_file()
-            && folder.join(format!("satellite{name}.tif")).is_file()
+            && (folder.join(format!("satellite{name}.tif")).is_file()
+                || map_parts::has_parts(folder, &name))
     })
 }
 
@@ -73,11 +88,11 @@ fn name_of(folder: &Path) -> Option<String> {
     Some(folder.file_name()?.to_str()?.to_owned())
 }
 
-/// Reads the scene in `folder`.
+/// Reads the scene in `folder`. If its map is in parts, a file that joins them is written into the folder `scratch`.
 ///
 /// # Errors
-/// Returns an error if a table is missing or unreadable, or has no corners for the map.
-pub fn read(folder: &Path) -> Result<VislocScene, VislocError> {
+/// Returns an error if a table is missing or unreadable, or has no corners for the map, or its parts cannot be joined.
+pub fn read(folder: &Path, scratch: &Path) -> Result<VislocScene, VislocError> {
     let name = name_of(folder).unwrap_or_default();
     let map_name = format!("satellite{name}.tif");
     let above = folder.join("..");
@@ -118,8 +133,13 @@ pub fn read(folder: &Path) -> Result<VislocScene, VislocError> {
             )),
         }
     }
+    let map = folder.join(map_name);
     Ok(VislocScene {
-        map: folder.join(map_name),
+        map: if map.is_file() {
+            map
+        } else {
+            map_parts::join(folder, &name, scratch)?
+        },
         corners,
         photos: folder.join("drone"),
         frames,
@@ -171,15 +191,18 @@ mod tests {
                    2,03_0002.JPG,2018-10-21,NaN,119.90,466.3,0.1,0.2,-170.5,9.5\n";
         fs_err::write(scene.join("03.csv"), csv).unwrap();
         assert!(is_scene(&scene) && !is_scene(root.path()));
-        assert!(matches!(read(&scene), Err(VislocError::NoCorners { .. })));
+        assert!(matches!(
+            read(&scene, root.path()),
+            Err(VislocError::NoCorners { .. })
+        ));
         let table = root.path().join("satellite_ coordinates_range.csv");
         let header = "mapname,LT_lat_map,LT_lon_map,RB_lat_map,RB_lon_map,region\n";
         fs_err::write(&table, header).unwrap();
-        let text = read(&scene).unwrap_err().to_string();
+        let text = read(&scene, root.path()).unwrap_err().to_string();
         assert!(text.contains("no line for satellite03.tif"), "{text}");
         let line = "satellite03.tif,32.355,119.805,32.251,119.955,Taizhou\n";
         fs_err::write(&table, format!("{header}{line}")).unwrap();
-        let found = read(&scene).unwrap();
+        let found = read(&scene, root.path()).unwrap();
         assert_eq!(found.corners, [119.805, 32.251, 119.955, 32.355]);
         assert_eq!(found.frames.len(), 1);
         assert_eq!(found.frames[0].centre_lat_lon_deg, Some((32.30, 119.90)));

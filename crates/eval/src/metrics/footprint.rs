@@ -172,6 +172,7 @@ mod tests {
                     21.0 * f64::from(i),
                     0.0,
                 )),
+                shown_width_m: Some(200.0),
                 ..frame("", Some(1.0), true)
             })
             .collect();

@@ -44,8 +44,11 @@ pub struct Frame {
     pub reason: Option<String>,
     /// Time from decoded photo to answer, milliseconds.
     pub time_ms: Option<f64>,
-    /// Ground width that the photo shows, metres, if it is known.
+    /// Ground width of the photo that was given, metres: what is right is a share of it.
     pub footprint_width_m: Option<f64>,
+    /// Ground width of the photo by what was given, by its metadata or by its fix, metres: which photos show the same ground.
+    #[serde(skip)]
+    pub shown_width_m: Option<f64>,
     /// Standard deviation of the true position, metres per axis, if it is known.
     pub truth_error_m: Option<f64>,
     /// Name of the place that the photo shows.

@@ -45,7 +45,7 @@ pub(super) fn by_place(
 
 /// Whether the centres of two photos are nearer than the ground width of the narrower one.
 fn share_ground(one: &Frame, other: &Frame) -> bool {
-    let ground = |frame: &Frame| frame.truth.zip(frame.footprint_width_m);
+    let ground = |frame: &Frame| frame.truth.zip(frame.shown_width_m);
     ground(one)
         .zip(ground(other))
         .is_some_and(|((one, one_width_m), (other, other_width_m))| {
@@ -58,12 +58,12 @@ mod tests {
     use super::*;
     use grimnet_geo::{LonLat, destination_en_m};
 
-    fn photo(name: &str, east_m: f64, footprint_width_m: f64) -> Frame {
+    fn photo(name: &str, east_m: f64, shown_width_m: f64) -> Frame {
         let origin = LonLat::new(120.72, 24.26);
         Frame {
             photo: name.to_owned(),
             truth: Some(destination_en_m(origin, east_m, 0.0)),
-            footprint_width_m: Some(footprint_width_m),
+            shown_width_m: Some(shown_width_m),
             ..Frame::default()
         }
     }

@@ -23,8 +23,11 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
 /// Size of every curve.
 const SIZE_PX: (u32, u32) = (900, 320);
 
-/// Largest error that distributions show, metres: beyond it a fix counts as a miss in every figure.
+/// Largest error that distributions show, metres.
 const AXIS_M: f64 = 30.0;
+
+/// Least top of the axis of failures, percent.
+const RISK_AXIS_PERCENT: f64 = 20.0;
 
 /// A chart with linear axes.
 pub type Chart<'s> = ChartContext<'s, SVGBackend<'s>, Cartesian2d<RangedCoordf64, RangedCoordf64>>;
@@ -159,23 +162,28 @@ pub fn error_per_frame(frames: &[Frame]) -> Result<String, PlotError> {
     })
 }
 
-/// Share of failures among the most confident answers over their share of all photos (risk-coverage curve).
+/// Share of failures among the most confident answers over their share of all photos (risk-coverage curve). The axis reaches to the
+/// largest share, and to 20 % at least.
 ///
 /// # Errors
 /// Drawing fails.
 pub fn risk_coverage(runs: &[(&str, &[Frame])]) -> Result<String, PlotError> {
+    let percent = |share: f64| 100.0 * share;
+    let points = runs.iter().map(|(_, frames)| risk_coverage::curve(frames));
+    let points: Vec<Vec<risk_coverage::Point>> = points.collect();
+    let risks = points.iter().flatten().map(|point| percent(point.risk));
     let axes = Axes {
         x: 0.0..100.0,
-        y: 0.0..20.0,
+        y: 0.0..risks.fold(RISK_AXIS_PERCENT, f64::max),
         x_desc: "% of photos with a fix, most confident first",
         y_desc: "% of these with an error above 20 m",
     };
     curves(axes, |chart| {
-        for (i, (name, frames)) in runs.iter().enumerate() {
+        for (i, ((name, _), points)) in runs.iter().zip(points).enumerate() {
             let colour = Palette99::pick(i).to_rgba();
-            let points = risk_coverage::curve(frames)
+            let points = points
                 .into_iter()
-                .map(|point| (100.0 * point.coverage, (100.0 * point.risk).min(20.0)));
+                .map(|point| (percent(point.coverage), percent(point.risk)));
             let series = chart.draw_series(LineSeries::new(points, colour.stroke_width(2)))?;
             name_in_key(series, name, colour);
         }

@@ -31,7 +31,7 @@ pub struct FrameFigures {
     pub motion_error_share_p90: Option<f64>,
     /// Median absolute error of the turn, degrees.
     pub turn_error_p50_deg: Option<f64>,
-    /// Squared errors of motions over twice the stated variance per axis with 7 % of the distance added.
+    /// Squared errors of motions over the stated variance per axis, that of 7 % of the distance added.
     pub motion_nees: Option<Consistency>,
 }
 

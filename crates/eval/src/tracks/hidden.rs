@@ -11,6 +11,8 @@ use grimnet_track::{
 };
 use serde::Serialize;
 
+use crate::scene::{HeadingMode, Shot};
+
 /// The most fixes that are hidden in a row.
 pub const MOST_HIDDEN: usize = 4;
 /// Fixes before the first one that is hidden: the filter must have found itself.
@@ -49,12 +51,31 @@ pub enum HiddenError {
 pub struct TimedShot {
     /// Name.
     pub name: String,
-    /// Exposure time, seconds.
+    /// Exposure time, seconds since 1970-01-01.
     pub time_s: f64,
     /// True image centre.
     pub truth: LonLat,
     /// What is known of the view.
     pub known: Prior,
+}
+
+impl TimedShot {
+    /// A photo of a scene, whose heading is given.
+    ///
+    /// # Errors
+    /// [`HiddenError::NoTime`].
+    pub fn new(shot: &Shot, photo: &Photo) -> Result<Self, HiddenError> {
+        let exposed = photo.metadata.exposure_time;
+        let exposed = exposed.ok_or_else(|| HiddenError::NoTime {
+            photo: shot.name.clone(),
+        })?;
+        Ok(Self {
+            name: shot.name.clone(),
+            time_s: exposed.unix_s,
+            truth: shot.truth.position,
+            known: shot.prior(HeadingMode::Known, photo.full_size_px),
+        })
+    }
 }
 
 /// A photo that was searched, and the motion from the one before.
@@ -243,7 +264,13 @@ fn motion_only(last: &PositionFix, from: LonLat, path: &[Searched]) -> Option<Lo
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use grimnet_photo::{ExposureTime, Metadata};
+    use image::RgbImage;
+
     use super::*;
+    use crate::scene::{PhotoSource, Truth};
 
     /// Photos every 20 s, 60 m to the north each, joined by exact motions.
     fn photos() -> Vec<Searched> {
@@ -277,6 +304,33 @@ mod tests {
                 }
             })
             .collect()
+    }
+
+    #[test]
+    fn photos_of_one_second_are_apart_by_its_fractions() {
+        let shot = |unix_s: Option<f64>| {
+            let metadata = Metadata {
+                exposure_time: unix_s.map(|unix_s| ExposureTime {
+                    unix_s,
+                    has_fraction: true,
+                    has_zone: false,
+                }),
+                orientation: 1,
+                ..Metadata::default()
+            };
+            let photo = Photo::from_image(RgbImage::new(8, 6), metadata);
+            let shot = Shot {
+                name: "x".into(),
+                photo: PhotoSource::Memory(Arc::new(photo.clone())),
+                truth: Truth::at(LonLat::new(120.7, 24.2)),
+                known: Prior::none(),
+                footprint_width_m: None,
+            };
+            TimedShot::new(&shot, &photo)
+        };
+        let [first, second] = [7.25, 7.75].map(|unix_s| shot(Some(unix_s)).unwrap().time_s);
+        assert_eq!(second - first, 0.5);
+        assert!(matches!(shot(None), Err(HiddenError::NoTime { .. })));
     }
 
     #[test]

@@ -166,6 +166,7 @@ fn compressions_that_are_not_read_are_refused_with_what_to_do() {
         (50001, 4, "WebP with alpha inside TIFF"),
         (34887, 4, "LERC with 8-bit alpha inside TIFF"),
         (34887, 2, "LERC with 8-bit alpha inside TIFF"),
+        (7, 2, "JPEG of grey with alpha inside TIFF"),
     ] {
         let path = dir.path().join("rare.tif");
         let mut tags = rgb_tags(64, 64);
@@ -182,6 +183,72 @@ fn compressions_that_are_not_read_are_refused_with_what_to_do() {
         let error = refused(open(&path), &path, &[words, "gdal_translate"]);
         assert!(matches!(error, GeoError::Unsupported { .. }), "{error:?}");
     }
+}
+
+/// GDAL has no JPEG of these, so that advice to make one would be of no use.
+#[test]
+fn samples_of_many_bits_are_refused_with_a_command_that_takes_them() {
+    let dir = folder();
+    let path = dir.path().join("deep.tif");
+    // LZMA of integers, and floats of 16 bits.
+    for (compression, format, words) in [
+        (34925, 1, "gdal_translate -of COG -co COMPRESS=DEFLATE"),
+        (1, 3, "-ot Float32 -of COG -co COMPRESS=DEFLATE"),
+    ] {
+        let mut tags = rgb_tags(64, 64);
+        tags[2] = short(258, &[16; 3]);
+        tags[3] = short(259, &[compression]);
+        tags.push(short(339, &[format; 3]));
+        tags.extend(geo_tags(32651));
+        tags.extend([long8(273, &[4096]), long(278, &[64]), long8(279, &[100])]);
+        write_bigtiff(&path, tags, 65_536);
+        refused(open(&path), &path, &[words]);
+    }
+}
+
+/// A block of the reader holds several of these strips, of which a sparse file has some.
+#[test]
+fn strips_that_were_never_written_have_no_data() {
+    let dir = folder();
+    let path = dir.path().join("sparse.tif");
+    // Strips of 8 rows: the second of four has pixels, all 7.
+    let mut tags = rgb_tags(64, 32);
+    tags.extend(geo_tags(32651));
+    tags.push(ascii(42113, "255"));
+    tags.extend([
+        long8(273, &[0, 4096, 0, 0]),
+        long(278, &[8]),
+        long8(279, &[0, 64 * 8 * 3, 0, 0]),
+    ]);
+    write_bigtiff(&path, tags, 8192);
+    write_at(&path, 4096, &[7; 64 * 8 * 3]);
+    let map = open(&path).unwrap();
+    let patch = map
+        .read(WindowPx::new(0.0, 0.0, 64.0, 32.0), 64, 32)
+        .unwrap();
+    for (_, y, seen) in patch.valid.enumerate_pixels() {
+        assert_eq!(seen.0[0] == 255, (8..16).contains(&y), "row {y}");
+    }
+    assert_eq!(patch.rgb.get_pixel(63, 15).0, [7; 3]);
+}
+
+/// `gdaladdo -ro` writes an overview without mask beside a file that has its mask in itself.
+#[test]
+fn an_overview_without_the_mask_of_the_map_is_left_out() {
+    let dir = folder();
+    let path = dir.path().join("masked.tif");
+    let whole = WindowPx::new(0.0, 0.0, 96.0, 80.0);
+    let quartered = || open(&path).unwrap().read(whole, 24, 20).unwrap();
+    std::fs::copy(golden_map("jpeg_internal_mask.tif"), &path).unwrap();
+    let alone = quartered();
+    assert!(alone.valid.contains(&0));
+    write_map(
+        &dir.path().join("masked.tif.ovr"),
+        (24, 20),
+        Vec::new(),
+        |_, _| [200; 3],
+    );
+    assert_eq!(quartered(), alone);
 }
 
 #[test]

@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """Makes the golden files of grimnet-jpeg: small JPEGs, and libjpeg-turbo's decoding of them at 1/2, 1/4 and 1/8. Needs numpy and
-pillow (which decodes with libjpeg-turbo; `draft` is its scale_denom)."""
+pillow (which decodes with libjpeg-turbo; `draft` is its scale_denom), and jpegtran (Debian's libjpeg-turbo-progs)."""
 import pathlib
+import subprocess
+import tempfile
 
 import numpy as np
 from PIL import Image
@@ -44,3 +46,11 @@ make("420", (115, 83), quality=85, subsampling="4:2:0")
 make("grey", (73, 90), grey=True, quality=88)
 make("restart", (160, 96), quality=80, subsampling="4:2:0", restart_marker_rows=1)
 make("optimised", (128, 64), quality=97, subsampling="4:2:0", optimize=True)
+
+# Each colour in a scan of its own.
+for name in ("444", "420"):
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as scans:
+        scans.write("0; 1; 2;")
+        scans.flush()
+        to = here / f"{name}_scans.jpg"
+        subprocess.run(["jpegtran", "-scans", scans.name, "-outfile", to, here / f"{name}.jpg"], check=True)

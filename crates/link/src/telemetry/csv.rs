@@ -1,5 +1,7 @@
 //! Telemetry in CSV.
 
+use std::borrow::Cow;
+
 use csv::{ReaderBuilder, StringRecord};
 use grimnet_track::{Attitude, Height, Input, Velocity};
 
@@ -8,6 +10,9 @@ use crate::time_text::unix_s_from_rfc3339;
 
 /// Error of a velocity that states none, metres per second.
 const VELOCITY_SIGMA_M_S: f64 = 0.5;
+
+/// What may stand between columns.
+const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];
 
 const TIME: &str = "time";
 const ATTITUDE: [&str; 3] = ["yaw_deg", "pitch_deg", "roll_deg"];
@@ -30,7 +35,9 @@ pub(super) fn names() -> String {
 /// # Errors
 /// What is wrong with its first line.
 pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
+    let separator = separator(bytes);
     let mut reader = ReaderBuilder::new()
+        .delimiter(separator)
         .flexible(true)
         .trim(csv::Trim::All)
         .from_reader(bytes);
@@ -38,7 +45,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     if header.is_empty() {
         return Err("expected a line with the names of columns".to_owned());
     }
-    let columns = Columns::of(&header)?;
+    let columns = Columns::of(&header, separator)?;
     let mut telemetry = Telemetry::new(TelemetryClock::Own);
     telemetry.unread_columns = columns.unread(&header);
     // That of the first row that can be read: times of two clocks cannot be put in order.
@@ -70,8 +77,20 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     Ok(telemetry.sorted())
 }
 
+/// The separator of the first line that is not empty. Spreadsheets of many languages write semicolons, and commas in numbers.
+fn separator(bytes: &[u8]) -> u8 {
+    let mut lines = bytes.split(|byte| b"\r\n".contains(byte));
+    let header = lines.find(|line| !line.is_empty()).unwrap_or_default();
+    let mut separators = SEPARATORS.into_iter();
+    separators
+        .find(|separator| header.contains(separator))
+        .unwrap_or(b',')
+}
+
 /// Where each column is.
 struct Columns {
+    /// Whether numbers may have a comma before their fraction.
+    has_decimal_commas: bool,
     time: usize,
     attitude: [Option<usize>; 3],
     gimbal: [Option<usize>; 3],
@@ -80,13 +99,14 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(header: &StringRecord) -> Result<Self, String> {
+    fn of(header: &StringRecord, separator: u8) -> Result<Self, String> {
         let at = |name: &str| {
             header
                 .iter()
                 .position(|column| column.trim_start_matches('\u{feff}') == name)
         };
         Ok(Self {
+            has_decimal_commas: separator != b',',
             time: at(TIME)
                 .ok_or_else(|| format!("no column `{TIME}`; columns that are read: {}", names()))?,
             attitude: ATTITUDE.map(at),
@@ -118,22 +138,31 @@ impl Columns {
             .collect()
     }
 
+    /// What stands in a column, numbers with a point before their fraction.
+    fn cell<'a>(&self, record: &'a StringRecord, column: usize) -> Cow<'a, str> {
+        let cell = record.get(column).unwrap_or_default();
+        if self.has_decimal_commas && cell.contains(',') {
+            cell.replace(',', ".").into()
+        } else {
+            cell.into()
+        }
+    }
+
     fn inputs(&self, record: &StringRecord) -> Result<(TelemetryClock, Vec<Input>), String> {
-        let text = record.get(self.time).unwrap_or_default();
+        let text = self.cell(record, self.time);
         let (clock, time_s) = match text.parse::<f64>() {
             Ok(time_s) if time_s.is_finite() => (TelemetryClock::Own, time_s),
-            _ => match unix_s_from_rfc3339(text) {
+            _ => match unix_s_from_rfc3339(&text) {
                 Some(time_s) => (TelemetryClock::Unix, time_s),
                 None => return Err(format!("{text:?} is no time in seconds or RFC 3339")),
             },
         };
         let numbers = |columns: &[Option<usize>]| -> Result<Vec<Option<f64>>, String> {
-            let cells = columns.iter().map(|column| {
-                column
-                    .and_then(|column| record.get(column))
-                    .unwrap_or_default()
-            });
-            cells.map(number).collect()
+            let cell = |column: &Option<usize>| column.map(|column| self.cell(record, column));
+            let cells = columns.iter().map(cell);
+            cells
+                .map(|cell| number(&cell.unwrap_or_default()))
+                .collect()
         };
         let mut inputs = Vec::new();
         if let [Some(yaw), Some(pitch), roll] = numbers(&self.gimbal)?[..] {
@@ -174,12 +203,13 @@ impl Columns {
     }
 }
 
-/// A number, nothing for an empty cell.
+/// A number, nothing for an empty cell and for one that is not a number by its own word: what was not measured, as NumPy writes it.
 fn number(cell: &str) -> Result<Option<f64>, String> {
     if cell.is_empty() {
         return Ok(None);
     }
     match cell.parse::<f64>() {
+        Ok(value) if value.is_nan() => Ok(None),
         Ok(value) if value.is_finite() => Ok(Some(value)),
         _ => Err(format!("{cell:?} is no number")),
     }
@@ -222,6 +252,40 @@ mod tests {
         assert!((attitude.pitch_deg - 10.0).abs() < 1e-9);
         assert_eq!(second.amsl_m, Some(130.0));
         assert_eq!((velocity.east_m_s, velocity.north_m_s), (1.0, 2.0));
+    }
+
+    #[test]
+    fn what_was_not_measured_is_unknown() {
+        let text = "time,height_agl_m,altitude_amsl_m,velocity_east_m_s,velocity_north_m_s\n\
+                    1.5,100,nan,NaN,NaN\n\
+                    2.5,inf,130,1,2\n";
+        let telemetry = parse(text.as_bytes()).unwrap();
+        let height = Height {
+            time_s: 1.5,
+            agl_m: 100.0,
+            amsl_m: None,
+        };
+        assert_eq!(telemetry.inputs, [Input::Height(height)]);
+        assert_eq!(telemetry.left_out, 1);
+    }
+
+    #[test]
+    fn separators_are_commas_semicolons_or_tabs() {
+        let with_commas = "time,height_agl_m,velocity_east_m_s,velocity_north_m_s,note\n\
+                           1782036000.25,100.5,-1.5,2,a\n";
+        let expected = parse(with_commas.as_bytes()).unwrap();
+        assert_eq!(expected.inputs.len(), 2);
+        let semicolons = with_commas.replace(',', ";");
+        for text in [
+            with_commas.replace(',', "\t"),
+            semicolons.replace('.', ","),
+            semicolons,
+        ] {
+            assert_eq!(parse(text.as_bytes()).as_ref(), Ok(&expected), "{text}");
+        }
+        let dated = "time;height_agl_m\r\n2026-09-21T14:13:20,25Z;100,5\r\n";
+        let telemetry = parse(dated.as_bytes()).unwrap();
+        assert_eq!(telemetry.inputs[0].time_s(), 1_790_000_000.25);
     }
 
     #[test]

@@ -18,7 +18,8 @@ const HEAD_BYTES: usize = 4096;
 /// content decides which.
 ///
 /// # CSV
-/// The first line names the columns; other columns are ignored, empty cells are unknown.
+/// The first line names the columns, which commas, semicolons or tabs separate; other columns are ignored, empty cells and NaN are unknown.
+/// Beside semicolons and tabs numbers may have a comma before their fraction.
 ///
 /// | column | unit |
 /// |---|---|

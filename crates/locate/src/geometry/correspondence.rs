@@ -29,7 +29,7 @@ impl Correspondence {
     }
 }
 
-/// Isotropic normalisation of points: weighted centroid to the origin, mean distance to sqrt(2)
+/// Isotropic normalisation of points: centroid to the origin, mean distance to sqrt(2)
 /// (Hartley, "In defence of the eight-point algorithm", 1997).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Normalisation {

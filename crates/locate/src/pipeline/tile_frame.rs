@@ -45,7 +45,7 @@ impl TileFrame {
         let [x, y] = level.tile(tile).origin_px;
         Self {
             origin: LevelPx::new(x as f64, y as f64),
-            level_px_per_query_px: level_px_per_query_px(level),
+            level_px_per_query_px: level.px_per_network_px(),
         }
     }
 
@@ -63,14 +63,9 @@ impl TileFrame {
     }
 }
 
-/// Level pixels per pixel of the picture that the network saw.
-pub(crate) fn level_px_per_query_px(level: &Level) -> f64 {
-    f64::from(level.tile_px()) / f64::from(level.manifest().network_px)
-}
-
 /// Ground resolution of queries for a level, metres per pixel.
 pub(crate) fn query_gsd_m(level: &Level) -> f64 {
-    level.gsd_m() * level_px_per_query_px(level)
+    level.gsd_m() * level.px_per_network_px()
 }
 
 /// Bearing of the level's up direction at its centre, degrees clockwise from true north.

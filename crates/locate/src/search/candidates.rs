@@ -125,7 +125,7 @@ fn similarity(a: &[f32], b: &[f32]) -> f32 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The rectangle around the allowed tiles, as two corners; one without area if there are none.
+/// The rectangle around the allowed tiles, as two corners; without bounds if there are none.
 fn area_of(level: &Level, allowed: &[bool]) -> [LevelPx; 2] {
     let tiles = (0..level.tile_count()).filter(|&tile| allowed[tile]);
     let half = f64::from(level.tile_px()) / 2.0;
@@ -164,15 +164,17 @@ pub(crate) fn vote(
     scratch: &ScratchPool,
     options: &VoteOptions,
 ) -> Result<()> {
+    let level_px_per_query_px = level.px_per_network_px() as f32;
     candidates.sort_unstable_by_key(|candidate| (candidate.tile, candidate.query));
     let by_tile = candidates.par_chunk_by_mut(|a, b| a.tile == b.tile);
     by_tile.try_for_each(|candidates| {
         let tile = level.strongest_features(candidates[0].tile, keypoints)?;
         scratch.with(|scratch| -> Result<()> {
             scratch.points.clear();
-            scratch
-                .points
-                .extend(tile.xy_px.iter().map(|&[x, y]| Point2::new(x, y)));
+            let query_px =
+                |level_px: &[f32; 2]| level_px.map(|along| along / level_px_per_query_px);
+            let points = tile.xy_px.iter().map(query_px);
+            scratch.points.extend(points.map(Point2::from));
             for candidate in candidates {
                 let query = &queries[candidate.query];
                 scratch.matcher.mutual(

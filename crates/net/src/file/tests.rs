@@ -237,6 +237,40 @@ fn unusable_files_are_refused_with_their_name() {
 }
 
 #[test]
+fn int8_whitening_without_rows_is_refused() {
+    let good = bytes_of(&small().with_whitening_precision(DataType::I8).unwrap());
+    let (header_len, _) = SafeTensors::read_metadata(&good).unwrap();
+    let (header, tensors) = good[LENGTH_BYTES..].split_at(header_len);
+    let mut header: Value = serde_json::from_slice(header).unwrap();
+    // Both tensors of the projection, which are the last ones, become single values.
+    let mut end = header["whitening.projection"]["data_offsets"][0]
+        .as_u64()
+        .unwrap();
+    for (name, len) in [
+        ("whitening.projection", 1),
+        ("whitening.projection.scale", 4),
+    ] {
+        header[name]["shape"] = json!([]);
+        header[name]["data_offsets"] = json!([end, end + len]);
+        end += len;
+    }
+    let header = serde_json::to_vec(&header).unwrap();
+    let parts = [
+        &(header.len() as u64).to_le_bytes(),
+        header.as_slice(),
+        &tensors[..end as usize],
+    ];
+    let reason = refusal(&with_checksum(parts.concat()));
+    assert!(
+        matches!(
+            reason,
+            ModelFileError::Parameters(ParameterError::Shape { .. })
+        ),
+        "{reason}"
+    );
+}
+
+#[test]
 fn files_of_version_1_have_no_checksum_and_are_read() {
     let good = bytes_of(&small());
     let at = checksum_position(&good).unwrap() - CHECKSUM_PREFIX.len();

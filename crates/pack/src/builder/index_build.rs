@@ -6,7 +6,7 @@ use crate::builder::recipe::Recipe;
 use crate::builder::tile_descriptors::TileDescriptors;
 use crate::error::Result;
 use crate::index::Index;
-use crate::search::ivf_pq::{IvfPqCodec, IvfPqLists};
+use crate::search::ivf_pq::{CODEWORDS, FEW_POINTS_PER_CENTROID, IvfPqCodec, IvfPqLists};
 use crate::search::top_k::{Hit, TopK};
 use crate::writer::Writer;
 
@@ -64,6 +64,14 @@ pub fn write_index(
         Err(error) => return Ok(BuiltIndex::exact(error.to_string())),
         Ok(()) => {}
     }
+    let recommended = recommended_tiles(lists);
+    if tiles < recommended {
+        tracing::warn!(
+            tiles,
+            recommended,
+            "few tiles to train an IVF-PQ index on; expect low recall"
+        );
+    }
     let sample = IvfPqCodec::training_sample(tiles, lists);
     let most = (TRAINING_FLOATS / dim).max(1);
     let sample = sample.iter().copied().step_by(sample.len().div_ceil(most));
@@ -97,6 +105,11 @@ pub fn write_index(
         note: String::new(),
         recall_at_10: Some(recall),
     })
+}
+
+/// Fewest tiles for which so many lists find most neighbours. Of a large map a sample is enough for training.
+fn recommended_tiles(lists: usize) -> usize {
+    FEW_POINTS_PER_CENTROID * lists.max(CODEWORDS)
 }
 
 /// Share of the exact nearest neighbours of sampled tiles (themselves left out) that the index finds.
@@ -158,4 +171,28 @@ fn measure_recall(
         hits += truth.iter().filter(|tile| found.contains(tile)).count();
     }
     Ok(hits as f64 / possible.max(1) as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::builder::cells::Cells;
+    use crate::paper::PAPER_INDEX;
+
+    #[test]
+    fn no_map_is_too_small_for_its_default_index() {
+        for tiles in [100_001, 180_000, 1_000_000, 8_000_000] {
+            let Index::IvfPq { nlist, .. } = Cells.default_index(tiles, 1024) else {
+                panic!("exact search of {tiles} tiles");
+            };
+            assert!(tiles >= recommended_tiles(nlist as usize), "{tiles}");
+            // Although the sample that it is trained on has fewer.
+            let sample = IvfPqCodec::training_sample(tiles, nlist as usize);
+            assert!(sample.len() <= 1 << 16);
+        }
+        let Index::IvfPq { nlist, .. } = PAPER_INDEX else {
+            unreachable!()
+        };
+        assert_eq!(recommended_tiles(nlist as usize), 9984);
+    }
 }

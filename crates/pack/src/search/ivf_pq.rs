@@ -90,14 +90,6 @@ impl IvfPqCodec {
     pub fn train(points: &[f32], dim: usize, nlist: usize, subquantisers: usize) -> Result<Self> {
         let n = points.len() / dim.max(1);
         Self::check(n, dim, nlist, subquantisers)?;
-        let recommended = FEW_POINTS_PER_CENTROID * nlist.max(CODEWORDS);
-        if n < recommended {
-            tracing::warn!(
-                vectors = n,
-                recommended,
-                "few tiles to train an IVF-PQ index on; expect low recall"
-            );
-        }
         let coarse = KMeans {
             clusters: nlist,
             iterations: COARSE_ITERATIONS,

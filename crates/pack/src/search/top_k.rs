@@ -56,7 +56,7 @@ impl TopK {
             return;
         }
         self.hits.push(hit);
-        if self.hits.len() >= 2 * self.k.max(32) {
+        if self.hits.len() >= self.k.max(32).saturating_mul(2) {
             self.cut();
         }
     }
@@ -91,7 +91,7 @@ mod tests {
         #[test]
         fn equals_a_full_sort(
             similarities in prop::collection::vec(0u8..8, 0..300),
-            k in 0usize..40,
+            k in prop_oneof![0usize..40, Just(usize::MAX)],
             split in 0usize..300,
         ) {
             let hits: Vec<Hit> = similarities.iter().enumerate()

@@ -70,8 +70,11 @@ impl Area {
 
     /// The area as a map of a service, with its picture or without.
     pub fn served(&self, name: &str, with_picture: bool) -> ServedMap {
-        let raster =
-            with_picture.then(|| open_map(&self.file("map.tif"), &MapOptions::default()).unwrap());
+        let raster = with_picture.then(|| {
+            open_map(&self.file("map.tif"), &MapOptions::default())
+                .unwrap()
+                .into()
+        });
         ServedMap::new(name, self.localizer(), raster).unwrap()
     }
 }

@@ -285,16 +285,29 @@ fn tracks_that_do_not_exist_and_frames_without_time() {
         get(shared(), path).problem(404, "not-found");
     }
     frame(shared(), "999", 0.0).problem(404, "not-found");
-    for query in [
-        "",
-        "?time_s=",
-        "?time_s=nan",
-        "?time_s=inf",
-        "?time_s=1e300",
+    for (query, said) in [
+        ("", "no time_s"),
+        ("?time_s=", "time_s is \"\""),
+        ("?time_s=nan", "time_s is \"nan\""),
+        ("?time_s=inf", "time_s is \"inf\""),
+        // Microseconds since 1970.
+        (
+            "?time_s=1764174757123456",
+            "time_s is \"1764174757123456\"; expected the time of the exposure in seconds, -1e12 to 1e12",
+        ),
     ] {
         let line = format!("POST /v1/tracks/{id}/frames{query}");
-        send(shared(), &line, &[PHOTO], &area().photo).problem(400, "bad-request");
+        let refused = send(shared(), &line, &[PHOTO], &area().photo);
+        let detail = refused.problem(400, "bad-request");
+        assert!(detail.contains(said), "{detail}");
     }
+    // The map of a track is in the body; one in the address would not be looked at.
+    let refused = send(shared(), "POST /v1/tracks?map=nowhere", &[], &[]);
+    let detail = refused.problem(400, "bad-request");
+    assert!(detail.contains("{\"map\": \"town\"}"), "{detail}");
+    // As the description of the API has it.
+    let begun = send(shared(), "POST /v1/tracks", &[], b"null");
+    assert_eq!(begun.status, 201);
     send(shared(), "POST /v1/tracks", &[], b"{\"map\": \"nowhere\"}").problem(404, "not-found");
     send(shared(), "POST /v1/tracks", &[], b"[]x").problem(400, "bad-request");
     send(shared(), "POST /v1/tracks", &[], &[b' '; 20_000]).problem(413, "too-large");

@@ -129,7 +129,8 @@ impl Validator {
         })
     }
 
-    /// Measures the averaged parameters if `validate_minutes` have passed.
+    /// Measures the averaged parameters if `validate_minutes` have passed. Nothing to measure on, as where no picture is held out, gives
+    /// no figures, and not `None`.
     ///
     /// # Errors
     /// Returns an error if values cannot be read from the device, or the file cannot be written.
@@ -137,7 +138,7 @@ impl Validator {
         &mut self,
         state: &Checkpoint,
     ) -> Result<Option<Vec<(String, Figures)>>, TrainError> {
-        if self.held.is_empty() || self.last.elapsed().as_secs_f64() < self.minutes * 60.0 {
+        if self.minutes == 0.0 || self.last.elapsed().as_secs_f64() < self.minutes * 60.0 {
             return Ok(None);
         }
         let found = self.measure(state)?;
@@ -145,7 +146,7 @@ impl Validator {
         Ok(Some(found))
     }
 
-    /// Measures the averaged parameters at the end of a run, unless there are rows of this step.
+    /// Measures the averaged parameters at the end of a run, likewise, unless there are rows of this step.
     ///
     /// # Errors
     /// As [`Validator::measure_if_due`].
@@ -153,7 +154,7 @@ impl Validator {
         &mut self,
         state: &Checkpoint,
     ) -> Result<Option<Vec<(String, Figures)>>, TrainError> {
-        if self.held.is_empty() || self.table.has_step(state.position.step) {
+        if self.minutes == 0.0 || self.table.has_step(state.position.step) {
             return Ok(None);
         }
         self.measure(state).map(Some)

@@ -54,22 +54,32 @@ impl Data {
         }
         out.add_cross_views(config, &mut weighted)?;
         let total: usize = weighted.iter().map(|(weight, ..)| weight).sum();
-        for (weight, serves, source) in weighted {
-            out.training.push(WeightedSource {
-                share: (1.0 - config.world_share) * (weight as f64 / total as f64),
-                serves,
-                source,
-            });
-        }
+        let share_of = |weight: usize| weight as f64 / total.max(1) as f64;
         if config.world_share > 0.0 {
             let worlds = |fold| Arc::new(Worlds::new(&config.world, fold, config.seed));
-            out.training.push(WeightedSource::new(
-                config.world_share,
-                worlds(Fold::Training),
-            ));
+            let training = worlds(Fold::Training);
+            for (serves, task) in tasks_of_worlds(&weighted) {
+                let serving = weighted.iter().filter(|(_, s, _)| s.includes(task));
+                let weight = serving.map(|(weight, ..)| weight).sum();
+                // Where worlds alone serve a task, any share is all of it.
+                let share = if weight == 0 { 1.0 } else { share_of(weight) };
+                out.training.push(WeightedSource {
+                    share: config.world_share * share,
+                    serves,
+                    source: training.clone(),
+                });
+            }
             out.held_out
                 .push(("procedural worlds", worlds(Fold::Validation)));
         }
+        let pictures = weighted
+            .into_iter()
+            .map(|(weight, serves, source)| WeightedSource {
+                share: (1.0 - config.world_share) * share_of(weight),
+                serves,
+                source,
+            });
+        out.training.splice(0..0, pictures);
         tracing::info!(
             pictures = out.pictures,
             unreadable = out.unreadable,
@@ -191,6 +201,21 @@ fn check_apart(config: &TrainConfig) -> Result<(), TrainError> {
     Ok(())
 }
 
+/// The tasks that worlds train, beside these pictures: each by itself where pictures serve one alone, for their share is that of the steps
+/// of each task.
+fn tasks_of_worlds(pictures: &[(usize, Serves, Arc<dyn Source>)]) -> Vec<(Serves, Option<Task>)> {
+    if pictures
+        .iter()
+        .all(|(_, serves, _)| *serves == Serves::Both)
+    {
+        return vec![(Serves::Both, None)];
+    }
+    vec![
+        (Serves::Retrieval, Some(Task::Retrieval)),
+        (Serves::Matching, Some(Task::Matching)),
+    ]
+}
+
 /// The tasks that a folder's pairs train; only the joint stage tells them apart.
 fn tasks_of(config: &TrainConfig, folder: &Folder) -> Serves {
     match config.stage {
@@ -209,5 +234,69 @@ fn held_out_name(serves: Serves) -> &'static str {
         Serves::Both => "pictures",
         Serves::Retrieval => "retrieval pictures",
         Serves::Matching => "matching pictures",
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::data::PairOptions;
+    use image::{Rgb, RgbImage};
+    use std::path::Path;
+
+    fn folder(root: &Path, serves: Serves, pictures: u8) -> Folder {
+        let path = root.join(format!("{serves:?}"));
+        std::fs::create_dir_all(&path).unwrap();
+        for i in 0..pictures {
+            let picture = RgbImage::from_pixel(64, 64, Rgb([i, 90, 120]));
+            picture.save(path.join(format!("{i}.png"))).unwrap();
+        }
+        Folder {
+            path,
+            layout: Layout::Pictures,
+            repeat: 1,
+            serves,
+        }
+    }
+
+    /// Shares of all sources and of the worlds in the steps of a task.
+    fn world_share(data: &Data, task: Option<Task>, worlds: usize) -> f64 {
+        let share = |sources: &[WeightedSource]| -> f64 {
+            let serving = sources.iter().filter(|one| one.serves.includes(task));
+            serving.map(|one| one.share).sum()
+        };
+        let first = data.training.len() - worlds;
+        share(&data.training[first..]) / share(&data.training)
+    }
+
+    #[test]
+    fn worlds_have_their_share_of_the_steps_of_each_task() {
+        let root = tempfile::tempdir().unwrap();
+        let config = TrainConfig {
+            data: vec![
+                folder(root.path(), Serves::Retrieval, 12),
+                folder(root.path(), Serves::Matching, 60),
+            ],
+            world_share: 0.2,
+            alternate: true,
+            global_from: 0.0,
+            pairs: PairOptions {
+                side_px: 64,
+                points: 12,
+                ..PairOptions::default()
+            },
+            ..TrainConfig::default()
+        };
+        let data = Data::open(&config).unwrap();
+        for task in [Task::Retrieval, Task::Matching] {
+            let share = world_share(&data, Some(task), 2);
+            assert!((share - 0.2).abs() < 1e-9, "{task:?}: {share}");
+        }
+        let together = TrainConfig {
+            data: vec![folder(root.path(), Serves::Both, 12)],
+            ..config
+        };
+        let share = world_share(&Data::open(&together).unwrap(), None, 1);
+        assert!((share - 0.2).abs() < 1e-9, "{share}");
     }
 }

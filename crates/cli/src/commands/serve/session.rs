@@ -2,6 +2,7 @@
 
 use std::io::Write as _;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use anyhow::{Context as _, Result, bail};
@@ -121,21 +122,20 @@ fn maps(arguments: &ServeArgs, options: &Options) -> Result<Vec<ServedMap>> {
     }
     for path in &arguments.map {
         inputs::check_map(path)?;
-        let map = open_map(path, &arguments.place.options())?;
-        let mut of_map = None;
-        for (pack, slot) in &mut packs {
-            if slot.is_none() && is_built_from(pack, map.as_ref())? {
-                of_map = Some(slot);
-                break;
+        let map: Arc<dyn Raster> = open_map(path, &arguments.place.options())?.into();
+        let mut has_pack = false;
+        for (pack, its_map) in &mut packs {
+            if is_built_from(pack, map.as_ref())? {
+                *its_map = Some(map.clone());
+                has_pack = true;
             }
         }
-        match of_map {
-            Some(slot) => *slot = Some(map),
-            None => bail!(
+        if !has_pack {
+            bail!(
                 "{}: none of the packs was built from this map, or it was changed since; give the maps of the packs, or build \
                  the packs again",
                 path.display()
-            ),
+            );
         }
     }
     packs
@@ -148,7 +148,7 @@ fn maps(arguments: &ServeArgs, options: &Options) -> Result<Vec<ServedMap>> {
 fn served(
     model: &Model,
     pack: Pack,
-    map: Option<Box<dyn Raster>>,
+    map: Option<Arc<dyn Raster>>,
     path: &Path,
     options: &Options,
 ) -> Result<ServedMap> {

@@ -31,8 +31,12 @@ impl FlightLog {
         }))
     }
 
-    /// Localises the flight with the averaged parameters and adds a row with and a row without known heading.
+    /// Localises the flight with the averaged parameters and adds a row with and a row without known heading, unless there are rows of
+    /// this step.
     pub(super) fn add(&mut self, state: &Checkpoint) -> Result<()> {
+        if self.table.has_step(state.position.step) {
+            return Ok(());
+        }
         let (flight, _) = match &mut self.flight {
             Some(flight) => flight,
             none => {

@@ -136,6 +136,26 @@ fn a_limit_on_the_size_of_files_leaves_the_earlier_results() {
     }
 }
 
+/// A part of a database cannot be read, so it is not said to hold the answers.
+#[test]
+#[cfg(feature = "sqlite")]
+fn a_geopackage_that_does_not_fit_leaves_no_part_of_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let command = format!(
+        "ulimit -c 0; ulimit -f 8; exec \"$GRIM\" locate --pack {} {}/photos/flight_001.jpg -o answers.gpkg",
+        pack().display(),
+        demo().display()
+    );
+    let output = bash(&command, folder.path());
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(2), "{errors}");
+    assert!(
+        errors.starts_with("grim: cannot write answers.gpkg: File too large"),
+        "{errors}"
+    );
+    assert!(contents(folder.path()).is_empty());
+}
+
 /// A file system of memory that is full, in a name space of its own. It needs the right to mount, else it is skipped.
 #[test]
 #[cfg(target_os = "linux")]

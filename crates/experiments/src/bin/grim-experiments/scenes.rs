@@ -77,7 +77,7 @@ fn read_scene(folder: &Path, arguments: &Arguments, scratch: &Path) -> Result<Sc
         folder,
         map: map.map(PathBuf::as_path),
         map_options: arguments.place.options(),
-        photos_out: &scratch.join("photos").join(&name),
+        scratch: &scratch.join("photos").join(&name),
         photo_limits: arguments.limits.photo(),
     })?;
     for (frame, _) in &mut data.frames {

@@ -1,0 +1,73 @@
+//! `grim serve` as a program: what it is started with, and what it answers then.
+
+use std::ffi::OsStr;
+use std::fs;
+use std::io::{BufRead as _, BufReader, Read as _, Write as _};
+use std::net::TcpStream;
+use std::process::{Child, Command, Stdio};
+
+use super::{demo, pack};
+
+/// A service on a free port, which ends with the test.
+pub struct Service {
+    program: Child,
+    host: String,
+}
+
+impl Service {
+    /// Starts it with arguments besides the address.
+    pub fn start<A: AsRef<OsStr>>(arguments: &[A]) -> Self {
+        let mut program = Command::new(assert_cmd::cargo::cargo_bin("grim"))
+            .args(["serve", "--listen", "127.0.0.1:0"])
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut address = String::new();
+        BufReader::new(program.stdout.take().unwrap())
+            .read_line(&mut address)
+            .unwrap();
+        let host = address.trim().trim_start_matches("http://").to_owned();
+        Self { program, host }
+    }
+
+    /// The answer to a request, head and body; `line` is such as `GET /v1/maps`, headers are lines with line ends.
+    pub fn ask(&self, line: &str, headers: &str, body: &[u8]) -> String {
+        let mut stream = TcpStream::connect(&self.host).unwrap();
+        let head = format!(
+            "{line} HTTP/1.1\r\nhost: {}\r\nconnection: close\r\n{headers}content-length: {}\r\n\r\n",
+            self.host,
+            body.len()
+        );
+        // The service may answer before it has everything.
+        let _ = stream
+            .write_all(head.as_bytes())
+            .and_then(|()| stream.write_all(body));
+        let mut answer = String::new();
+        let _ = stream.read_to_string(&mut answer);
+        answer
+    }
+}
+
+impl Drop for Service {
+    fn drop(&mut self) {
+        let _ = self.program.kill();
+        let _ = self.program.wait();
+    }
+}
+
+#[test]
+fn a_map_is_shown_for_all_packs_that_were_built_from_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let other = folder.path().join("other.grim");
+    fs::copy(pack(), &other).unwrap();
+    let map = demo().join("map.tif");
+    for maps in [1, 2] {
+        let mut arguments = vec!["--pack".into(), pack(), other.clone()];
+        arguments.push("--map".into());
+        arguments.extend(std::iter::repeat_n(map.clone(), maps));
+        let answer = Service::start(&arguments).ask("GET /v1/maps", "", &[]);
+        let with_picture = answer.matches("\"has_picture\":true").count();
+        assert_eq!(with_picture, 2, "{answer}");
+    }
+}

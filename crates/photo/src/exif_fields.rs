@@ -37,8 +37,6 @@ pub(crate) fn read_into(bytes: Vec<u8>, metadata: &mut Metadata) -> Vec<Vec<u8>>
     }
     metadata.make = text(&exif, Tag::Make);
     metadata.model = text(&exif, Tag::Model);
-    metadata.captured_at =
-        text(&exif, Tag::DateTimeOriginal).or_else(|| text(&exif, Tag::DateTime));
     metadata.exposure_time = exposure_time(&exif);
     metadata.focal_length_mm = positive(&exif, Tag::FocalLength, "FocalLength", 2000.0, metadata);
     metadata.focal_35mm = positive(

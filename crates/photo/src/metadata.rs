@@ -75,9 +75,7 @@ pub struct Metadata {
     pub make: Option<String>,
     /// Camera model.
     pub model: Option<String>,
-    /// When it was taken, as EXIF writes it (`YYYY:MM:DD hh:mm:ss`, the camera's clock).
-    pub captured_at: Option<String>,
-    /// The same as a number, with fractions of a second and the time zone where the camera recorded them.
+    /// When it was taken, with fractions of a second and the time zone where the camera recorded them.
     pub exposure_time: Option<ExposureTime>,
     /// Fields that could not be read, and why.
     pub notes: Vec<Evidence>,

@@ -162,7 +162,7 @@ impl Following {
         let time = match self.options.time_of_file(number, &path) {
             Ok(time) => time,
             Err(reason) => {
-                if !self.may_grow(&path, file) {
+                if !self.wait_longer(&path, file) {
                     self.without_time += 1;
                     tracing::warn!("{reason}");
                 }
@@ -197,10 +197,10 @@ impl Following {
         });
     }
 
-    /// Whether a file that cannot be used is waited for: it may not be whole yet.
-    fn may_grow(&mut self, path: &Path, file: Growing) -> bool {
-        let may_grow = file.complete_after < BROKEN_AFTER && path.is_file();
-        if may_grow {
+    /// Waits once more for a file that cannot be used, which may not be whole yet. Gives whether it does.
+    fn wait_longer(&mut self, path: &Path, file: Growing) -> bool {
+        let waits = file.complete_after < BROKEN_AFTER && path.is_file();
+        if waits {
             let file = Growing {
                 complete_after: BROKEN_AFTER,
                 ..file
@@ -208,7 +208,7 @@ impl Following {
             self.seen.remove(path);
             self.growing.insert(path.to_owned(), file);
         }
-        may_grow
+        waits
     }
 
     /// The next frame, if one is there.
@@ -216,7 +216,7 @@ impl Following {
         self.look(now)?;
         while let Some(ready) = self.next_ready(now) {
             let frame = frame_from_file(&ready.path, ready.time_s, &self.options);
-            if frame.photo.is_ok() || !self.may_grow(&ready.path, ready.file) {
+            if frame.photo.is_ok() || !self.wait_longer(&ready.path, ready.file) {
                 return Ok(Some(frame));
             }
         }

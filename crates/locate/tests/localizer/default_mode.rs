@@ -13,10 +13,7 @@ fn guidance_finds_more_matches_of_the_same_place() {
     let (mut more, mut before) = (0, 0);
     for (place, heading_deg) in PLACES {
         let photo = photo(&scene().picture, place, heading_deg);
-        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
-        let prior = Prior::none()
-            .with_gsd_m(PHOTO_GSD_M)
-            .with_heading(heading_deg + north_deg, 3.0);
+        let prior = known_view(place, heading_deg);
         let outcome = guided.locate(&photo, &prior).unwrap();
         assert!(error_m(&outcome, place) < 1.0);
         more += outcome.fix().unwrap().inliers;
@@ -37,11 +34,7 @@ fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
     });
     for (place, heading_deg) in PLACES {
         let photo = photo(&scene().picture, place, heading_deg);
-        // On a UTM map off its central meridian grid north is not true north.
-        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
-        let prior = Prior::none()
-            .with_gsd_m(PHOTO_GSD_M)
-            .with_heading(heading_deg + north_deg + 3.0, 3.0);
+        let prior = known_view(place, heading_deg + 3.0);
         let outcome = localizer.locate(&photo, &prior).unwrap();
         let error_m = error_m(&outcome, place);
         let fix = outcome.fix().unwrap();
@@ -51,7 +44,7 @@ fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
             "{error_m} m, stated {}",
             fix.radius95_m
         );
-        let off_deg = turn_deg(heading_deg + north_deg, fix.heading_deg.unwrap());
+        let off_deg = turn_deg(heading_deg + north_deg(place), fix.heading_deg.unwrap());
         assert!(off_deg.abs() < 1.0, "{off_deg} degrees");
         assert!(
             (fix.gsd_m / PHOTO_GSD_M - 1.0).abs() < 0.01,

@@ -176,6 +176,18 @@ fn truth(place: MapPx) -> LonLat {
         .unwrap()
 }
 
+/// Direction of the map's up at a place: on a UTM map off its central meridian grid north is not true north.
+fn north_deg(place: MapPx) -> f64 {
+    scene().map.georeference().up_bearing_deg(place).unwrap()
+}
+
+/// Heading, clockwise from the map's up, and scale of a photo of [`photo`] are known.
+fn known_view(place: MapPx, heading_deg: f64) -> Prior {
+    Prior::none()
+        .with_gsd_m(PHOTO_GSD_M)
+        .with_heading(heading_deg + north_deg(place), 3.0)
+}
+
 fn error_m(outcome: &Outcome, place: MapPx) -> f64 {
     match outcome {
         Outcome::Fix(fix) => distance_m(LonLat::new(fix.lon_deg, fix.lat_deg), truth(place)),

@@ -54,8 +54,7 @@ fn paper_mode_maps_off_centre_turned_and_scaled_crops() {
             LonLat::new(fix.lon_deg, fix.lat_deg)
         });
         assert!(distance_m(a, b) < 0.05, "{} m", distance_m(a, b));
-        let north_deg = scene().map.georeference().up_bearing_deg(centre).unwrap();
-        let off_deg = turn_deg(heading_deg + north_deg, fix.heading_deg.unwrap());
+        let off_deg = turn_deg(heading_deg + north_deg(centre), fix.heading_deg.unwrap());
         assert!(off_deg.abs() < 1.5, "{off_deg} degrees");
         assert!(
             (fix.gsd_m / (GSD_M * scale) - 1.0).abs() < 0.02,
@@ -132,11 +131,9 @@ fn default_mode_votes_on_a_pack_of_paper_mode_at_the_resolution_of_its_tiles() {
     let localizer = paper_localizer(Options::default());
     for (place, heading_deg) in PLACES {
         let photo = photo(&scene().picture, place, heading_deg);
-        let north_deg = scene().map.georeference().up_bearing_deg(place).unwrap();
-        let prior = Prior::none()
-            .with_gsd_m(PHOTO_GSD_M)
-            .with_heading(heading_deg + north_deg, 3.0);
-        let outcome = localizer.locate(&photo, &prior).unwrap();
+        let outcome = localizer
+            .locate(&photo, &known_view(place, heading_deg))
+            .unwrap();
         assert!(error_m(&outcome, place) < 1.0);
         let fix = outcome.fix().unwrap();
         // In map pixels hardly two matches have the same translation: 16 to 21 votes.

@@ -55,14 +55,18 @@ impl Data {
         out.add_cross_views(config, &mut weighted)?;
         let total: usize = weighted.iter().map(|(weight, ..)| weight).sum();
         let share_of = |weight: usize| weight as f64 / total.max(1) as f64;
+        let of_worlds = shares_of_worlds(&weighted, share_of);
+        for (weight, serves, source) in weighted {
+            out.training.push(WeightedSource {
+                share: (1.0 - config.world_share) * share_of(weight),
+                serves,
+                source,
+            });
+        }
         if config.world_share > 0.0 {
             let worlds = |fold| Arc::new(Worlds::new(&config.world, fold, config.seed));
             let training = worlds(Fold::Training);
-            for (serves, task) in tasks_of_worlds(&weighted) {
-                let serving = weighted.iter().filter(|(_, s, _)| s.includes(task));
-                let weight = serving.map(|(weight, ..)| weight).sum();
-                // Where worlds alone serve a task, any share is all of it.
-                let share = if weight == 0 { 1.0 } else { share_of(weight) };
+            for (serves, share) in of_worlds {
                 out.training.push(WeightedSource {
                     share: config.world_share * share,
                     serves,
@@ -72,14 +76,6 @@ impl Data {
             out.held_out
                 .push(("procedural worlds", worlds(Fold::Validation)));
         }
-        let pictures = weighted
-            .into_iter()
-            .map(|(weight, serves, source)| WeightedSource {
-                share: (1.0 - config.world_share) * share_of(weight),
-                serves,
-                source,
-            });
-        out.training.splice(0..0, pictures);
         tracing::info!(
             pictures = out.pictures,
             unreadable = out.unreadable,
@@ -201,19 +197,31 @@ fn check_apart(config: &TrainConfig) -> Result<(), TrainError> {
     Ok(())
 }
 
-/// The tasks that worlds train, beside these pictures: each by itself where pictures serve one alone, for their share is that of the steps
-/// of each task.
-fn tasks_of_worlds(pictures: &[(usize, Serves, Arc<dyn Source>)]) -> Vec<(Serves, Option<Task>)> {
-    if pictures
+/// The tasks that worlds train beside these pictures, and the share of all pictures that each of them has: each task by itself where
+/// pictures serve one alone, for the share of worlds is that of the steps of each task.
+fn shares_of_worlds(
+    pictures: &[(usize, Serves, Arc<dyn Source>)],
+    share_of: impl Fn(usize) -> f64,
+) -> Vec<(Serves, f64)> {
+    let all_serve_both = pictures
         .iter()
-        .all(|(_, serves, _)| *serves == Serves::Both)
-    {
-        return vec![(Serves::Both, None)];
+        .all(|(_, serves, _)| *serves == Serves::Both);
+    if all_serve_both {
+        return vec![(Serves::Both, 1.0)];
     }
-    vec![
-        (Serves::Retrieval, Some(Task::Retrieval)),
-        (Serves::Matching, Some(Task::Matching)),
+    let with_share = |(serves, task)| {
+        let serving = pictures.iter().filter(|(_, s, _)| s.includes(Some(task)));
+        let weight = serving.map(|(weight, ..)| weight).sum();
+        // Where worlds alone serve a task, any share is all of it.
+        let share = if weight == 0 { 1.0 } else { share_of(weight) };
+        (serves, share)
+    };
+    [
+        (Serves::Retrieval, Task::Retrieval),
+        (Serves::Matching, Task::Matching),
     ]
+    .map(with_share)
+    .into()
 }
 
 /// The tasks that a folder's pairs train; only the joint stage tells them apart.

@@ -7,7 +7,7 @@ use grimnet_photo::Evidence;
 use serde::{Deserialize, Serialize};
 
 use crate::antimeridian::beside;
-use crate::rounding::rounded;
+use crate::rounding::{rounded, rounded_heading};
 
 /// Fewest corners that enclose an area.
 const MIN_CORNERS: usize = 3;
@@ -106,7 +106,7 @@ impl Answer {
                 state: State::Fix,
                 lat_deg: Some(rounded(fix.lat_deg, 8)),
                 lon_deg: Some(rounded(fix.lon_deg, 8)),
-                heading_deg: fix.heading_deg.map(|degrees| rounded(degrees, 2)),
+                heading_deg: fix.heading_deg.map(|degrees| rounded_heading(degrees, 2)),
                 gsd_m: Some(rounded(fix.gsd_m, 6)),
                 radius95_m: Some(rounded(fix.radius95_m, 3)),
                 covariance_en_m2: Some(fix.covariance_en_m2.map(|v| rounded(v, 6))),

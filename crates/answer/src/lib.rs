@@ -39,7 +39,7 @@ pub use gpx::Gpx;
 pub use jsonl::Jsonl;
 pub use kml::Kml;
 pub use printable::{printable, printable_text};
-pub use rounding::rounded;
+pub use rounding::{rounded, rounded_heading};
 #[cfg(feature = "geopackage")]
 pub use track_geopackage::{TrackRecord, track_geopackage_of};
 pub use track_parts::{GpxTrack, KmlTrack, TrackPlace, track_lines};

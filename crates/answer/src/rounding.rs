@@ -5,3 +5,19 @@ pub fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
     (value * scale).round() / scale
 }
+
+/// A heading from 0 to below 360 degrees, rounded to so many decimals: 359.999 to 0.
+pub fn rounded_heading(heading_deg: f64, decimals: i32) -> f64 {
+    rounded(heading_deg, decimals) % 360.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_heading_stays_below_a_full_turn() {
+        let rounded = [0.0, 152.104, 359.994, 359.996].map(|deg| rounded_heading(deg, 2));
+        assert_eq!(rounded, [0.0, 152.1, 359.99, 0.0]);
+    }
+}

@@ -9,7 +9,8 @@ mod text_target;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
-use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml};
+use clap::ValueEnum;
+use grimnet_answer::{Answer, AnswerFormat, Csv, Geojson, Gpx, Jsonl, Kml, printable};
 
 pub use answer_output::AnswerOutput;
 pub use grimnet_answer::or_dash;
@@ -48,6 +49,35 @@ pub enum Format {
     /// A GeoPackage (OGC), for QGIS: points, outlines and 95 % ellipses as layers; a file, written when the run ends
     #[cfg(feature = "sqlite")]
     Gpkg,
+}
+
+/// Warns if a file's ending is that of no format, or of another one than the file gets.
+pub fn warn_of_ending<F: ValueEnum + PartialEq>(
+    file: &Path,
+    by_ending: Option<F>,
+    asked: Option<F>,
+) {
+    let file_text = file.display().to_string();
+    let file_text = printable(&file_text);
+    let name = |format: &F| {
+        let value = format.to_possible_value();
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
+    };
+    match (by_ending, asked) {
+        (None, None) if file.extension().is_some() => {
+            tracing::warn!(
+                "{file_text}: no format has this ending, so that JSON lines are written; --format chooses another one"
+            );
+        }
+        (Some(ending), Some(asked)) if ending != asked => {
+            tracing::warn!(
+                "{file_text}: --format {} is written into a file with the ending of {}",
+                name(&asked),
+                name(&ending)
+            );
+        }
+        _ => {}
+    }
 }
 
 impl Format {

@@ -3,7 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use grimnet_locate::{Localizer, Outcome, Prior};
+use grimnet_answer::printable;
+use grimnet_geo::LonLat;
+use grimnet_locate::{Localizer, Near, Outcome, Prior};
 use grimnet_photo::{Photo, PhotoLimits};
 
 use crate::inputs;
@@ -35,10 +37,25 @@ pub fn adapt_to_flight(
     limits: &PhotoLimits,
 ) -> Result<Localizer> {
     let needed = localizer.needed_pixels(prior);
-    let photos: Vec<Photo> = paths
+    let photos = paths
         .iter()
         .filter(|path| inputs::check_regular(path).is_ok())
-        .filter_map(|path| needed.open(path, limits).ok())
-        .collect();
-    Ok(localizer.adapted_to_flight(photos.iter().map(|photo| (photo, prior)))?)
+        .filter_map(|path| needed.open(path, limits).ok());
+    Ok(localizer.adapted_to_flight(photos.map(|photo| (photo, prior)))?)
+}
+
+/// Warns if no tile of the pack shows the area that `option` names: degrees that are exchanged, or another pack.
+///
+/// # Errors
+/// The pack has no coordinates.
+pub fn warn_if_off_the_map(option: &str, area: &Near, localizer: &Localizer) -> Result<()> {
+    if !localizer.has_tiles_near(area)? {
+        let LonLat { lon_deg, lat_deg } = area.centre;
+        tracing::warn!(
+            "{option} {lat_deg},{lon_deg},{} is not on the map of {}: latitude comes first, then longitude",
+            area.radius_m,
+            printable(&localizer.pack().path().display().to_string())
+        );
+    }
+    Ok(())
 }

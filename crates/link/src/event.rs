@@ -73,6 +73,8 @@ pub enum NotSending {
     ImageCentre,
     /// No recent fix supports the position, and the message would put it in the place of the autopilot's own.
     NoRecentFix,
+    /// Without a fix for long, the position is what the autopilot's own velocity makes of the last one.
+    OwnVelocity,
     /// No autopilot is heard.
     NoAutopilot,
     /// The autopilot has not told its version yet, on which the message and its contents depend.
@@ -93,6 +95,9 @@ impl fmt::Display for NotSending {
             }
             Self::NoRecentFix => {
                 "no recent fix supports the position, which would replace the autopilot's own"
+            }
+            Self::OwnVelocity => {
+                "without a fix for 10 s the position would be the autopilot's own velocity sent back"
             }
             Self::NoAutopilot => "no autopilot is heard",
             Self::NoVersion => "the autopilot has not told its version yet",

@@ -1,7 +1,7 @@
 //! Which positions may leave, and when they jumped.
 
 use grimnet_geo::{LonLat, offset_en_m};
-use grimnet_track::{Estimate, PositionOf, TrackPoint, TrackState};
+use grimnet_track::{Estimate, PositionOf, Source, TrackPoint, TrackState};
 
 use crate::event::NotSending;
 
@@ -9,6 +9,10 @@ use crate::event::NotSending;
 const JUMP_M: f64 = 10.0;
 /// As [`JUMP_M`], in standard deviations of the new position.
 const JUMP_SIGMAS: f64 = 5.0;
+
+/// A position that only the autopilot's own velocity carries on is sent for so long, seconds: ArduPilot's EKF3 gives up a position after 7
+/// to 10 s without one.
+const LONGEST_BY_OWN_VELOCITY_S: f64 = 10.0;
 
 /// The position of a track at a time, if it may be given to an autopilot.
 ///
@@ -34,6 +38,16 @@ pub(crate) fn usable(
     }
 }
 
+/// Whether the position has been carried on by the autopilot's own velocity for so long that it must not be sent back.
+///
+/// It tells the autopilot nothing, whatever the error of that velocity, and hides from it that it is lost.
+pub(crate) fn is_own_velocity_sent_back(state: TrackState, estimate: &Estimate) -> bool {
+    let is_old = |age_s: f64| age_s > LONGEST_BY_OWN_VELOCITY_S;
+    state == TrackState::Coasting
+        && estimate.source == Source::Velocity
+        && estimate.age_of_last_fix_s.is_none_or(is_old)
+}
+
 /// Standard deviation along the longer axis of the position's ellipse, metres: for receivers that know one number.
 pub(crate) fn sigma_m(estimate: &Estimate) -> f64 {
     let [ee, en, nn] = estimate.covariance_en_m2;
@@ -57,8 +71,12 @@ impl Jumps {
     }
 
     /// How many jumps there were, this position included. It wraps, as `reset_counter` of ODOMETRY does.
-    pub fn count(&mut self, time_s: f64, estimate: &Estimate) -> u8 {
-        if let Some((last_s, last)) = self.last {
+    ///
+    /// A receiver puts such a position in the place of its own, so only one that fixes support counts as a jump.
+    pub fn count(&mut self, time_s: f64, state: TrackState, estimate: &Estimate) -> u8 {
+        if state == TrackState::Tracking
+            && let Some((last_s, last)) = self.last
+        {
             let after_s = time_s - last_s;
             let place = |estimate: &Estimate| LonLat::new(estimate.lon_deg, estimate.lat_deg);
             let (east_m, north_m) = offset_en_m(place(&last), place(estimate));
@@ -68,7 +86,7 @@ impl Jumps {
                 self.count = self.count.wrapping_add(1);
             }
         }
-        self.interrupted = false;
+        self.interrupted &= state != TrackState::Tracking;
         self.last = Some((time_s, *estimate));
         self.count
     }

@@ -1,5 +1,7 @@
 //! What is said to an autopilot and what is taken from it, without any connection: messages in, messages out.
 
+use std::collections::VecDeque;
+
 use grimnet_track::{Input, TrackPoint, TrackState};
 use mavlink::{
     MavHeader,
@@ -15,7 +17,7 @@ use crate::{
     describe::describe,
     event::{LinkEvent, NotSending},
     every::Every,
-    gate::{Jumps, usable},
+    gate::{Jumps, is_own_velocity_sent_back, usable},
     messages::{Position, odometry_without_position},
     options::LinkOptions,
     output::Output,
@@ -32,6 +34,8 @@ const SILENT_S: f64 = 5.0;
 const DEFAULT_SYSTEM: u8 = 1;
 /// An autopilot that was asked for its version for so long without an answer does not tell it, seconds.
 const VERSION_S: f64 = 3.0;
+/// An answer to a request for the autopilot's time before the last so many comes too late to say anything.
+const TIME_REQUESTS: usize = 8;
 /// If nothing is heard for so long, what would be sent is shown for an assumed autopilot, seconds.
 const ASSUME_AFTER_S: f64 = 3.0;
 
@@ -58,6 +62,8 @@ pub(crate) struct Session {
     requests: Requests,
     heartbeat: Every,
     time_request: Every,
+    /// When the last requests for the autopilot's time were sent, as they say it.
+    asked_ns: VecDeque<i64>,
     position: Every,
     jumps: Jumps,
     /// What was said last of sending: the message, or why none.
@@ -89,6 +95,7 @@ impl Session {
             requests: Requests::new(),
             heartbeat: Every::seconds(1.0),
             time_request: Every::seconds(0.5),
+            asked_ns: VecDeque::new(),
             position: Every::seconds(0.1),
             jumps: Jumps::default(),
             said: None,
@@ -223,6 +230,10 @@ impl Session {
             self.known_since_s = now_s;
             self.began_again();
         }
+        if self.silent {
+            // It may have started again meanwhile, without an origin.
+            self.origin = None;
+        }
         if !same || self.silent {
             self.requests.again();
             if let Some(autopilot) = self.autopilot {
@@ -278,7 +289,8 @@ impl Session {
                 target_system: self.system_id(),
                 target_component: self.autopilot.map_or(0, |autopilot| autopilot.component_id),
             }));
-        } else {
+        } else if self.asked_ns.contains(&data.ts1) {
+            // Routers hand on answers to others, whose clocks are not ours.
             let sent_s = data.ts1 as f64 * 1e-9;
             self.time_sync
                 .round_trip(sent_s, now_s, data.tc1 as f64 * 1e-9);
@@ -339,9 +351,14 @@ impl Session {
         }
         if let Some(autopilot) = self.autopilot() {
             if self.time_request.is_due(now_s) {
+                let asked_ns = nanoseconds(now_s);
+                self.asked_ns.push_back(asked_ns);
+                if self.asked_ns.len() > TIME_REQUESTS {
+                    self.asked_ns.pop_front();
+                }
                 self.outbox.push(MavMessage::TIMESYNC(TIMESYNC_DATA {
                     tc1: 0,
-                    ts1: nanoseconds(now_s),
+                    ts1: asked_ns,
                     target_system: autopilot.system_id,
                     target_component: autopilot.component_id,
                 }));
@@ -462,6 +479,9 @@ impl Session {
         if output == Output::PositionEstimate && state != TrackState::Tracking {
             return Err(NotSending::NoRecentFix);
         }
+        if is_own_velocity_sent_back(state, &estimate) {
+            return Err(NotSending::OwnVelocity);
+        }
         self.position
             .set_seconds(1.0 / output.rate_hz(autopilot.kind));
         let position = Position {
@@ -473,7 +493,7 @@ impl Session {
         let message = match output {
             Output::Odometry => {
                 let origin = self.origin_for(&position, &autopilot)?;
-                let jumps = self.jumps.count(now_s, &estimate);
+                let jumps = self.jumps.count(now_s, state, &estimate);
                 MavMessage::ODOMETRY(position.odometry(&autopilot, &origin, jumps))
             }
             Output::GlobalPositionSensor => {

@@ -1,6 +1,6 @@
 //! Conversations with an autopilot, message by message.
 
-use grimnet_track::{Estimate, Input, PositionOf, TrackPoint, TrackState};
+use grimnet_track::{Estimate, Input, PositionOf, Source, TrackPoint, TrackState};
 use mavlink::{
     MavHeader,
     dialects::common::{
@@ -242,15 +242,18 @@ fn nothing_is_sent_without_a_position_that_may_be_used() {
         flight.second(ARDUPILOT);
         assert!(flight.odometry().is_empty(), "{state:?}");
     }
-    flight.set_state(TrackState::Coasting);
-    flight.second(ARDUPILOT);
-    let sent = flight.odometry();
-    // The filter of the autopilot is to begin again.
-    assert!(
-        sent.iter()
-            .all(|data| data.reset_counter == first.reset_counter + 1)
-    );
-    assert!(sent[0].quality > 0 && sent[0].quality < first.quality);
+    // The filter of the autopilot is to begin again, but not with a position that no recent fix supports.
+    for (state, jumps) in [(TrackState::Coasting, 0), (TrackState::Tracking, 1)] {
+        flight.set_state(state);
+        flight.second(ARDUPILOT);
+        let sent = flight.odometry();
+        assert!(
+            sent.iter()
+                .all(|data| data.reset_counter == first.reset_counter + jumps)
+        );
+        let is_worse = sent[0].quality < first.quality;
+        assert!(sent[0].quality > 0 && is_worse == (state == TrackState::Coasting));
+    }
     for change in [
         |estimate: &mut Estimate| estimate.radius95_m = 151.0,
         |estimate: &mut Estimate| estimate.radius95_m = f64::NAN,
@@ -349,15 +352,29 @@ fn an_autopilot_that_goes_and_starts_again_is_followed() {
 fn telemetry_has_the_time_at_which_it_was_true() {
     let mut flight = Flight::new(|_| {});
     flight.second(ARDUPILOT);
-    // The answer to our request comes 4 ms after it and was made in the middle.
     for _ in 0..3 {
+        let asked_ns = loop {
+            flight.sent.clear();
+            flight.step(0.05);
+            let asked = |message: &MavMessage| match message {
+                MavMessage::TIMESYNC(data) if data.tc1 == 0 => Some(data.ts1),
+                _ => None,
+            };
+            if let Some(asked_ns) = flight.sent.iter().find_map(asked) {
+                break asked_ns;
+            }
+        };
         let sent_s = flight.now_s;
         flight.now_s += 0.004;
-        flight.says(&MavMessage::TIMESYNC(TIMESYNC_DATA {
-            tc1: ((sent_s + 0.002 - START_S) * 1e9) as i64,
-            ts1: (sent_s * 1e9) as i64,
-            ..TIMESYNC_DATA::default()
-        }));
+        // The answer to our request comes 4 ms after it and was made in the middle; one to somebody else, whose clock is 1 ms before
+        // ours, is handed on.
+        for (ts1, late_s) in [(asked_ns, 0.0), (asked_ns + 3_000_000, 0.5)] {
+            flight.says(&MavMessage::TIMESYNC(TIMESYNC_DATA {
+                tc1: ((sent_s + 0.002 - START_S + late_s) * 1e9) as i64,
+                ts1,
+                ..TIMESYNC_DATA::default()
+            }));
+        }
     }
     flight.session.inputs.clear();
     let true_s = flight.now_s - 0.02;
@@ -577,6 +594,45 @@ fn a_position_is_set_only_while_fixes_support_it() {
     assert!(sent_in_three_seconds(TrackState::Tracking) >= 2);
     let why = LinkEvent::NotSending(NotSending::NoRecentFix);
     assert!(flight.events.contains(&why));
+}
+
+/// For some seconds the autopilot's own velocity may carry a position on; later it would be told what it believes already.
+#[test]
+fn the_autopilots_own_velocity_is_not_sent_back_for_long() {
+    let mut flight = Flight::new(|_| {});
+    flight.second(ARDUPILOT);
+    flight.says_origin();
+    let mut sent = |state, source, age_of_last_fix_s| {
+        flight.set_state(state);
+        let estimate = flight.point.as_mut().unwrap().estimate.as_mut().unwrap();
+        estimate.source = source;
+        estimate.age_of_last_fix_s = Some(age_of_last_fix_s);
+        flight.second(ARDUPILOT);
+        !flight.odometry().is_empty()
+    };
+    assert!(sent(TrackState::Coasting, Source::Velocity, 9.9));
+    assert!(!sent(TrackState::Coasting, Source::Velocity, 10.1));
+    assert!(sent(TrackState::Coasting, Source::Motion, 10.1));
+    assert!(sent(TrackState::Tracking, Source::Velocity, 10.1));
+    let why = LinkEvent::NotSending(NotSending::OwnVelocity);
+    assert!(flight.events.contains(&why));
+}
+
+/// Silent for longer than it had run, it may come back with a later time and yet have started again.
+#[test]
+fn an_autopilot_that_was_silent_is_asked_for_its_origin_again() {
+    let mut flight = Flight::new(|_| {});
+    flight.second(ARDUPILOT);
+    flight.says_origin();
+    flight.second(ARDUPILOT);
+    assert!(!flight.odometry().is_empty());
+    (0..20).for_each(|_| flight.step(0.5));
+    flight.odometry();
+    flight.second(ARDUPILOT);
+    assert!(flight.odometry().is_empty());
+    flight.says_origin();
+    flight.second(ARDUPILOT);
+    assert!(!flight.odometry().is_empty());
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! The localiser: a photo and prior knowledge in, a fix or a reason out.
 
+use std::borrow::Borrow;
 use std::path::Path;
 
 use grimnet_net::{Domain, Extractor, Model, Precision, Statistics};
@@ -246,16 +247,17 @@ impl Localizer {
     }
 
     /// The same localiser with batch-normalisation statistics recomputed from the photos of a flight, without labels
-    /// ([`Adapt::Flight`]). Every answer then depends on these photos. Damaged photos are left out.
+    /// ([`Adapt::Flight`]). Every answer then depends on these photos, which are taken one at a time. Damaged photos are left out.
     ///
     /// # Errors
     /// Returns an error if a photo cannot be resampled, or there is none.
-    pub fn adapted_to_flight<'a>(
+    pub fn adapted_to_flight<'a, P: Borrow<Photo>>(
         self,
-        photos: impl IntoIterator<Item = (&'a Photo, &'a Prior)>,
+        photos: impl IntoIterator<Item = (P, &'a Prior)>,
     ) -> Result<Self> {
         let mut statistics = Vec::new();
         for (photo, prior) in photos {
+            let photo = photo.borrow();
             if photo.damage.is_some() {
                 continue;
             }

@@ -291,13 +291,21 @@ pub enum Rejection {
         runner_up: usize,
     },
     /// The confidence is too low.
-    #[error("confidence {percent:.1} %; at least {needed_percent:.1} % is required")]
+    #[error(
+        "confidence {:.1} %; at least {needed_percent:.1} % is required",
+        rounded_down(*percent)
+    )]
     Confidence {
         /// Confidence, per cent.
         percent: f64,
         /// The limit.
         needed_percent: f64,
     },
+}
+
+/// To a tenth, so that a number just below a limit does not read as the limit.
+fn rounded_down(percent: f64) -> f64 {
+    (percent * 10.0).floor() / 10.0
 }
 
 /// Wall time by stage, milliseconds.

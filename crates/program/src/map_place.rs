@@ -99,6 +99,21 @@ impl MapPlace {
         policy.add_input_trees(map.files());
         Ok(map)
     }
+
+    /// As [`MapPlace::open`], for a map that has to be the one that `pack` was built from.
+    ///
+    /// # Errors
+    /// The map cannot be read, or is another one.
+    pub fn open_of_pack(
+        &self,
+        path: &Path,
+        policy: &OutputPolicy,
+        pack: &Pack,
+    ) -> Result<Box<dyn Raster>> {
+        let map = self.open(path, policy)?;
+        check_built_from(pack, map.as_ref(), path)?;
+        Ok(map)
+    }
 }
 
 /// Whether `map` is the map that the pack was built from.

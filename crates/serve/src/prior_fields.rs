@@ -4,6 +4,7 @@ use grimnet_locate::{HeadingPrior, Near, Prior, ViewPrior};
 use serde::Deserialize;
 
 use crate::problem::Problem;
+use crate::request_body::of_json;
 
 /// What is known of the photo. What is left out comes from its metadata, or is searched.
 #[derive(Debug, Clone, Default, Deserialize, utoipa::ToSchema, utoipa::IntoParams)]
@@ -32,7 +33,7 @@ pub(crate) struct PriorFields {
 #[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
 #[serde(
     untagged,
-    expecting = "heading: expected degrees clockwise from north (-720 to 720), `exif` or `unknown`"
+    expecting = "expected degrees clockwise from north (-720 to 720), `exif` or `unknown`"
 )]
 #[schema(as = Heading)]
 enum HeadingField {
@@ -44,7 +45,7 @@ enum HeadingField {
 #[derive(Debug, Clone, Deserialize, utoipa::ToSchema)]
 #[serde(
     untagged,
-    expecting = "near: expected `LAT,LON,RADIUS_M`, such as 24.26,120.72,500, or in JSON an object of `lat_deg`, `lon_deg` and `radius_m`"
+    expecting = "expected `LAT,LON,RADIUS_M`, such as 24.26,120.72,500, or in JSON an object of `lat_deg`, `lon_deg` and `radius_m`"
 )]
 #[schema(as = Near)]
 enum NearField {
@@ -70,7 +71,7 @@ impl PriorFields {
     /// # Errors
     /// Status 400 if it is no JSON object of these fields.
     pub(crate) fn from_json(json: &[u8]) -> Result<Self, Problem> {
-        serde_json::from_slice(json)
+        of_json(json)
             .map_err(|error| Problem::bad_request(format!("the prior is not understood: {error}")))
     }
 
@@ -93,7 +94,7 @@ impl PriorFields {
                 return Err(Problem::bad_request(format!("{name} is given twice")));
             }
         }
-        serde_json::from_value(object.into())
+        serde_path_to_error::deserialize(serde_json::Value::from(object))
             .map_err(|error| Problem::bad_request(format!("the query is not understood: {error}")))
     }
 
@@ -224,6 +225,14 @@ mod tests {
                 "heading: expected degrees clockwise from north (-720 to 720), `exif` or `unknown`",
             ),
             (query(&[("hedding", "5")]), "`hedding`"),
+            (
+                query(&[("height_agl_m", "118m")]),
+                "height_agl_m: invalid type: string \"118m\"",
+            ),
+            (
+                json(r#"{"heading": 12, "hfov_deg": "73"}"#),
+                "hfov_deg: invalid type: string \"73\"",
+            ),
         ] {
             let problem = format!("{:?}", refused.unwrap_err());
             assert!(problem.contains(expected), "{problem}");

@@ -5,6 +5,7 @@ use std::error::Error;
 use axum::BoxError;
 use axum::body::{Body, Bytes, HttpBody as _};
 use futures_util::StreamExt as _;
+use serde::de::DeserializeOwned;
 use tokio::time::timeout;
 
 use crate::admission::Arrival;
@@ -108,4 +109,12 @@ pub(crate) fn paused(limits: &Limits) -> Problem {
         "no byte of the body arrived for {} s",
         limits.body_pause.as_secs_f64()
     ))
+}
+
+/// The value of a JSON text. The error names the field that it is about.
+pub(crate) fn of_json<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
+    let mut reader = serde_json::Deserializer::from_slice(json);
+    let value = serde_path_to_error::deserialize(&mut reader).map_err(|error| error.to_string())?;
+    reader.end().map_err(|error| error.to_string())?;
+    Ok(value)
 }

@@ -19,7 +19,7 @@ use crate::path::Path;
 use crate::photo::decode;
 use crate::problem::{Problem, ProblemKind};
 use crate::query::Query;
-use crate::request_body::read_body;
+use crate::request_body::{of_json, read_body};
 use crate::state::{Shared, State};
 use crate::track_formats::{geojson, gpx};
 use crate::track_frame::TrackFrame;
@@ -72,7 +72,7 @@ pub(crate) async fn begin(
     let new: Option<NewTrack> = if body.is_empty() {
         None
     } else {
-        serde_json::from_slice(&body)
+        of_json(&body)
             .map_err(|error| Problem::bad_request(format!("the body is not understood: {error}")))?
     };
     let map = new.and_then(|new| new.map);

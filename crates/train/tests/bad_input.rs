@@ -5,8 +5,8 @@
 #[path = "bad_input/checkpoints.rs"]
 mod checkpoints;
 
-use grimnet_train::data::{Folder, Layout, PairOptions, Serves};
-use grimnet_train::{Data, Device, TrainConfig, TrainError, Trainer};
+use grimnet_train::data::{Folder, LabelOptions, Layout, PairOptions, Serves};
+use grimnet_train::{Data, Device, TrainConfig, TrainError, Trainer, label_pictures};
 use image::{Rgb, RgbImage};
 use std::path::Path;
 
@@ -200,4 +200,32 @@ fn a_picture_belongs_to_one_folder() {
     }
     let by_task = [Serves::Retrieval, Serves::Matching].map(|serves| at(path, serves));
     assert!(opened(by_task).is_ok());
+}
+
+#[test]
+fn a_number_of_threads_that_would_stop_the_machine_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let with = |data_threads| TrainConfig {
+        data_threads,
+        ..tiny(folder.path())
+    };
+    assert!(with(256).validate().is_ok());
+    for data_threads in [0, 257] {
+        let error = with(data_threads).validate().unwrap_err().to_string();
+        assert!(error.contains("`data_threads`"), "{error}");
+    }
+}
+
+#[test]
+fn labels_for_no_folder_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        data: Vec::new(),
+        world_share: 1.0,
+        labels: Some(LabelOptions::default()),
+        ..tiny(folder.path())
+    };
+    let error = label_pictures(&config, &Device::flex(), &mut |_| true);
+    let error = error.err().unwrap().to_string();
+    assert!(error.contains("needs labels"), "{error}");
 }

@@ -13,15 +13,15 @@ use grimnet_pack::Pack;
 use grimnet_photo::Photo;
 
 pub use super::locate_options::{AdaptChoice, LocateOptions};
-use super::map_place::{MapPlace, check_built_from};
+use super::map_place::MapPlace;
 use super::{LimitsChoice, ModelChoice};
 use crate::drawings::Drawings;
 use crate::exit::Exit;
-use crate::formats::{AnswerOutput, Format, TextTarget, stopped};
-pub use crate::localise::{adapt_to_flight, locate_one};
+use crate::formats::{AnswerOutput, Format, TextTarget, stopped, warn_of_ending};
+pub use crate::localise::{adapt_to_flight, locate_one, warn_if_off_the_map};
 use crate::outputs::OverwriteChoice;
 use crate::{errors, inputs, interrupt, photos, progress, values};
-use grimnet_answer::{Answer, printable_text};
+use grimnet_answer::{Answer, printable, rounded};
 
 /// Examples under the help of `grim locate`.
 pub const EXAMPLES: &str = "\
@@ -109,8 +109,14 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     let pack = Pack::open(&arguments.pack)?;
     let mut drawings = drawings(arguments, &pack, &paths, &policy)?;
     let localizer = localizer(arguments, pack, &paths)?;
+    if let Some(near) = &arguments.locate.near {
+        warn_if_off_the_map("--near", near, &localizer)?;
+    }
 
     let named = out.file().and_then(Format::of_name);
+    if let Some(file) = out.file() {
+        warn_of_ending(file, named, arguments.format);
+    }
     let format = arguments.format.or(named).unwrap_or_else(|| {
         if out.is_terminal() {
             Format::Table
@@ -152,14 +158,8 @@ fn drawings(
     let Some(folder) = &arguments.draw else {
         return Ok(None);
     };
-    let map = match &arguments.map {
-        Some(path) => {
-            let map = arguments.place.open(path, policy)?;
-            check_built_from(pack, map.as_ref(), path)?;
-            Some(map)
-        }
-        None => None,
-    };
+    let open = |path: &PathBuf| arguments.place.open_of_pack(path, policy, pack);
+    let map = arguments.map.as_ref().map(open).transpose()?;
     Drawings::open(folder, policy, photos, map).map(Some)
 }
 
@@ -206,7 +206,7 @@ fn locate_all(
                 }
                 let mut answer = Answer::of(&path.display().to_string(), &outcome);
                 if arguments.check {
-                    answer.check_m = check_m(&photo, &answer);
+                    answer.check_m = check_m(&photo, &answer).map(|m| rounded(m, 3));
                 }
                 without_fix += usize::from(answer.reason.is_some());
                 answer
@@ -219,7 +219,7 @@ fn locate_all(
                 let message = errors::message_with_hint(&error);
                 if format == Format::Gpx {
                     // GPX has only photos with a fix: nothing else would say which photo it is.
-                    bar.suspend(|| tracing::warn!("{}", printable_text(&message)));
+                    bar.suspend(|| tracing::warn!("{}", printable(&message)));
                 }
                 Answer {
                     damaged: errors::is_damaged_photo(&error),
@@ -233,6 +233,15 @@ fn locate_all(
     bar.finish_and_clear();
     if unreadable > 0 {
         tracing::warn!("{unreadable} of {} photos could not be read", paths.len());
+    }
+    if without_fix > 0 && arguments.out.is_some() {
+        // Where the table is shown, it counts them.
+        let lists = if format == Format::Gpx {
+            "; GPX leaves them out, --format jsonl gives the reasons"
+        } else {
+            ""
+        };
+        tracing::warn!("{without_fix} of {} photos have no fix{lists}", paths.len());
     }
     let not_drawn = drawings.as_ref().map_or(0, |drawings| drawings.failed);
     Ok(if unreadable + not_drawn > 0 {

@@ -110,6 +110,9 @@ pub struct LocateOptions {
     pub min_confidence: Option<f64>,
 
     /// Stop the search after this many milliseconds per photo
+    ///
+    /// It ends between ground widths: the first one is searched in any case, which takes some tenths of a second where neither heading
+    /// nor ground width is known.
     #[arg(
         long,
         value_name = "MS",

@@ -59,7 +59,10 @@ fn collect(command: &Command, pages: &mut Vec<(String, Vec<u8>)>) -> Result<()> 
         .get_display_name()
         .unwrap_or_else(|| command.get_name());
     let mut page = Vec::new();
-    clap_mangen::Man::new(command.clone()).render(&mut page)?;
+    let source = concat!("grim ", env!("CARGO_PKG_VERSION"));
+    clap_mangen::Man::new(command.clone())
+        .source(source)
+        .render(&mut page)?;
     pages.push((format!("{name}.1"), page));
     for below in command.get_subcommands().filter(|c| !c.is_hide_set()) {
         collect(below, pages)?;

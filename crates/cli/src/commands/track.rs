@@ -23,6 +23,7 @@ use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
 use crate::exit::Exit;
 use crate::formats::{RowOutput, TextStream, stopped};
+use crate::localise::warn_if_off_the_map;
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
 use crate::tracking::live::{Live, check_time_of_day};
@@ -84,11 +85,14 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
         .with_options(arguments.known.options());
     let localizer = Arc::new(localizer);
-    arguments
-        .known
-        .warn_of_start_off_the_map(&localizer, pack)?;
+    if let Some(start) = &arguments.known.start {
+        warn_if_off_the_map("--start", start, &localizer)?;
+    }
+    if let Some(truth) = &truth {
+        truth.warn_if_off_the_map(&localizer)?;
+    }
     let session_file = session_file(arguments, &policy, &localizer)?;
-    let report = report_folder(arguments, &policy)?;
+    let report = report_folder(arguments, &policy, localizer.pack())?;
     let clock_jump_s = if source.is_live() {
         TrackOptions::default().clock_jump_s
     } else {
@@ -180,11 +184,15 @@ fn session_file<'a>(
 /// Opens the folder of `--report`, if it is asked for.
 ///
 /// # Errors
-/// It may not be written, or the map cannot be read.
-fn report_folder(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<Option<ReportFolder>> {
+/// It may not be written, or the map cannot be read or is not that of the pack.
+fn report_folder(
+    arguments: &TrackArgs,
+    policy: &OutputPolicy,
+    pack: &Pack,
+) -> Result<Option<ReportFolder>> {
     let output = &arguments.output;
     let map = output.map.as_deref();
-    let open = |folder| ReportFolder::open(folder, policy, map, &output.place);
+    let open = |folder| ReportFolder::open(folder, policy, map, &output.place, pack);
     output.report.as_deref().map(open).transpose()
 }
 
@@ -375,6 +383,13 @@ fn summarise(followed: &Followed<'_>, frames: &dyn Frames, interrupted: bool) ->
         tracing::warn!(
             "{} of {} frames could not be used",
             counts.unusable,
+            counts.frames
+        );
+    }
+    if counts.usable == 0 && counts.frames > 0 {
+        tracing::warn!(
+            "the track has no position: {} of {} frames have a fix; `frame` and `reason` of --format jsonl or csv say more",
+            counts.fixes,
             counts.frames
         );
     }

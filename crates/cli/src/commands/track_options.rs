@@ -1,15 +1,10 @@
 //! Arguments of `grim track`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use anyhow::Result;
 use clap::{Arg, ArgGroup, Args};
-use grimnet_answer::printable;
 use grimnet_flight::{FlightOptions, Known};
-use grimnet_geo::LonLat;
-use grimnet_locate::{
-    DEFAULT_MAP_ERROR_M, HeadingPrior, Localizer, Near, NeededPixels, Options, Prior,
-};
+use grimnet_locate::{DEFAULT_MAP_ERROR_M, HeadingPrior, Near, NeededPixels, Options, Prior};
 use grimnet_photo::ViewPrior;
 use grimnet_track::{Start, TrackOptions, Vehicle};
 
@@ -104,7 +99,8 @@ pub struct TrackArgs {
 pub struct FrameArgs {
     /// Follow a folder into which photos are being written, until Ctrl-C
     ///
-    /// Only complete files are taken: those whose size does not change any more, or that were renamed into the folder.
+    /// Only complete files are taken: those whose size does not change any more, or that were renamed into the folder. A file that
+    /// ends too early counts as damaged when 3 s have brought no more of it. Each name is taken once.
     #[arg(long, help_heading = FRAMES)]
     pub follow: bool,
 
@@ -202,24 +198,6 @@ impl KnownArgs {
             },
             attitude: None,
         }
-    }
-
-    /// Warns if no tile of the pack shows where the aircraft is said to be: degrees that are exchanged, or another pack.
-    ///
-    /// # Errors
-    /// The pack has no coordinates.
-    pub fn warn_of_start_off_the_map(&self, localizer: &Localizer, pack: &Path) -> Result<()> {
-        if let Some(start) = &self.start
-            && !localizer.has_tiles_near(start)?
-        {
-            let LonLat { lon_deg, lat_deg } = start.centre;
-            tracing::warn!(
-                "--start {lat_deg},{lon_deg},{} is not on the map of {}: latitude comes first, then longitude",
-                start.radius_m,
-                printable(&pack.display().to_string())
-            );
-        }
-        Ok(())
     }
 
     /// How single frames are localised.

@@ -7,7 +7,7 @@ use grimnet_track::TrackPoint;
 use super::track_options::TrackArgs;
 use super::track_reader::WhileRead;
 use super::track_report::PAGE;
-use crate::formats::{NOT_TEXT, RowOutput, TextStream, TextTarget};
+use crate::formats::{NOT_TEXT, RowOutput, TextStream, TextTarget, warn_of_ending};
 use crate::tracking::formats::TrackFormat;
 use crate::tracking::line::TrackLine;
 use crate::tracking::nmea_rows::NmeaRows;
@@ -61,8 +61,11 @@ fn track_target(arguments: &TrackArgs) -> TextTarget<'_> {
 /// The file may not be written, or the format needs a file.
 pub fn open_output(arguments: &TrackArgs, policy: &OutputPolicy) -> Result<RowOutput<TrackLine>> {
     let target = track_target(arguments);
-    let by_ending = || target.file().and_then(TrackFormat::of);
-    let format = arguments.output.format.or_else(by_ending);
+    let by_ending = target.file().and_then(TrackFormat::of);
+    if let Some(file) = target.file() {
+        warn_of_ending(file, by_ending, arguments.output.format);
+    }
+    let format = arguments.output.format.or(by_ending);
     let format = format.unwrap_or_else(|| {
         if target.is_terminal() {
             TrackFormat::Table

@@ -1,5 +1,6 @@
 //! `grim track --replay`.
 
+use std::io::Write as _;
 use std::path::Path;
 
 use anyhow::{Result, bail};
@@ -33,7 +34,11 @@ pub fn replay(arguments: &TrackArgs, given: &Path) -> Result<Exit> {
         tracing::warn!("{others} of {frames} frames give another track than the recorded one");
         return Ok(Exit::SomeWithoutFix);
     }
-    tracing::info!("{frames} frames, all as they were recorded");
+    // There is nobody left to tell if standard error is gone.
+    let _ = writeln!(
+        std::io::stderr(),
+        "{frames} frames, all as they were recorded"
+    );
     Ok(Exit::Done)
 }
 

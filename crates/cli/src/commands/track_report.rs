@@ -6,6 +6,7 @@ use anyhow::Result;
 use grimnet_eval::report::track_page::{TrackMark, TrackPage};
 use grimnet_geo::{LonLat, Raster};
 use grimnet_output::{OutputFolder, OutputPolicy};
+use grimnet_pack::Pack;
 
 use super::map_place::MapPlace;
 use crate::tracking::line::FrameResult;
@@ -110,14 +111,17 @@ impl ReportFolder {
     /// Opens the folder and the map.
     ///
     /// # Errors
-    /// The folder may not be written, or the map cannot be read.
+    /// The folder may not be written, or the map cannot be read or is not that of the pack.
     pub fn open(
         folder: &Path,
         policy: &OutputPolicy,
         map: Option<&Path>,
         place: &MapPlace,
+        pack: &Pack,
     ) -> Result<Self> {
-        let map = map.map(|path| place.open(path, policy)).transpose()?;
+        let map = map
+            .map(|path| place.open_of_pack(path, policy, pack))
+            .transpose()?;
         let folder = OutputFolder::open(folder, policy)?;
         folder.check([PAGE])?;
         Ok(Self { folder, map })

@@ -23,7 +23,7 @@ impl<'a> SessionFile<'a> {
     /// Opens the map, if it is given.
     ///
     /// # Errors
-    /// The file may not be replaced, or the map cannot be read.
+    /// The file may not be replaced, or the map cannot be read or is another one.
     pub fn open(
         path: &'a Path,
         policy: &'a OutputPolicy,
@@ -31,7 +31,9 @@ impl<'a> SessionFile<'a> {
         map: Option<&Path>,
         place: &MapPlace,
     ) -> Result<Self> {
-        let raster = map.map(|path| place.open(path, policy)).transpose()?;
+        let raster = map
+            .map(|path| place.open_of_pack(path, policy, localizer.pack()))
+            .transpose()?;
         policy.check_file(path, &[])?;
         let name = localizer
             .pack()

@@ -57,9 +57,9 @@ impl<'a> TextTarget<'a> {
         match self {
             Self::File(path) => PlannedOutput::file(option, path),
             Self::StandardOutput { is_given: true } => PlannedOutput::standard_output(option),
-            Self::StandardOutput { is_given: false } => {
-                PlannedOutput::standard_output(&format!("the default of {option}"))
-            }
+            Self::StandardOutput { is_given: false } => PlannedOutput::standard_output(&format!(
+                "the default of {option} (standard output; {option} FILE writes a file)"
+            )),
         }
     }
 }

@@ -31,7 +31,7 @@ pub enum TrackFormat {
     Gpx,
     /// Lines (KML 2.3), for Google Earth and others
     Kml,
-    /// A GeoPackage (OGC), for QGIS: positions, the way and 95 % ellipses as layers; a file, written when the run ends
+    /// A GeoPackage (OGC), for QGIS: positions, the track line and 95 % ellipses as layers; a file, written when the run ends
     #[cfg(feature = "sqlite")]
     Gpkg,
 }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::frame_time::Epoch;
 use crate::errors;
-use grimnet_answer::{TrackPlace, rounded};
+use grimnet_answer::{TrackPlace, rounded, rounded_heading};
 
 /// A time as it is written.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -168,7 +168,9 @@ impl TrackLine {
             state,
             lat_deg: number(estimate.map(|e| e.lat_deg), 8),
             lon_deg: number(estimate.map(|e| e.lon_deg), 8),
-            heading_deg: number(estimate.and_then(|e| e.heading_deg), 2),
+            heading_deg: estimate
+                .and_then(|e| e.heading_deg)
+                .map(|degrees| rounded_heading(degrees, 2)),
             radius95_m: number(estimate.map(|e| e.radius95_m), 3),
             covariance_en_m2: estimate.map(|e| e.covariance_en_m2.map(|v| rounded(v, 6))),
             age_of_last_fix_s: number(age_s, 3),

@@ -7,8 +7,14 @@ use anyhow::{Result, bail};
 use grimnet_answer::printable;
 use grimnet_eval::datasets::truth::{self, TruthFrame};
 use grimnet_geo::LonLat;
+use grimnet_locate::{Localizer, Near};
 use grimnet_track::measure::{Instant, Measure, TrackSummary};
 use grimnet_track::{PositionOf, TrackPoint};
+
+/// A true position within this distance of a tile is plausible, metres.
+const NEAR_THE_MAP_M: f64 = 10_000.0;
+/// So many true positions are compared with the map.
+const MOST_COMPARED: usize = 100;
 
 /// True positions by file name.
 pub struct Truth {
@@ -47,6 +53,33 @@ impl Truth {
                 .map(|frame| (frame.photo.clone(), frame))
                 .collect(),
         })
+    }
+
+    /// Warns if no true position is near the map of the pack: columns that are exchanged, or another flight.
+    ///
+    /// # Errors
+    /// The pack has no coordinates.
+    pub fn warn_if_off_the_map(&self, localizer: &Localizer) -> Result<()> {
+        let place = |frame: &TruthFrame| {
+            let known = frame.gps_lat_lon_deg.or(frame.centre_lat_lon_deg);
+            known.map(|(lat_deg, lon_deg)| LonLat::new(lon_deg, lat_deg))
+        };
+        let radius_m = NEAR_THE_MAP_M;
+        for centre in self.of_photo.values().filter_map(place).take(MOST_COMPARED) {
+            if localizer.has_tiles_near(&Near { centre, radius_m })? {
+                return Ok(());
+            }
+        }
+        if let Some(LonLat { lon_deg, lat_deg }) = self.of_photo.get(&self.first).and_then(place) {
+            tracing::warn!(
+                "{}: its true positions are not within {:.0} km of the map of {} (the first: latitude {lat_deg}, longitude {lon_deg}); \
+                 check its columns of latitude and longitude",
+                printable(&self.path.display().to_string()),
+                radius_m / 1000.0,
+                printable(&localizer.pack().path().display().to_string())
+            );
+        }
+        Ok(())
     }
 
     fn frame(&self, photo: &str) -> Option<&TruthFrame> {

@@ -7,6 +7,7 @@ mod determinism;
 mod evaluation;
 mod faults;
 mod guide;
+mod hints;
 mod interruptions;
 mod limits;
 mod live;

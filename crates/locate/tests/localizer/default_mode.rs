@@ -205,7 +205,12 @@ fn answers_depend_on_the_photos_that_normalisation_statistics_come_from() {
             assert_ne!(similarity(answer), similarity(before), "{i}");
         }
     }
-    assert!(localizer(Options::default()).adapted_to_flight([]).is_err());
+    let none: [(&Photo, &Prior); 0] = [];
+    assert!(
+        localizer(Options::default())
+            .adapted_to_flight(none)
+            .is_err()
+    );
 }
 
 #[test]

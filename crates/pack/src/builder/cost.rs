@@ -36,8 +36,10 @@ pub fn check_scale(raster: &dyn Raster, limits: &BuildLimits) -> Result<()> {
 
 /// A map enlarged by more than this has nothing more to show: the ground resolution is a slip of units.
 const MOST_ENLARGED: f64 = 16.0;
+/// A map reduced by more than this to less than a tile is a slip of units as well, unless it is of satellites.
+const MOST_REDUCED: f64 = 16.0;
 
-/// Checks that no level is far finer than the map.
+/// Checks that no level is far finer than the map. Warns of one that is far coarser.
 ///
 /// # Errors
 /// Returns [`PackError::Options`] if one is, [`PackError::Map`] if the map has no position on Earth.
@@ -53,6 +55,14 @@ pub fn check_enlargement(plans: &[LevelPlan], raster: &dyn Raster) -> Result<()>
                  resolution in metres that is not far below that",
                 plan.frame.gsd_m
             )));
+        }
+        let [width, height] = plan.size_px();
+        if 1.0 / times > MOST_REDUCED && width.max(height) < u64::from(plan.layout.network_px) {
+            tracing::warn!(
+                "at {} m per pixel the whole map is {width} x {height} px, less than one tile, in which hardly any photo is found: its own \
+                 pixels measure {map_gsd_m:.3} m; ground resolutions are in metres per pixel",
+                plan.frame.gsd_m
+            );
         }
     }
     Ok(())
@@ -93,7 +103,9 @@ pub fn check_cost(
         let [width, height] = plan.size_px();
         let longer = width.max(height);
         if longer < limits.min_level_px {
-            let finest_m = plan.frame.gsd_m * longer as f64 / limits.min_level_px as f64;
+            // The last pixel of a side may lie on the map with a part of it only.
+            let covered_px = longer.saturating_sub(1).max(1);
+            let finest_m = plan.frame.gsd_m * covered_px as f64 / limits.min_level_px as f64;
             return Err(PackError::Options(format!(
                 "at {} m per pixel the map is {width} x {height} px, less than {} px along its longer side; choose a \
                  ground resolution below {finest_m:.3} m, or check the map's coordinate system and scale",

@@ -68,7 +68,8 @@ pub struct TrainConfig {
     pub decay_from: f64,
     /// Maximum norm of the gradient of all parameters; longer gradients are scaled down to it. `inf` disables clipping.
     pub clip: f32,
-    /// Share of the run that is trained without the global loss. NetVLAD is initialised by k-means when this share is over.
+    /// Share of the run that is trained without the global loss. NetVLAD is initialised by k-means when this share is over. It has no
+    /// effect where `start_from` gives an initialised NetVLAD, which is trained from the first step.
     pub global_from: f64,
     /// Weights of the losses.
     pub weights: Weights,
@@ -91,7 +92,7 @@ pub struct TrainConfig {
     pub multi_similarity: MultiSimilarityOptions,
     /// Settings of the homography loss.
     pub homography: HomographyOptions,
-    /// Train retrieval in odd steps and matching in even steps (paper, section 4.3), each on the data that serves it, instead
+    /// Train matching in the first step, retrieval in the second, and so on in turns (paper, section 4.3), each on the data that serves it, instead
     /// of both in every step.
     pub alternate: bool,
     /// Whether each domain has its own normalisation.

@@ -5,6 +5,9 @@ use crate::data::{HomographyRange, Look};
 use crate::error::TrainError;
 use std::fmt;
 
+/// Most threads that make pairs: a slip of the keyboard is to be told, and not to stop the machine.
+const MOST_DATA_THREADS: usize = 256;
+
 /// The values that a setting may have.
 #[derive(Clone, Copy)]
 enum Range {
@@ -20,6 +23,8 @@ enum Range {
     NotNegative,
     /// A number of things.
     AtLeast(usize),
+    /// A number of things, at least 1.
+    UpTo(usize),
 }
 
 impl Range {
@@ -32,6 +37,7 @@ impl Range {
             Self::PositiveOrInfinite => value > 0.0,
             Self::NotNegative => value >= 0.0 && value.is_finite(),
             Self::AtLeast(least) => value >= least as f64,
+            Self::UpTo(most) => (1.0..=most as f64).contains(&value),
         }
     }
 }
@@ -46,6 +52,7 @@ impl fmt::Display for Range {
             Self::PositiveOrInfinite => f.write_str("above 0, or inf"),
             Self::NotNegative => f.write_str("at least 0"),
             Self::AtLeast(least) => write!(f, "at least {least}"),
+            Self::UpTo(most) => write!(f, "from 1 to {most}"),
         }
     }
 }
@@ -144,13 +151,18 @@ impl TrainConfig {
         out
     }
 
-    fn numbers_of_the_run(&self) -> [Number; 18] {
-        use Range::{AtLeast, BelowOne, NotNegative, Positive, PositiveOrInfinite, Share};
+    fn numbers_of_the_run(&self) -> [Number; 19] {
+        use Range::{AtLeast, BelowOne, NotNegative, Positive, PositiveOrInfinite, Share, UpTo};
         let (adam, pairs) = (&self.adam, &self.pairs);
         let numbers = [
             ("world_share", self.world_share, Share),
             ("minutes", self.minutes, Positive),
             ("pairs_per_step", self.pairs_per_step as f64, AtLeast(2)),
+            (
+                "data_threads",
+                self.data_threads as f64,
+                UpTo(MOST_DATA_THREADS),
+            ),
             ("learning_rate", self.learning_rate, Positive),
             ("encoder_rate", self.encoder_rate, NotNegative),
             ("adam.beta1", adam.beta1.into(), BelowOne),

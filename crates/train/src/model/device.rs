@@ -67,7 +67,7 @@ impl Accelerator {
             Ok(Ok((device, values))) if values == [2.0] => Ok(device),
             _ => Err(TrainError::Config {
                 reason: format!(
-                    "no GPU found with {self:?}; install its driver, or set `device = \"cpu\"`"
+                    "no GPU found with {self:?}; install what it needs (TRAINING.md, \"On a GPU\"), or set `device = \"cpu\"`"
                 ),
             }),
         }

@@ -8,10 +8,10 @@ use crate::model::normalisation::{Statistics, norm_relu_by_domain};
 use crate::model::parameters::Parameters;
 use crate::model::resample::{coarse_mask, upsample_twice};
 use crate::model::vlad::net_vlad;
-use crate::ops::conv3x3;
+use crate::ops::{conv3x3, transposed_conv4x4};
 use burn::tensor::Tensor;
-use burn::tensor::module::{conv_transpose2d, max_pool2d};
-use burn::tensor::ops::{ConvTransposeOptions, MaxPoolOptions};
+use burn::tensor::module::max_pool2d;
+use burn::tensor::ops::MaxPoolOptions;
 use grimnet_net::{Decoder, Downsample, KeypointHead, NetSpec, VladInput};
 
 /// The outputs of the network for a batch.
@@ -189,9 +189,11 @@ impl<'a> Network<'a> {
         bias: Option<Tensor<1>>,
     ) -> Result<Tensor<4>, TrainError> {
         let weight = self.parameters.shaped::<4>(&format!("{name}.weight"))?;
-        let options = ConvTransposeOptions::new([2, 2], [1, 1], [0, 0], [1, 1], 1);
-        let y = conv_transpose2d(x.permute([0, 3, 1, 2]), weight, bias, options);
-        Ok(y.permute([0, 2, 3, 1]))
+        let y = transposed_conv4x4(x, weight);
+        Ok(match bias {
+            Some(bias) => y + bias.unsqueeze::<4>(),
+            None => y,
+        })
     }
 
     fn keypoints_from_grey(

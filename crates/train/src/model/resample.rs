@@ -1,16 +1,17 @@
 //! Changing the resolution of features and masks.
 
-use burn::tensor::module::max_pool2d;
-use burn::tensor::ops::MaxPoolOptions;
 use burn::tensor::{Device, Tensor, TensorData};
 
-/// Mask of the deepest features from the mask of 8 x 8 cells: a position counts if any of its 4 x 4 cells does.
+/// Mask of the deepest features from the mask of 8 x 8 cells: a position counts if at least half of its 4 x 4 cells do, as in
+/// `grimnet-net`.
 ///
 /// # Shapes
 /// `seen` `[n, h * w, 1]`, result `[n, (h / 4) * (w / 4), 1]`.
 pub(super) fn coarse_mask(seen: &Tensor<3>, n: usize, h: usize, w: usize) -> Tensor<3> {
-    let grid = seen.clone().reshape([n, 1, h, w]);
-    max_pool2d(grid, MaxPoolOptions::new([4, 4])).reshape([n, (h / 4) * (w / 4), 1])
+    let cells = seen.clone().reshape([n * (h / 4), 4, w / 4, 4]);
+    let share = cells.mean_dim(3).mean_dim(1);
+    let counts = share.greater_equal_elem(0.5).float();
+    counts.reshape([n, (h / 4) * (w / 4), 1])
 }
 
 /// Bilinear weights that upsample `from` samples by two, with edges repeated (`align_corners = false`).
@@ -57,5 +58,27 @@ trait AutodiffAs {
 impl AutodiffAs for Tensor<2> {
     fn autodiff_as(self, autodiff: bool) -> Self {
         if autodiff { self.autodiff() } else { self }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_deep_position_counts_if_half_of_it_is_seen() {
+        // Two pictures of 2 x 1 positions, with so many of their 16 cells seen.
+        let counts = [16, 8, 7, 0];
+        let device = Device::flex();
+        let mut seen = vec![0.0f32; 4 * 16];
+        for (position, count) in counts.into_iter().enumerate() {
+            let (picture, column) = (position / 2, position % 2);
+            for cell in 0..count {
+                seen[picture * 32 + (cell / 4) * 8 + column * 4 + cell % 4] = 1.0;
+            }
+        }
+        let seen = Tensor::from_data(TensorData::new(seen, [2, 32, 1]), &device);
+        let mask = coarse_mask(&seen, 2, 4, 8).into_data_as::<f32>();
+        assert_eq!(mask.try_to_vec::<f32>().unwrap(), [1.0, 1.0, 0.0, 0.0]);
     }
 }

@@ -1,6 +1,6 @@
 //! The operations as burn operations: forward on the CPU backend, backward registered with autodiff.
 
-use super::composed::{composed_conv3x3, composed_norm_relu};
+use super::composed::{composed_conv3x3, composed_norm_relu, composed_transposed_conv4x4};
 use super::convolution::{self, Geometry};
 use super::normalisation::{self, Group, Moments};
 use burn::backend::autodiff::{
@@ -11,6 +11,8 @@ use burn::backend::autodiff::{
 };
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Backend, Dispatch, Flex, backend_extension};
+use burn::tensor::module::conv_transpose2d;
+use burn::tensor::ops::ConvTransposeOptions;
 use burn::tensor::{DType, Device, Shape, Tensor, TensorData};
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -250,6 +252,19 @@ pub fn conv3x3(x: Tensor<4>, weight: Tensor<4>, stride: usize) -> Tensor<4> {
     composed_conv3x3(x, weight, stride)
 }
 
+/// 4x4 transposed convolution with stride 2, padding 1 and no bias (paper, eq. 4).
+///
+/// # Shapes
+/// `x` `[n, h, w, c]`, `weight` `[c, o, 4, 4]`, result `[n, 2 h, 2 w, o]`.
+pub fn transposed_conv4x4(x: Tensor<4>, weight: Tensor<4>) -> Tensor<4> {
+    if is_cpu(&x.device()) {
+        let options = ConvTransposeOptions::new([2, 2], [1, 1], [0, 0], [1, 1], 1);
+        let y = conv_transpose2d(x.permute([0, 3, 1, 2]), weight, None, options);
+        return y.permute([0, 2, 3, 1]);
+    }
+    composed_transposed_conv4x4(x, weight)
+}
+
 /// Normalises rows of channels by the statistics of their group, applies scale and shift of the group's domain, and ReLU.
 ///
 /// # Shapes
@@ -318,15 +333,29 @@ mod tests {
         let random = |shape: [usize; 4]| {
             Tensor::<4>::from_data(numbers(&shape, -1.0..1.0), &device).require_grad()
         };
-        for stride in [1, 2] {
-            let (x, w, pull) = (
-                random([3, 8, 6, 4]),
-                random([5, 4, 3, 3]),
-                random([3, 8 / stride, 6 / stride, 5]),
-            );
-            let ours = conv3x3(x.clone(), w.clone(), stride);
-            let theirs = composed_conv3x3(x.clone(), w.clone(), stride);
+        type Convolution = fn(Tensor<4>, Tensor<4>) -> Tensor<4>;
+        let convolutions: [(Convolution, Convolution, [usize; 4]); 3] = [
+            (
+                |x, w| conv3x3(x, w, 1),
+                |x, w| composed_conv3x3(x, w, 1),
+                [5, 4, 3, 3],
+            ),
+            (
+                |x, w| conv3x3(x, w, 2),
+                |x, w| composed_conv3x3(x, w, 2),
+                [5, 4, 3, 3],
+            ),
+            (
+                transposed_conv4x4,
+                composed_transposed_conv4x4,
+                [4, 5, 4, 4],
+            ),
+        ];
+        for (ours, theirs, weight) in convolutions {
+            let (x, w) = (random([3, 8, 6, 4]), random(weight));
+            let (ours, theirs) = (ours(x.clone(), w.clone()), theirs(x.clone(), w.clone()));
             close(ours.clone(), theirs.clone(), "convolution");
+            let pull = random(ours.dims());
             let (a, b) = (
                 (ours * pull.clone()).sum().backward(),
                 (theirs * pull).sum().backward(),

@@ -9,6 +9,6 @@ mod dispatch;
 pub mod normalisation;
 mod running_moments;
 
-pub use dispatch::{conv3x3, norm_relu};
+pub use dispatch::{conv3x3, norm_relu, transposed_conv4x4};
 pub use normalisation::{Group, Moments};
 pub use running_moments::follow_moments;

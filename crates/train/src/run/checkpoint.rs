@@ -215,32 +215,40 @@ impl Checkpoint {
             .map_err(|error| wrong(format!("the configuration in it cannot be read: {error}")))?;
         let scenes = metadata.get("scenes").map_or(Ok(0), |n| n.parse());
         let scenes = scenes.map_err(|_| wrong("`scenes` is not a number".into()))?;
-        let model = Model::random(&spec, 0)?.with_card(Card::default());
+        let model = Model::random(&spec, 0).map_err(|error| wrong(error.to_string()))?;
+        let model = model.with_card(Card::default());
         let blank = Parameters::of_model(&model, device).with_classifier(scenes, device);
-        let (mut parameters, mut average) = (blank.clone(), blank);
+        let (mut parameters, mut average) = (blank.clone(), blank.clone());
         let mut adam = Adam {
             updates,
             ..Adam::default()
         };
         let inner = device.clone().without_autodiff();
-        let read = |name: &str| -> Result<Tensor<1>, TrainError> {
+        let read = |kind: &str, name: &str| -> Result<Tensor<1>, TrainError> {
+            let expected = blank.flat(name)?.dims()[0];
+            let name = format!("{kind}/{name}");
             let view = tensors
-                .tensor(name)
+                .tensor(&name)
                 .map_err(|_| wrong(format!("`{name}` is missing")))?;
             let values = values_of(view.data());
             let length = values.len();
+            if length != expected {
+                return Err(wrong(format!(
+                    "`{name}` has {length} values; its network has {expected}"
+                )));
+            }
             Ok(Tensor::from_data(TensorData::new(values, [length]), &inner))
         };
-        for name in parameters.names() {
-            parameters.set(&name, read(&format!("value/{name}"))?)?;
-            average.set(&name, read(&format!("average/{name}"))?)?;
+        for name in blank.names() {
+            parameters.set(&name, read("value", &name)?)?;
+            average.set(&name, read("average", &name)?)?;
             if tensors.tensor(&format!("first/{name}")).is_ok() {
                 adam.moments.insert(
                     name.clone(),
                     Moments {
                         updates: updates_of.get(&name).copied().unwrap_or(updates),
-                        first: read(&format!("first/{name}"))?,
-                        second: read(&format!("second/{name}"))?,
+                        first: read("first", &name)?,
+                        second: read("second", &name)?,
                     },
                 );
             }

@@ -77,6 +77,11 @@ pub fn label_pictures(
         .filter(|folder| folder.serves != Serves::Retrieval)
         .cloned()
         .collect();
+    if folders.is_empty() {
+        return Err(TrainError::Config {
+            reason: "no `[[data]]` folder needs labels: the pairs come from procedural worlds, or all folders serve retrieval; train without --labels".into(),
+        });
+    }
     let pictures = Pictures::scan(&folders, config.least_picture_px(), config.photo_limits)?;
     let (todo, mut progress) = unlabelled(&pictures, &cache)?;
     let started = Instant::now();

@@ -8,7 +8,7 @@ use crate::model::parameters::Parameters;
 use crate::run::checkpoint::{Checkpoint, Position};
 use crate::run::optimiser::Adam;
 use burn::tensor::Device;
-use grimnet_net::{Model, NetSpec};
+use grimnet_net::{Model, ModelFileError, NetError, NetSpec};
 use std::path::Path;
 
 /// The initial state, with a classifier of `scenes` classes.
@@ -82,10 +82,12 @@ fn loaded(
             checkpoint.network()?.with_classifier(0, device),
             checkpoint.position.centres_started,
         )
-    } else if let Ok(model) = Model::open(path) {
-        (Parameters::of_model(&model, device), true)
     } else {
-        return with_encoder(path, random);
+        match Model::open(path) {
+            Ok(model) => (Parameters::of_model(&model, device), true),
+            Err(error) if is_of_another_program(&error) => return with_encoder(path, random),
+            Err(error) => return Err(error.into()),
+        }
     };
     if found.spec() != random.spec() {
         if differs_in_netvlad_only(found.spec(), random.spec()) {
@@ -117,6 +119,17 @@ fn loaded(
         netvlad_initialised,
         lacks_norms: false,
     })
+}
+
+/// Whether a file that cannot be opened as a model was never one.
+fn is_of_another_program(error: &NetError) -> bool {
+    let NetError::ModelFile { reason, .. } = error else {
+        return false;
+    };
+    matches!(
+        reason,
+        ModelFileError::NotSafetensors(_) | ModelFileError::MissingMetadata(_)
+    )
 }
 
 /// Whether two networks are equal but for NetVLAD.

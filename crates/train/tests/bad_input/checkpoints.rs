@@ -230,3 +230,43 @@ fn a_resumed_run_is_the_run_that_was_never_interrupted() {
     };
     assert!(values(&whole) == values(&cut));
 }
+
+#[test]
+fn a_damaged_model_to_start_from_is_not_taken_for_another_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged.safetensors");
+    Model::random(&NetSpec::compact(), 1)
+        .unwrap()
+        .save(&path)
+        .unwrap();
+    let mut bytes = std::fs::read(&path).unwrap();
+    *bytes.last_mut().unwrap() ^= 1;
+    std::fs::write(&path, bytes).unwrap();
+    let mut config = tiny(folder.path());
+    config.start_from = Some(path);
+    let error = trainer(&config, false).err().unwrap().to_string();
+    assert!(
+        error.contains("checksum") && error.contains("damaged.safetensors"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_checkpoint_that_does_not_fit_its_description_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = one_step_run(folder.path());
+    let path = checkpoint_path(&config);
+    let mut bytes = std::fs::read(&path).unwrap();
+    let (from, to) = (
+        r#"descriptor_dim\":128"#.as_bytes(),
+        r#"descriptor_dim\":127"#.as_bytes(),
+    );
+    let at = bytes.windows(from.len()).position(|window| window == from);
+    bytes[at.unwrap()..][..to.len()].copy_from_slice(to);
+    std::fs::write(&path, bytes).unwrap();
+    let error = trainer(&config, true).err().unwrap().to_string();
+    assert!(
+        error.contains("checkpoint.safetensors") && error.contains("128 values"),
+        "{error}"
+    );
+}

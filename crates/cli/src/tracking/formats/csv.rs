@@ -1,6 +1,7 @@
 //! Comma-separated values with a header.
 
 use anyhow::Result;
+use grimnet_answer::printable_text;
 
 use super::super::line::{TrackLine, state_text};
 use crate::formats::TextFormat;
@@ -40,7 +41,7 @@ impl TextFormat<TrackLine> for Csv {
         let mut writer = ::csv::Writer::from_writer(Vec::new());
         writer.write_record([
             line.time.to_string(),
-            line.photo().to_owned(),
+            printable_text(line.photo()).into_owned(),
             state_text(line.state).to_owned(),
             text(line.lat_deg, 8),
             text(line.lon_deg, 8),
@@ -53,8 +54,8 @@ impl TextFormat<TrackLine> for Csv {
             text(line.velocity_east_m_s, 3),
             text(line.velocity_north_m_s, 3),
             frame.to_owned(),
-            note.and_then(|note| note.reason.clone())
-                .unwrap_or_default(),
+            note.and_then(|note| note.reason.as_deref())
+                .map_or_else(String::new, |reason| printable_text(reason).into_owned()),
         ])?;
         Ok(String::from_utf8(writer.into_inner()?)?)
     }

@@ -1,4 +1,4 @@
-//! A GeoPackage: positions, the way and 95 % ellipses as layers.
+//! A GeoPackage: positions, the track line and 95 % ellipses as layers.
 
 use anyhow::Result;
 use grimnet_answer::{TrackRecord, track_geopackage_of};

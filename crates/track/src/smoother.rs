@@ -34,6 +34,8 @@ pub struct SmoothedPoint {
     pub covariance_en_m2: [f64; 3],
     /// The position is within this distance with 95 % probability, metres.
     pub radius95_m: f64,
+    /// Whether a fix of this time is part of the track.
+    pub is_fix: bool,
     /// Which piece of the track it belongs to, from 0: pieces are not joined, because the filter changed its mind on where the
     /// aircraft is.
     pub piece: usize,
@@ -122,6 +124,8 @@ struct Piece {
     root: u64,
     plane: LocalPlane,
     hypothesis: Hypothesis,
+    /// Times of the fixes that it accepted, in order.
+    fixes_s: Vec<f64>,
 }
 
 impl Piece {
@@ -135,6 +139,7 @@ impl Piece {
             root,
             plane,
             hypothesis,
+            fixes_s: vec![fix.time_s],
         }
     }
 
@@ -145,6 +150,7 @@ impl Piece {
         let measured_m = self.plane.en_from_lonlat(fix.lonlat);
         if let Some(innovation) = self.hypothesis.innovation(fix, measured_m, view, options) {
             self.hypothesis.accept(fix, &innovation, options);
+            self.fixes_s.push(fix.time_s);
         }
     }
 
@@ -211,6 +217,10 @@ impl Piece {
                     covariance_m2[(1, 1)],
                 ],
                 radius95_m: radius95_m(&covariance_m2),
+                is_fix: self
+                    .fixes_s
+                    .binary_search_by(|fix_s| fix_s.total_cmp(&time_s))
+                    .is_ok(),
                 piece,
             };
             // Epochs of one time: the last one has the most in it.

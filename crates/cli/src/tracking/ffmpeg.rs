@@ -62,7 +62,12 @@ impl FfmpegVideo {
         let policy = OutputPolicy::new();
         Ok(Self {
             ffmpeg,
-            frames: StreamedFrames::new(BufReader::new(output), options, policy, keep)?,
+            frames: StreamedFrames::at_constant_rate(
+                BufReader::new(output),
+                options,
+                policy,
+                keep,
+            )?,
             name,
             given: 0,
         })

@@ -4,7 +4,7 @@ use anyhow::Result;
 use grimnet_track::{Input, PositionOf, SmoothedPoint, Source, TrackOptions, TrackState, smooth};
 
 use super::frame_time::Epoch;
-use super::line::{FrameResult, TimeText, TrackLine};
+use super::line::{TimeText, TrackLine};
 use grimnet_answer::rounded;
 
 /// A line for each instant that was smoothed: each fix that turned out to be right, each velocity and motion. What smoothing does not
@@ -35,10 +35,7 @@ pub fn smoothed_lines(
             .iter()
             .find(|(time_s, _)| *time_s == point.time_s)
             .map(|(_, line)| line);
-        let is_fix = frame
-            .and_then(|line| line.note.as_ref())
-            .is_some_and(|note| note.frame == FrameResult::Fix);
-        if is_fix {
+        if point.is_fix {
             last_fix_s = Some(point.time_s);
         }
         position_of = frame.and_then(|line| line.position_of).or(position_of);
@@ -112,10 +109,10 @@ fn line(
 #[cfg(test)]
 mod tests {
     use grimnet_geo::LonLat;
-    use grimnet_track::PositionFix;
+    use grimnet_track::{PositionFix, Velocity};
 
     use super::super::formats::TrackFormat;
-    use super::super::line::FrameNote;
+    use super::super::line::{FrameNote, FrameResult};
     use super::*;
 
     /// Two frames a second.
@@ -246,5 +243,20 @@ mod tests {
         assert!(lines.iter().all(|line| line.photo() != "20.jpg"));
         assert_eq!(lines[10].photo(), "10.jpg");
         assert!(lines[15].radius95_m.unwrap() < 4.0, "{:?}", lines[15]);
+        // With a velocity of its time the frame has a line, but still no fix.
+        let velocities = frames.iter().map(|(time_s, _)| {
+            Input::Velocity(Velocity {
+                time_s: *time_s,
+                east_m_s: 0.0,
+                north_m_s: 5.54,
+                sigma_m_s: 0.5,
+            })
+        });
+        let inputs: Vec<Input> = velocities.chain(inputs).collect();
+        let lines = smoothed(&frames, &inputs);
+        let of = |name: &str| lines.iter().find(|line| line.photo() == name).unwrap();
+        assert_eq!(of("19.jpg").source, Some(Source::Fix));
+        let wrong = of("20.jpg");
+        assert_eq!((wrong.source, wrong.age_of_last_fix_s), (None, Some(0.5)));
     }
 }

@@ -70,11 +70,34 @@ impl StreamedFrames {
         policy: OutputPolicy,
         keep: Keep,
     ) -> Result<Self> {
+        Self::counted(input, options, policy, keep, Repeated::First)
+    }
+
+    /// As [`StreamedFrames::new`], of a program that repeats pictures so that they come at a constant rate from the time 0 on.
+    ///
+    /// # Errors
+    /// No thread can be started.
+    pub fn at_constant_rate(
+        input: impl BufRead + Send + 'static,
+        options: FrameOptions,
+        policy: OutputPolicy,
+        keep: Keep,
+    ) -> Result<Self> {
+        Self::counted(input, options, policy, keep, Repeated::LastOfTheBeginning)
+    }
+
+    fn counted(
+        input: impl BufRead + Send + 'static,
+        options: FrameOptions,
+        policy: OutputPolicy,
+        keep: Keep,
+        repeated: Repeated,
+    ) -> Result<Self> {
         // Where all are kept, what comes while one waits and another is searched stays in the pipe.
         let (giver, taker) = handover();
         thread::Builder::new()
             .name("frames".to_owned())
-            .spawn(move || read_all(input, &giver, keep))
+            .spawn(move || read_all(input, &giver, keep, repeated))
             .context("cannot start a thread")?;
         Ok(Self {
             input: taker,
@@ -113,7 +136,12 @@ impl StreamedFrames {
 }
 
 /// Hands over what a stream holds, or why nothing can be read of it.
-fn read_all(mut input: impl BufRead, giver: &Giver<Result<Streamed>>, keep: Keep) {
+fn read_all(
+    mut input: impl BufRead,
+    giver: &Giver<Result<Streamed>>,
+    keep: Keep,
+    repeated: Repeated,
+) {
     match holds_pictures(&mut input) {
         Ok(true) => {
             let mut stream = JpegStream::new(input);
@@ -121,12 +149,12 @@ fn read_all(mut input: impl BufRead, giver: &Giver<Result<Streamed>>, keep: Keep
                 let picture = stream.next_picture().context(CANNOT_READ)?;
                 Ok(picture.map(Content::Picture))
             };
-            give_all(next, giver, keep);
+            give_all(next, giver, keep, repeated);
         }
         Ok(false) => {
             let mut names = Names::new(input);
             let next = || Ok(names.next()?.map(Content::Name));
-            give_all(next, giver, keep);
+            give_all(next, giver, keep, repeated);
         }
         Err(error) => {
             giver.give(Err(error), Keep::All);
@@ -144,35 +172,56 @@ fn holds_pictures(input: &mut impl BufRead) -> Result<bool> {
     Ok(holds_pictures)
 }
 
-/// Hands over what `next` gives until its end, an error, or nobody takes it.
-///
-/// A picture that is byte for byte the one before it is counted and left out: `ffmpeg` repeats the last one at a constant rate where the
-/// video has none, and no two exposures have the same noise.
+/// Which of the pictures in a row that are byte for byte the same is the frame. No two exposures have the same noise: `ffmpeg` repeats the
+/// last picture at a constant rate where the video has none.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Repeated {
+    /// The first, as it was taken then.
+    First,
+    /// Likewise, but at the beginning the last: `ffmpeg` repeats the first picture that it could decode from the time 0 on, as in a
+    /// stream that begins between two key frames.
+    LastOfTheBeginning,
+}
+
+/// Hands over what `next` gives until its end, an error, or nobody takes it. Repeated pictures are counted and left out.
 fn give_all(
     mut next: impl FnMut() -> Result<Option<Content>>,
     giver: &Giver<Result<Streamed>>,
     keep: Keep,
+    repeated: Repeated,
 ) {
     let mut last_picture = None;
+    // The first picture, until another one comes.
+    let mut first: Option<Streamed> = None;
     for number in 0.. {
-        let given = match next() {
-            Ok(None) => return,
-            Ok(Some(content)) => {
-                if let Content::Picture(bytes) = &content {
-                    let hash = Some(blake3::hash(bytes));
-                    if std::mem::replace(&mut last_picture, hash) == hash {
-                        continue;
-                    }
+        let found = next();
+        if let Ok(Some(Content::Picture(bytes))) = &found {
+            let hash = Some(blake3::hash(bytes));
+            if std::mem::replace(&mut last_picture, hash) == hash {
+                if let Some(first) = &mut first {
+                    first.number = number;
                 }
-                giver.give(Ok(Streamed { number, content }), keep)
+                continue;
             }
+        }
+        if let Some(first) = first.take()
+            && !giver.give(Ok(first), keep)
+        {
+            return;
+        }
+        let content = match found {
+            Ok(Some(content)) => content,
+            Ok(None) => return,
             // The frame before it is still of use.
             Err(error) => {
                 giver.give(Err(error), Keep::All);
                 return;
             }
         };
-        if !given {
+        let streamed = Streamed { number, content };
+        if number == 0 && repeated == Repeated::LastOfTheBeginning {
+            first = Some(streamed);
+        } else if !giver.give(Ok(streamed), keep) {
             return;
         }
     }
@@ -410,5 +459,28 @@ mod tests {
             });
             assert!(frames.next(&stop).unwrap().is_none());
         }
+    }
+
+    /// The numbers of the frames among these pictures, which are named by a byte each.
+    fn numbers(pictures: &'static [u8], repeated: Repeated) -> Vec<usize> {
+        let (giver, taker) = handover();
+        let mut pictures = pictures.iter();
+        let next = move || Ok(pictures.next().map(|byte| Content::Picture(vec![*byte])));
+        let thread = thread::spawn(move || give_all(next, &giver, Keep::All, repeated));
+        let mut numbers = Vec::new();
+        while let Ok(frame) = taker.take(PATIENCE) {
+            numbers.push(frame.unwrap().number);
+        }
+        thread.join().unwrap();
+        numbers
+    }
+
+    #[test]
+    fn a_repeated_picture_is_one_frame_and_the_first_one_counts_when_it_ends() {
+        assert_eq!(numbers(b"AAABBC", Repeated::First), [0, 3, 5]);
+        let padded = Repeated::LastOfTheBeginning;
+        assert_eq!(numbers(b"AAABBC", padded), [2, 3, 5]);
+        assert_eq!(numbers(b"ABBC", padded), [0, 1, 3]);
+        assert_eq!(numbers(b"AA", padded), [1]);
     }
 }

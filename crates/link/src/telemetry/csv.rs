@@ -50,20 +50,29 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     telemetry.unread_columns = columns.unread(&header);
     // That of the first row that can be read: times of two clocks cannot be put in order.
     let mut clock = None;
+    // Where the aircraft's attitude stands among the inputs. Of a camera whose gimbal tells its own in some rows it is none in the others.
+    let (mut of_aircraft, mut has_gimbal) = (Vec::new(), false);
     let mut record = StringRecord::new();
     loop {
         match reader.read_record(&mut record) {
             Ok(false) => break,
             Ok(true) => {
-                let row = columns.inputs(&record).and_then(|(of_row, inputs)| {
-                    if *clock.get_or_insert(of_row) == of_row {
-                        Ok(inputs)
+                let row = columns.row(&record).and_then(|row| {
+                    if *clock.get_or_insert(row.clock) == row.clock {
+                        Ok(row)
                     } else {
                         Err("seconds and dates are mixed in the column `time`".to_owned())
                     }
                 });
                 match row {
-                    Ok(inputs) => telemetry.inputs.extend(inputs),
+                    Ok(row) => {
+                        match row.attitude_of {
+                            Some(AttitudeOf::Gimbal) => has_gimbal = true,
+                            Some(AttitudeOf::Aircraft) => of_aircraft.push(telemetry.inputs.len()),
+                            None => {}
+                        }
+                        telemetry.inputs.extend(row.inputs);
+                    }
                     Err(problem) => {
                         let line = record.position().map_or(0, csv::Position::line);
                         telemetry.leave_out(|| format!("line {line}: {problem}"));
@@ -72,6 +81,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
             }
             Err(error) => telemetry.leave_out(|| error.to_string()),
         }
+    }
+    if has_gimbal {
+        let mut of_aircraft = of_aircraft.into_iter().peekable();
+        let mut place = 0..;
+        telemetry.inputs.retain(|_| {
+            let place = place.next();
+            place.is_none_or(|place| of_aircraft.next_if_eq(&place).is_none())
+        });
     }
     telemetry.clock = clock.unwrap_or(TelemetryClock::Own);
     Ok(telemetry.sorted())
@@ -85,6 +102,19 @@ fn separator(bytes: &[u8]) -> u8 {
     separators
         .find(|separator| header.contains(separator))
         .unwrap_or(b',')
+}
+
+/// What a row says; an attitude is the first of its inputs.
+struct Row {
+    clock: TelemetryClock,
+    inputs: Vec<Input>,
+    attitude_of: Option<AttitudeOf>,
+}
+
+/// Whose attitude is taken for the camera's.
+enum AttitudeOf {
+    Gimbal,
+    Aircraft,
 }
 
 /// Where each column is.
@@ -148,7 +178,7 @@ impl Columns {
         }
     }
 
-    fn inputs(&self, record: &StringRecord) -> Result<(TelemetryClock, Vec<Input>), String> {
+    fn row(&self, record: &StringRecord) -> Result<Row, String> {
         let text = self.cell(record, self.time);
         let (clock, time_s) = match text.parse::<f64>() {
             Ok(time_s) if time_s.is_finite() => (TelemetryClock::Own, time_s),
@@ -164,15 +194,17 @@ impl Columns {
                 .map(|cell| number(&cell.unwrap_or_default()))
                 .collect()
         };
-        let mut inputs = Vec::new();
+        let (mut inputs, mut attitude_of) = (Vec::new(), None);
         if let [Some(yaw), Some(pitch), roll] = numbers(&self.gimbal)?[..] {
             let roll = roll.unwrap_or(0.0);
+            attitude_of = Some(AttitudeOf::Gimbal);
             inputs.push(Input::Attitude(Attitude::from_gimbal(
                 time_s, yaw, pitch, roll,
             )));
         } else if let [Some(yaw_deg), Some(pitch_deg), Some(roll_deg)] =
             numbers(&self.attitude)?[..]
         {
+            attitude_of = Some(AttitudeOf::Aircraft);
             inputs.push(Input::Attitude(Attitude {
                 time_s,
                 yaw_deg,
@@ -199,7 +231,11 @@ impl Columns {
                     .unwrap_or(VELOCITY_SIGMA_M_S),
             }));
         }
-        Ok((clock, inputs))
+        Ok(Row {
+            clock,
+            inputs,
+            attitude_of,
+        })
     }
 }
 
@@ -348,5 +384,22 @@ mod tests {
             (attitude.yaw_deg, attitude.pitch_deg, attitude.roll_deg),
             (1.0, 2.0, 3.0)
         );
+    }
+
+    #[test]
+    fn rows_without_the_gimbal_do_not_turn_the_camera_to_the_aircraft() {
+        let header = "time,yaw_deg,pitch_deg,roll_deg,gimbal_yaw_deg,gimbal_pitch_deg";
+        let pitches = |rows: &str| -> Vec<f64> {
+            let telemetry = parse(format!("{header}\n{rows}").as_bytes()).unwrap();
+            let pitch = |input: &Input| match input {
+                Input::Attitude(attitude) => Some(attitude.pitch_deg.round()),
+                _ => None,
+            };
+            telemetry.inputs.iter().filter_map(pitch).collect()
+        };
+        assert_eq!(pitches("1.0,10,2,1,10,-60\n1.1,10,2,1,,\n"), [30.0]);
+        assert_eq!(pitches("1.0,10,2,1,,\n1.1,10,2,1,10,-60\n"), [30.0]);
+        // A file whose gimbal tells nothing has the aircraft's attitude.
+        assert_eq!(pitches("1.0,10,2,1,,\n1.1,10,3,1,,\n"), [2.0, 3.0]);
     }
 }

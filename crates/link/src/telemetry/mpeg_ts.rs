@@ -18,6 +18,8 @@ const PREFIX_BYTES: [usize; 2] = [0, 4];
 const METADATA_IDS: [u8; 2] = [0xbd, 0xfc];
 /// `stream_id` of audio and video.
 const MEDIA_IDS: std::ops::RangeInclusive<u8> = 0xc0..=0xef;
+/// Those of video, from whose beginning frames are counted.
+const VIDEO_IDS: std::ops::RangeInclusive<u8> = 0xe0..=0xef;
 /// A unit of metadata is not larger, bytes.
 const MOST_UNIT_BYTES: usize = 1 << 18;
 /// The start of the video is the earliest of so many times: frames are not sent in the order in which they are shown.
@@ -119,8 +121,9 @@ struct Demultiplexer {
     /// By PID.
     partial: HashMap<u16, Partial>,
     complete: Vec<(Option<i64>, Vec<u8>)>,
-    /// The first times of audio and video.
-    first: Vec<i64>,
+    /// The first times of video, and of audio.
+    first_of_video: Vec<i64>,
+    first_of_audio: Vec<i64>,
     media_ticks: Option<i64>,
 }
 
@@ -173,8 +176,13 @@ impl Demultiplexer {
             .flatten();
         if MEDIA_IDS.contains(&id) {
             self.media_ticks = ticks.or(self.media_ticks);
-            if self.first.len() < FIRST_TIMES {
-                self.first.extend(ticks);
+            let first = if VIDEO_IDS.contains(&id) {
+                &mut self.first_of_video
+            } else {
+                &mut self.first_of_audio
+            };
+            if first.len() < FIRST_TIMES {
+                first.extend(ticks);
             }
             return;
         }
@@ -221,9 +229,14 @@ impl Demultiplexer {
         for pid in pids {
             self.end(pid);
         }
-        let any = self.first.first().copied();
+        let first = if self.first_of_video.is_empty() {
+            &self.first_of_audio
+        } else {
+            &self.first_of_video
+        };
+        let any = first.first().copied();
         let earliest = any.map(|any| {
-            let later = self.first.iter().map(|&ticks| since(ticks, any)).min();
+            let later = first.iter().map(|&ticks| since(ticks, any)).min();
             any + later.unwrap_or(0)
         });
         let time = |ticks: Option<i64>| Some(since(ticks?, earliest?) as f64 / TICKS_PER_S);
@@ -347,5 +360,38 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// A packet with a whole unit of a stream.
+    fn packet(pid: u8, id: u8, ticks: i64, body: &[u8]) -> Vec<u8> {
+        let time = [
+            0x21 | (ticks >> 29 & 0x0e) as u8,
+            (ticks >> 22) as u8,
+            (ticks >> 14) as u8 | 1,
+            (ticks >> 7) as u8,
+            (ticks << 1) as u8 | 1,
+        ];
+        let length = (8 + body.len() as u16).to_be_bytes();
+        let header = [SYNC, 0x40, pid, 0x10, 0, 0, 1, id];
+        let mut packet = [&header[..], &length, &[0x80, 0x80, 5], &time, body].concat();
+        packet.resize(PACKET_BYTES, 0xff);
+        packet
+    }
+
+    #[test]
+    fn times_count_from_the_first_frame_and_not_from_sound_before_it() {
+        let bytes = [
+            packet(1, 0xc0, 90_000, b"sound"),
+            packet(2, 0xe0, 144_000, b"frame"),
+            packet(3, 0xfc, 153_000, b"klv"),
+            packet(2, 0xe0, 162_000, b"frame"),
+        ]
+        .concat();
+        let found = units(bytes.as_slice(), 0).unwrap();
+        assert_eq!(found.len(), 1);
+        assert_eq!(
+            (found[0].time_s, &found[0].bytes[..]),
+            (Some(0.1), &b"klv"[..])
+        );
     }
 }

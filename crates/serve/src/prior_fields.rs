@@ -227,11 +227,11 @@ mod tests {
             (query(&[("hedding", "5")]), "`hedding`"),
             (
                 query(&[("height_agl_m", "118m")]),
-                "height_agl_m: invalid type: string",
+                r#"height_agl_m: invalid type: string \"118m\""#,
             ),
             (
                 json(r#"{"heading": 12, "hfov_deg": "73"}"#),
-                "hfov_deg: invalid type: string",
+                r#"hfov_deg: invalid type: string \"73\""#,
             ),
         ] {
             let problem = format!("{:?}", refused.unwrap_err());

@@ -16,7 +16,7 @@ use crate::tracking::frame_time::{Epoch, TimeSource};
 use crate::tracking::frames::Frames;
 use crate::tracking::handover::Keep;
 use crate::tracking::photo_list::PhotoList;
-use crate::tracking::standard_input::StreamedFrames;
+use crate::tracking::standard_input::{Repeated, StreamedFrames};
 use crate::tracking::video::{
     DEFAULT_FRAMES_PER_S, is_live_address, is_video, open_stream, open_video,
 };
@@ -177,7 +177,13 @@ impl Source {
                 };
                 let input = BufReader::new(std::io::stdin());
                 let policy = policy.clone();
-                Box::new(StreamedFrames::new(input, options, policy, keep)?)
+                Box::new(StreamedFrames::new(
+                    input,
+                    options,
+                    policy,
+                    keep,
+                    Repeated::First,
+                )?)
             }
         })
     }

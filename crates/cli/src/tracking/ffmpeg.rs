@@ -12,7 +12,7 @@ use grimnet_photo::PhotoLimits;
 use super::frame_time::Epoch;
 use super::frames::{Frame, FrameOptions, Frames};
 use super::handover::Keep;
-use super::standard_input::StreamedFrames;
+use super::standard_input::{Repeated, StreamedFrames};
 
 /// The filter that stretches pictures to square pixels, as those of [`grimnet_video`] are; square ones stay as they are.
 const SQUARE_PIXELS: &str = "scale='iw*clip(sar,1,4)':'ih*clip(1/sar,1,4)',setsar=1";
@@ -62,11 +62,12 @@ impl FfmpegVideo {
         let policy = OutputPolicy::new();
         Ok(Self {
             ffmpeg,
-            frames: StreamedFrames::at_constant_rate(
+            frames: StreamedFrames::new(
                 BufReader::new(output),
                 options,
                 policy,
                 keep,
+                Repeated::LastOfTheBeginning,
             )?,
             name,
             given: 0,

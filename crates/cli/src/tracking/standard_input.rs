@@ -69,28 +69,6 @@ impl StreamedFrames {
         options: FrameOptions,
         policy: OutputPolicy,
         keep: Keep,
-    ) -> Result<Self> {
-        Self::counted(input, options, policy, keep, Repeated::First)
-    }
-
-    /// As [`StreamedFrames::new`], of a program that repeats pictures so that they come at a constant rate from the time 0 on.
-    ///
-    /// # Errors
-    /// No thread can be started.
-    pub fn at_constant_rate(
-        input: impl BufRead + Send + 'static,
-        options: FrameOptions,
-        policy: OutputPolicy,
-        keep: Keep,
-    ) -> Result<Self> {
-        Self::counted(input, options, policy, keep, Repeated::LastOfTheBeginning)
-    }
-
-    fn counted(
-        input: impl BufRead + Send + 'static,
-        options: FrameOptions,
-        policy: OutputPolicy,
-        keep: Keep,
         repeated: Repeated,
     ) -> Result<Self> {
         // Where all are kept, what comes while one waits and another is searched stays in the pipe.
@@ -175,7 +153,7 @@ fn holds_pictures(input: &mut impl BufRead) -> Result<bool> {
 /// Which of the pictures in a row that are byte for byte the same is the frame. No two exposures have the same noise: `ffmpeg` repeats the
 /// last picture at a constant rate where the video has none.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Repeated {
+pub enum Repeated {
     /// The first, as it was taken then.
     First,
     /// Likewise, but at the beginning the last: `ffmpeg` repeats the first picture that it could decode from the time 0 on, as in a
@@ -344,7 +322,9 @@ mod tests {
         let options = FrameOptions::default();
         let text = "gone_1.5.jpg\n\nno time.jpg\n  gone_2.0.jpg";
         let policy = OutputPolicy::new();
-        let mut frames = StreamedFrames::new(text.as_bytes(), options, policy, Keep::All).unwrap();
+        let mut frames =
+            StreamedFrames::new(text.as_bytes(), options, policy, Keep::All, Repeated::First)
+                .unwrap();
         let stop = AtomicBool::new(false);
         let mut next = || frames.next(&stop).unwrap();
         let first = next().unwrap();
@@ -372,7 +352,8 @@ mod tests {
         };
         let stream = [10, 10, 80, 80, 80, 160, 10].map(jpeg).concat();
         let (input, policy) = (io::Cursor::new(stream), OutputPolicy::new());
-        let mut frames = StreamedFrames::new(input, options, policy, Keep::All).unwrap();
+        let mut frames =
+            StreamedFrames::new(input, options, policy, Keep::All, Repeated::First).unwrap();
         let go_on = AtomicBool::new(false);
         let times_s = std::iter::from_fn(|| Some(frames.next(&go_on).unwrap()?.time_s));
         assert_eq!(Vec::from_iter(times_s), [0.0, 1.0, 2.5, 3.0]);
@@ -428,7 +409,7 @@ mod tests {
     /// The error before the first frame.
     fn refusal(input: impl BufRead + Send + 'static) -> String {
         let (options, policy) = (FrameOptions::default(), OutputPolicy::new());
-        let next = StreamedFrames::new(input, options, policy, Keep::All)
+        let next = StreamedFrames::new(input, options, policy, Keep::All, Repeated::First)
             .and_then(|mut frames| frames.next(&AtomicBool::new(false)));
         next.err().expect("it is refused").to_string()
     }
@@ -450,7 +431,8 @@ mod tests {
             let options = FrameOptions::default();
             let input = io::BufReader::new(first.chain(Silent));
             let policy = OutputPolicy::new();
-            let mut frames = StreamedFrames::new(input, options, policy, Keep::All).unwrap();
+            let mut frames =
+                StreamedFrames::new(input, options, policy, Keep::All, Repeated::First).unwrap();
             let stop = std::sync::Arc::new(AtomicBool::new(false));
             let later = stop.clone();
             thread::spawn(move || {

@@ -8,7 +8,7 @@ use predicates::str::contains;
 use super::track::{frame, track};
 use super::{demo, grim, pack, photo};
 
-/// `grim locate` of one photo that has a place and another that has none: what it says, and its exit status.
+/// `grim locate` of a photo that is on the map: what it says, and its exit status.
 fn said(arguments: &[&str], folder: &Path) -> (String, i32) {
     let output = grim()
         .current_dir(folder)

@@ -50,8 +50,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     telemetry.unread_columns = columns.unread(&header);
     // That of the first row that can be read: times of two clocks cannot be put in order.
     let mut clock = None;
-    // Where the aircraft's attitude stands among the inputs. Of a camera whose gimbal tells its own in some rows it is none in the others.
-    let (mut of_aircraft, mut has_gimbal) = (Vec::new(), false);
+    let mut rows = Vec::new();
     let mut record = StringRecord::new();
     loop {
         match reader.read_record(&mut record) {
@@ -65,14 +64,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
                     }
                 });
                 match row {
-                    Ok(row) => {
-                        match row.attitude_of {
-                            Some(AttitudeOf::Gimbal) => has_gimbal = true,
-                            Some(AttitudeOf::Aircraft) => of_aircraft.push(telemetry.inputs.len()),
-                            None => {}
-                        }
-                        telemetry.inputs.extend(row.inputs);
-                    }
+                    Ok(row) => rows.push(row),
                     Err(problem) => {
                         let line = record.position().map_or(0, csv::Position::line);
                         telemetry.leave_out(|| format!("line {line}: {problem}"));
@@ -82,13 +74,12 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
             Err(error) => telemetry.leave_out(|| error.to_string()),
         }
     }
-    if has_gimbal {
-        let mut of_aircraft = of_aircraft.into_iter().peekable();
-        let mut place = 0..;
-        telemetry.inputs.retain(|_| {
-            let place = place.next();
-            place.is_none_or(|place| of_aircraft.next_if_eq(&place).is_none())
-        });
+    // A gimbal that tells its attitude in some rows is not turned to the aircraft's in the others.
+    let has_gimbal = rows.iter().any(|row| row.gimbal.is_some());
+    for row in rows {
+        let attitude = if has_gimbal { row.gimbal } else { row.aircraft };
+        telemetry.inputs.extend(attitude.map(Input::Attitude));
+        telemetry.inputs.extend(row.others);
     }
     telemetry.clock = clock.unwrap_or(TelemetryClock::Own);
     Ok(telemetry.sorted())
@@ -104,17 +95,13 @@ fn separator(bytes: &[u8]) -> u8 {
         .unwrap_or(b',')
 }
 
-/// What a row says; an attitude is the first of its inputs.
+/// What a row says.
 struct Row {
     clock: TelemetryClock,
-    inputs: Vec<Input>,
-    attitude_of: Option<AttitudeOf>,
-}
-
-/// Whose attitude is taken for the camera's.
-enum AttitudeOf {
-    Gimbal,
-    Aircraft,
+    gimbal: Option<Attitude>,
+    /// The attitude of the aircraft, where that of the gimbal is not told.
+    aircraft: Option<Attitude>,
+    others: Vec<Input>,
 }
 
 /// Where each column is.
@@ -194,35 +181,31 @@ impl Columns {
                 .map(|cell| number(&cell.unwrap_or_default()))
                 .collect()
         };
-        let (mut inputs, mut attitude_of) = (Vec::new(), None);
+        let (mut gimbal, mut aircraft, mut others) = (None, None, Vec::new());
         if let [Some(yaw), Some(pitch), roll] = numbers(&self.gimbal)?[..] {
             let roll = roll.unwrap_or(0.0);
-            attitude_of = Some(AttitudeOf::Gimbal);
-            inputs.push(Input::Attitude(Attitude::from_gimbal(
-                time_s, yaw, pitch, roll,
-            )));
+            gimbal = Some(Attitude::from_gimbal(time_s, yaw, pitch, roll));
         } else if let [Some(yaw_deg), Some(pitch_deg), Some(roll_deg)] =
             numbers(&self.attitude)?[..]
         {
-            attitude_of = Some(AttitudeOf::Aircraft);
-            inputs.push(Input::Attitude(Attitude {
+            aircraft = Some(Attitude {
                 time_s,
                 yaw_deg,
                 pitch_deg,
                 roll_deg,
-            }));
+            });
         }
         if let [Some(agl_m), amsl_m] = numbers(&self.height)?[..]
             && agl_m > 0.0
         {
-            inputs.push(Input::Height(Height {
+            others.push(Input::Height(Height {
                 time_s,
                 agl_m,
                 amsl_m,
             }));
         }
         if let [Some(east_m_s), Some(north_m_s), sigma] = numbers(&self.velocity)?[..] {
-            inputs.push(Input::Velocity(Velocity {
+            others.push(Input::Velocity(Velocity {
                 time_s,
                 east_m_s,
                 north_m_s,
@@ -233,8 +216,9 @@ impl Columns {
         }
         Ok(Row {
             clock,
-            inputs,
-            attitude_of,
+            gimbal,
+            aircraft,
+            others,
         })
     }
 }

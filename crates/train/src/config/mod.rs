@@ -92,8 +92,8 @@ pub struct TrainConfig {
     pub multi_similarity: MultiSimilarityOptions,
     /// Settings of the homography loss.
     pub homography: HomographyOptions,
-    /// Train matching in the first step, retrieval in the second, and so on in turns (paper, section 4.3), each on the data that serves it, instead
-    /// of both in every step.
+    /// Train matching in the first step, retrieval in the second, and so on in turns (paper, section 4.3), each on the data that serves
+    /// it, instead of both in every step.
     pub alternate: bool,
     /// Whether each domain has its own normalisation.
     pub norms: Norms,

@@ -3,7 +3,7 @@
 Usage: harder_data.py FOLDER --out HARDER [--map-factor 5] [--crop 0.5]
 FOLDER holds map.tif, photos/ and truth.csv with the centre of each photo in degrees. The map is averaged to pixels --map-factor times as large,
 the photos are cut to the middle --crop of their width and height (JPEG, quality 95, without metadata), so that their centres stay where they are.
-Columns of truth.csv in pixels of the map are left out. Needs GDAL's programs.
+Columns of truth.csv in pixels of the map are left out, and the ground width (footprint_w_m) is that of what is kept. Needs GDAL's programs.
 """
 import argparse
 import csv
@@ -42,6 +42,9 @@ def main():
     with open(arguments.folder / 'truth.csv', newline='') as file:
         rows = list(csv.DictReader(file))
     kept = [name for name in rows[0] if name not in ('map_x_px', 'map_y_px')]
+    for row in rows:
+        if row.get('footprint_w_m'):
+            row['footprint_w_m'] = f"{float(row['footprint_w_m']) * arguments.crop:g}"
     with open(arguments.out / 'truth.csv', 'w', newline='') as file:
         writer = csv.DictWriter(file, kept, extrasaction='ignore', lineterminator='\n')
         writer.writeheader()

@@ -135,8 +135,11 @@ impl Cli {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use std::path::Path;
+
     use clap::{Command as Clap, CommandFactory as _};
+
+    use super::*;
 
     fn program() -> Clap {
         let mut program = Cli::command().term_width(100).disable_help_subcommand(true);
@@ -198,6 +201,28 @@ mod tests {
             assert!(Cli::try_parse_from(words).is_ok(), "{line}");
         }
         assert!(found > 30, "{found}");
+    }
+
+    #[test]
+    fn commands_beside_stored_figures_are_accepted() {
+        let figures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../evaluation");
+        let mut found = 0;
+        for folder in [figures.clone(), figures.join("tracks")] {
+            for entry in fs_err::read_dir(folder).unwrap() {
+                let claim = entry.unwrap().path().join("claim.json");
+                if !claim.is_file() {
+                    continue;
+                }
+                let text = fs_err::read_to_string(claim).unwrap();
+                let claim: serde_json::Value = serde_json::from_str(&text).unwrap();
+                let command = claim["command"].as_str().unwrap();
+                found += 1;
+                if let Err(error) = Cli::try_parse_from(command.split_whitespace()) {
+                    panic!("{command}\n{error}");
+                }
+            }
+        }
+        assert!(found >= 7, "{found}");
     }
 
     #[test]

@@ -46,14 +46,22 @@ fn expand_one(argument: &Path) -> Result<Vec<PathBuf>> {
         case_sensitive: false,
         ..MatchOptions::new()
     };
-    let matches =
-        glob::glob_with(&text, options).with_context(|| format!("{text}: not a valid pattern"))?;
+    // Cameras and copies name files `a [1].jpg`: what matches nothing with brackets alone is such a file that is missing.
+    let may_be_name = !text.contains(['*', '?']);
+    let matches = match glob::glob_with(&text, options) {
+        Err(_) if may_be_name => return Ok(vec![argument.to_owned()]),
+        matches => matches.with_context(|| format!("{text}: not a valid pattern"))?,
+    };
     // Not by the option of `glob`, which ends the program at a name that is not UTF-8.
     let names_hidden = is_hidden(argument);
     let files = matches
         .filter_map(Result::ok)
         .filter(|path| may_be_file(path) && (names_hidden || !is_hidden(path)));
-    Ok(without_drawings(files.collect()))
+    let files: Vec<PathBuf> = files.collect();
+    if files.is_empty() && may_be_name {
+        return Ok(vec![argument.to_owned()]);
+    }
+    Ok(without_drawings(files))
 }
 
 fn without_drawings(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
@@ -121,6 +129,10 @@ mod tests {
         assert_eq!(names(&[dir.path().to_owned()]), ["a.jpg", "b.JPG", "c.png"]);
         assert_eq!(names(&[dir.path().join("*.jpg")]), ["a.jpg", "b.JPG"]);
         assert_eq!(names(&[dir.path().join("gone.jpg")]), ["gone.jpg"]);
+        for name in ["gone [1].jpg", "gone [.jpg"] {
+            assert_eq!(names(&[dir.path().join(name)]), [name]);
+        }
+        assert_eq!(names(&[dir.path().join("[ab].jpg")]), ["a.jpg", "b.JPG"]);
         assert!(expand(&[dir.path().join("*.webp")]).is_err());
         let [card, below] = ["DCIM", "DCIM/100MEDIA"].map(|name| dir.path().join(name));
         fs_err::create_dir_all(&below).unwrap();

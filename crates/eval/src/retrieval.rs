@@ -15,6 +15,8 @@ pub struct RetrievalSummary {
     pub run: String,
     /// Tiles in the level of the first photo's first round.
     pub gallery_tiles: usize,
+    /// Most tiles that the descriptors of one photo's first round gave: recall among more of them is that among these.
+    pub retrieved: usize,
     /// A tile is right if it covers the true centre.
     pub covers: Recall,
     /// A tile is right if its centre is within `radius_px` of the true centre.
@@ -60,6 +62,10 @@ impl RetrievalSummary {
         Self {
             run: run.to_owned(),
             gallery_tiles: pack.levels()[level].tile_count(),
+            retrieved: searches()
+                .filter_map(|(_, trace)| Some(trace?.rounds.first()?.by_descriptor.len()))
+                .max()
+                .unwrap_or(0),
             covers: Recall::of(&covering, &RECALL_AT),
             near: Recall::of(&ranks(RightTile::CentreWithinPx(radius_px)), &RECALL_AT),
             radius_px,

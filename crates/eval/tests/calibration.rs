@@ -125,6 +125,18 @@ fn right_answers_are_given_and_those_from_elsewhere_are_not() {
 }
 
 #[test]
+fn a_half_without_real_photos_taken_elsewhere_has_the_limit_of_all_that_it_has() {
+    let half = observations(400, 9);
+    let limit = |limiting| {
+        let fitted = confidence::fit(&half, ELSEWHERE_ANSWERED, limiting).unwrap();
+        fitted.needed
+    };
+    let by_all = limit(confidence::Limiting::All);
+    assert_eq!(limit(confidence::Limiting::Real), by_all);
+    assert_ne!(by_all, 0.5);
+}
+
+#[test]
 fn too_little_is_refused_by_name() {
     let few = observations(30, 6);
     assert_eq!(

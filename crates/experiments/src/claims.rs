@@ -42,9 +42,6 @@ const HEAD: &str = "\
 
 Made from the stored figures under `evaluation/` by `cargo run -p grimnet-experiments --example evaluation`; do not edit. Shares are of
 all photos; a photo without a fix is a miss. \"Behind\" marks figures of this program that are worse than another system's on the same photos.
-
-Model 678b86b95a38 is the bundled one (279c4ec9bb6e) with its whitening in half precision, as it was stored at first; crates/net/models/README.md
-compares the two.
 ";
 
 /// From the page to the curves of the experiments.

@@ -90,7 +90,7 @@ fn last_fall_of(totals: &[f64]) -> Option<f64> {
     Some((before - mean(last)) / before)
 }
 
-/// The total loss (paper, section 3.6); the experiments have no other terms.
+/// The total loss (paper, eq. 25); the experiments have no other terms.
 fn total_of(losses: &Losses, weights: &Weights) -> f64 {
     let terms = [
         (weights.global, losses.global),

@@ -1,4 +1,5 @@
-//! The paper's G + S: its procedure with SIFT in place of the learned keypoints and descriptors, and everything else as it is.
+//! The paper's G + S: its procedure with SIFT in place of the learned keypoints and descriptors, and everything else as it is, but for
+//! coordinates, which come from the map's georeference.
 //!
 //! Photo and tiles are the squares that the network sees; the homography is the paper's RANSAC-DLT with its refinement, the tile of the
 //! largest inliers / (matches + 1) wins (equation 20), and the photo's centre through it is the answer.

@@ -2,6 +2,7 @@
 
 #![allow(clippy::unwrap_used)]
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 #[test]
@@ -33,6 +34,49 @@ fn rows(text: &str) -> Vec<Vec<&str>> {
         }
     }
     rows
+}
+
+/// The equations that a text names, as `eq. 3`, `eq. 2a` or `eq. 5-7`.
+fn equations(text: &str) -> BTreeSet<u32> {
+    let number = |text: &str| -> Option<u32> {
+        let end = text.find(|c: char| !c.is_ascii_digit());
+        text[..end.unwrap_or(text.len())].parse().ok()
+    };
+    let mut named = BTreeSet::new();
+    for rest in text.to_lowercase().split("eq. ").skip(1) {
+        let Some(first) = number(rest) else {
+            continue;
+        };
+        let after = rest.trim_start_matches(|c: char| c.is_ascii_digit());
+        let last = after.strip_prefix('-').and_then(number);
+        named.extend(first..=last.unwrap_or(first));
+    }
+    named
+}
+
+/// The paper numbers its equations from 1 to 25.
+#[test]
+fn every_equation_of_the_paper_is_named_in_a_file_that_its_row_names() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let text = std::fs::read_to_string(root.join("evaluation/paper.md")).unwrap();
+    let mut all = BTreeSet::new();
+    for row in rows(&text) {
+        let files: Vec<&str> = row[2]
+            .split('`')
+            .filter(|name| name.contains('/'))
+            .collect();
+        let named: BTreeSet<u32> = files
+            .iter()
+            .flat_map(|file| equations(&std::fs::read_to_string(root.join(file)).unwrap()))
+            .collect();
+        let listed = equations(row[0]);
+        assert!(
+            listed.is_subset(&named),
+            "{listed:?}, but {files:?} name {named:?}"
+        );
+        all.extend(listed);
+    }
+    assert_eq!(all, (1..=25).collect::<BTreeSet<u32>>());
 }
 
 #[test]

@@ -8,6 +8,7 @@ use crate::block_cache::BlockCache;
 use crate::content_hash::ContentHash;
 use crate::map_form::{MapForm, form_of};
 use crate::picture::Picture;
+use crate::single_map::describe;
 use crate::text_file::BYTE_ORDER_MARK;
 use crate::windowed::{check, empty_patch, read_window};
 use crate::{Affine, Corners, Crs, GeoError, Georeference, LonLat, Raster, RasterPatch, WindowPx};
@@ -16,6 +17,7 @@ const ORDER: &str = "the columns are latitude and longitude of two corners, in d
 
 /// Pictures side by side. Where they overlap, the first one in the table is used.
 pub(crate) struct CsvMosaic {
+    path: PathBuf,
     pictures: Vec<Placed>,
     size_px: (u64, u64),
     georeference: Georeference,
@@ -101,6 +103,7 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<CsvMosa
         })
         .collect();
     Ok(CsvMosaic {
+        path: path.to_path_buf(),
         pictures,
         size_px,
         georeference,
@@ -161,7 +164,12 @@ impl Raster for CsvMosaic {
     }
 
     fn describe(&self) -> String {
-        format!("mosaic of {} pictures", self.pictures.len())
+        let count = self.pictures.len();
+        let kind = format!(
+            "table of {count} picture{}",
+            if count == 1 { "" } else { "s" }
+        );
+        describe(&self.path, self, &kind)
     }
 }
 

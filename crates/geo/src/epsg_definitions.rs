@@ -73,7 +73,7 @@ pub(crate) fn proj_string_of_epsg(code: u32) -> Result<String, &'static str> {
         .and_then(crs_definitions::from_code)
         .map(|listed| listed.proj4)
         .or_else(|| added(code))
-        .ok_or("the code is not in the list of known systems; reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT")?;
+        .ok_or("the code is not in the list of known systems")?;
     let corrected = CORRECTED.iter().find(|(codes, ..)| codes.contains(&code));
     Ok(with_better_shift(&match corrected {
         Some((_, wrong, right)) => listed.replace(wrong, right),

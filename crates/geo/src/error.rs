@@ -61,7 +61,7 @@ pub enum GeoError {
     },
 
     /// The coordinate system in the file is unknown or not supported.
-    #[error("{}: unknown coordinate system '{crs}': {reason}; give the coordinate system as EPSG:CODE, or reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT", path.display())]
+    #[error("{}: unknown coordinate system '{crs}': {reason}{}", path.display(), advice_on_crs(reason))]
     UnsupportedCrs {
         /// The file.
         path: PathBuf,
@@ -133,11 +133,11 @@ pub enum GeoError {
     },
 
     /// The file ends before its pixels do.
-    #[error("{}: truncated: its pixels need {needed_bytes} bytes and the file has {found_bytes}; copy or download it again", path.display())]
+    #[error("{}: truncated: it needs {needed_bytes} bytes or more and has {found_bytes}; copy or download it again", path.display())]
     Truncated {
         /// The file.
         path: PathBuf,
-        /// Where the last block ends, bytes from the start of the file.
+        /// Where the last block ends, or the part that was looked for, bytes from the start of the file.
         needed_bytes: u64,
         /// The file's size.
         found_bytes: u64,
@@ -211,6 +211,16 @@ pub(crate) const ADVICE_TILE_IT: &str =
 /// How to make a file whose samples can be read.
 pub(crate) const ADVICE_SAMPLES: &str =
     "convert it: gdal_translate -ot Float32 -of COG -co COMPRESS=DEFLATE IN OUT.tif";
+
+/// What to do about a coordinate system in a file, unless the reason says it: one that cannot be read under its own code would only be
+/// wrong under another.
+fn advice_on_crs(reason: &str) -> &'static str {
+    if reason.contains("gdalwarp") {
+        ""
+    } else {
+        "; give the coordinate system as EPSG:CODE, or reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT"
+    }
+}
 
 fn list(zooms: &[u8]) -> String {
     if zooms.is_empty() {

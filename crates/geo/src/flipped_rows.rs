@@ -6,16 +6,8 @@ use crate::web_mercator::lonlat_from_web_mercator;
 /// In words, that the stated bounds (west, south, east, north, degrees) share no latitude with the tiles of the finest zoom, and
 /// would if rows were counted from the other side.
 pub(crate) fn rows_look_flipped(index: &TileIndex, bounds_deg: [f64; 4]) -> Option<String> {
-    let zoom = index.zooms().next_back()?;
-    let range = index.range(zoom)?;
-    let rows = (1_u64 << zoom) as f64;
-    let lat_deg = |row: f64| lonlat_from_web_mercator([0.0, row / rows]).lat_deg;
-    let north = lat_deg(f64::from(range.first_row));
-    let south = lat_deg(f64::from(range.last_row) + 1.0);
-    let (stated_south, stated_north) = (
-        bounds_deg[1].min(bounds_deg[3]),
-        bounds_deg[1].max(bounds_deg[3]),
-    );
+    let (south, north) = latitudes_deg(index)?;
+    let (stated_south, stated_north) = stated_latitudes_deg(bounds_deg);
     let overlap = |south: f64, north: f64| stated_south <= north && stated_north >= south;
     // Rows from the other side are latitudes of the other sign.
     (!overlap(south, north) && overlap(-north, -south)).then(|| {
@@ -24,4 +16,39 @@ pub(crate) fn rows_look_flipped(index: &TileIndex, bounds_deg: [f64; 4]) -> Opti
              {south:.4} and {north:.4}"
         )
     })
+}
+
+/// Whether the stated bounds fit the tiles of the finest zoom with rows counted from the other side, and not as they are counted;
+/// `None` if they do not tell, as those of the whole world.
+#[cfg(feature = "mbtiles")]
+pub(crate) fn bounds_show_flipped_rows(index: &TileIndex, bounds_deg: [f64; 4]) -> Option<bool> {
+    if rows_look_flipped(index, bounds_deg).is_some() {
+        return Some(true);
+    }
+    // A map across the equator shares latitudes with the bounds either way.
+    let (south, north) = latitudes_deg(index)?;
+    let (stated_south, stated_north) = stated_latitudes_deg(bounds_deg);
+    let off_deg =
+        |south: f64, north: f64| (stated_south - south).abs() + (stated_north - north).abs();
+    let nearer_deg = off_deg(south, north) - off_deg(-north, -south);
+    // Twice this if the bounds are those of the tiles.
+    let least_deg = (south + north).abs();
+    (nearer_deg.abs() > least_deg).then_some(nearer_deg > 0.0)
+}
+
+/// The southern and the northern edge of the tiles of the finest zoom.
+fn latitudes_deg(index: &TileIndex) -> Option<(f64, f64)> {
+    let zoom = index.zooms().next_back()?;
+    let range = index.range(zoom)?;
+    let rows = (1_u64 << zoom) as f64;
+    let lat_deg = |row: f64| lonlat_from_web_mercator([0.0, row / rows]).lat_deg;
+    Some((
+        lat_deg(f64::from(range.last_row) + 1.0),
+        lat_deg(f64::from(range.first_row)),
+    ))
+}
+
+fn stated_latitudes_deg(bounds_deg: [f64; 4]) -> (f64, f64) {
+    let [_, south, _, north] = bounds_deg;
+    (south.min(north), south.max(north))
 }

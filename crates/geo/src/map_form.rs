@@ -88,12 +88,18 @@ pub(crate) fn form_of(path: &Path) -> Result<MapForm, GeoError> {
     Ok(MapForm::Picture)
 }
 
-/// Whether a name, or a path, is that of a GeoTIFF: a folder that is read as a map consists of these.
+/// Whether a name, or a path, is that of a GeoTIFF: a folder that is read as a map consists of these. `._map.tif` is what macOS keeps
+/// beside `map.tif` on disks of other systems.
 pub fn is_tiff_name(name: &OsStr) -> bool {
-    let ending = Path::new(name).extension().unwrap_or_default();
-    ["tif", "tiff", "gtiff"]
-        .iter()
-        .any(|tiff| ending.eq_ignore_ascii_case(tiff))
+    let path = Path::new(name);
+    let ending = path.extension().unwrap_or_default();
+    let is_of_macos = path
+        .file_name()
+        .is_some_and(|name| name.as_encoded_bytes().starts_with(b"._"));
+    !is_of_macos
+        && ["tif", "tiff", "gtiff"]
+            .iter()
+            .any(|tiff| ending.eq_ignore_ascii_case(tiff))
 }
 
 fn holds_tiff(folder: &Path) -> Result<bool, GeoError> {

@@ -11,7 +11,7 @@ use rusqlite::{Connection, ErrorCode, OpenFlags, OptionalExtension};
 
 use crate::GeoError;
 use crate::content_hash::hash_file;
-use crate::flipped_rows::rows_look_flipped;
+use crate::flipped_rows::bounds_show_flipped_rows;
 use crate::tile_address::TileAddress;
 use crate::tile_index::{MAX_TILES, TileIndex};
 use crate::tile_store::TileStore;
@@ -31,6 +31,8 @@ pub(crate) struct MbTiles {
     index: TileIndex,
     bounds_deg: Option<[f64; 4]>,
     states_rows_from_north: bool,
+    /// Whether its bounds show from where rows are counted; looked at only where it states that they are from the north.
+    bounds_show_rows: bool,
     rows_from_north: bool,
 }
 
@@ -47,13 +49,16 @@ impl MbTiles {
             index: TileIndex::default(),
             bounds_deg: None,
             states_rows_from_north: false,
+            bounds_show_rows: false,
             rows_from_north: false,
         };
         file.check_tables()?;
         file.check_metadata()?;
         file.index = file.list()?;
         let bounds = file.bounds_deg.filter(|_| file.states_rows_from_north);
-        if bounds.is_some_and(|bounds_deg| rows_look_flipped(&file.index, bounds_deg).is_some()) {
+        let shown = bounds.and_then(|bounds_deg| bounds_show_flipped_rows(&file.index, bounds_deg));
+        file.bounds_show_rows = shown.is_some();
+        if shown == Some(true) {
             file.rows_from_north = true;
             file.index = file.list()?;
         }
@@ -277,7 +282,7 @@ impl TileStore for MbTiles {
     }
 
     fn caveats(&self) -> Vec<String> {
-        let is_unchecked = self.states_rows_from_north && self.bounds_deg.is_none();
+        let is_unchecked = self.states_rows_from_north && !self.bounds_show_rows;
         let caveat = "its metadata says that rows are counted from the north (scheme xyz), and has no bounds that show it; they are \
                       read as counted from the south, as MBTiles has them: check where the map lies";
         is_unchecked

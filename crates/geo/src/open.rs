@@ -95,6 +95,11 @@ fn check_options(form: MapForm, path: &Path, options: &MapOptions) -> Result<(),
     if form == MapForm::Table && options.corners.is_some() {
         return Err(place("a table of pictures already has corners; give none"));
     }
+    if form == MapForm::Table && options.crs.is_some() {
+        return Err(place(
+            "the corners in a table are longitude and latitude on WGS 84; give no coordinate system",
+        ));
+    }
     if is_tiles && (options.corners.is_some() || options.crs.is_some()) {
         return Err(place(
             "tiles lie in the Web Mercator grid (EPSG:3857); give neither corners nor a coordinate system",

@@ -219,17 +219,17 @@ fn check_complete(image: &TiffImage) -> Result<(), GeoError> {
             "it does not say where its pixels are",
         ));
     };
-    // Some writers declare a full last strip where a part is stored.
-    let last_may_be_short = ifd.compression() == 1 && !ifd.is_tiled();
     let last = offsets.len().saturating_sub(1);
+    let last_bytes = last_strip_bytes(ifd);
     let needed = offsets
         .iter()
         .zip(&counts)
         .enumerate()
-        .filter(|(i, (offset, count))| {
-            **offset != 0 && **count != 0 && !(last_may_be_short && *i == last)
+        .filter(|(_, (offset, count))| **offset != 0 && **count != 0)
+        .map(|(i, (offset, &count))| {
+            let stored = last_bytes.filter(|_| i == last).unwrap_or(count);
+            offset.saturating_add(stored.min(count))
         })
-        .map(|(_, (offset, count))| offset.saturating_add(*count))
         .max()
         .unwrap_or(0);
     let found = image.file.source().len();
@@ -244,6 +244,23 @@ fn check_complete(image: &TiffImage) -> Result<(), GeoError> {
     Ok(())
 }
 
+/// Bytes of the rows in the last strip of an uncompressed image: some writers declare a full strip where fewer rows are stored.
+fn last_strip_bytes(ifd: &Ifd) -> Option<u64> {
+    if ifd.compression() != 1 || ifd.is_tiled() {
+        return None;
+    }
+    let layout = ifd.raster_layout().ok()?;
+    let height = u64::from(ifd.height());
+    let rows_per_strip = u64::from(ifd.rows_per_strip()).clamp(1, height);
+    let rows = (height - 1) % rows_per_strip + 1;
+    let samples = match layout.planar_configuration {
+        1 => layout.samples_per_pixel as u64,
+        _ => 1,
+    };
+    let row_bits = u64::from(ifd.width()) * samples * u64::from(layout.bits_per_sample);
+    rows.checked_mul(row_bits.div_ceil(8))
+}
+
 pub(crate) fn tiff_error(path: &Path, error: TiffError) -> GeoError {
     let unsupported = |what: String| GeoError::Unsupported {
         path: path.to_path_buf(),
@@ -254,14 +271,11 @@ pub(crate) fn tiff_error(path: &Path, error: TiffError) -> GeoError {
         TiffError::Io(source, _) if source.kind() != std::io::ErrorKind::UnexpectedEof => {
             GeoError::io(path, source)
         }
-        TiffError::Truncated {
-            offset,
-            needed,
-            available,
-        } => GeoError::Truncated {
+        // What it says of bytes that are there counts from that offset.
+        TiffError::Truncated { offset, needed, .. } => GeoError::Truncated {
             path: path.to_path_buf(),
             needed_bytes: offset.saturating_add(needed),
-            found_bytes: available,
+            found_bytes: std::fs::metadata(path).map_or(0, |m| m.len()),
         },
         TiffError::OffsetOutOfBounds {
             offset,

@@ -37,14 +37,17 @@ pub mod frames;
 pub mod map;
 pub mod settings;
 
-pub use grimnet_geo::LonLat;
+pub use grimnet_geo::{LonLat, MapPx, WindowPx};
 pub use grimnet_locate::{
     EvidenceUsed, Fix, Gates, HeadingPrior, Localizer, LocalizerBuilder, LocateError, MatchedPair,
     MatchedPoints, MatchingError, Near, NeededPixels, NoFix, Options, Outcome, Prior, Reason,
     Rejection, RunnerUp, Support, TileRef, TimeMs, ViewPrior,
 };
 pub use grimnet_net::{Model, NetError, Precision};
-pub use grimnet_pack::{Pack, PackError};
-pub use grimnet_photo::{Damage, Metadata, Photo, PhotoError, PhotoLimits};
+pub use grimnet_pack::{Pack, PackError, PackLimits};
+pub use grimnet_photo::{
+    Damage, Evidence, ExposureTime, GpsPosition, ImageDirection, Metadata, Photo, PhotoError,
+    PhotoLimits, PhotoPx,
+};
 /// The pictures of [`Photo::from_image`] are of this version of the crate.
 pub use image;

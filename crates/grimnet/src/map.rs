@@ -79,8 +79,8 @@ pub fn build(
     })
 }
 
-/// As [`build`], and ends with [`PackError::Stopped`] when `on_progress` returns [`ControlFlow::Break`]. The next build with the
-/// same arguments continues it.
+/// As [`build`], and ends with [`PackError::Stopped`] in [`BuildError::Pack`] when `on_progress` returns [`ControlFlow::Break`]. The
+/// next build with the same arguments continues it.
 ///
 /// # Errors
 /// As [`build`].

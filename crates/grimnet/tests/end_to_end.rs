@@ -72,6 +72,29 @@ impl Area {
     }
 }
 
+/// A camera's frame comes without a file: what is known of it is put together here, and what an answer says is passed on.
+#[test]
+fn fields_of_metadata_and_answers_have_types_that_can_be_named() {
+    let metadata = grimnet::Metadata {
+        position: Some(grimnet::GpsPosition {
+            lat_deg: 1.0,
+            lon_deg: 2.0,
+        }),
+        image_direction: Some(grimnet::ImageDirection {
+            bearing_deg: 40.0,
+            magnetic: false,
+        }),
+        ..grimnet::Metadata::default()
+    };
+    let _: (Option<grimnet::ExposureTime>, Vec<grimnet::Evidence>) =
+        (metadata.exposure_time, metadata.notes);
+    let _: fn(&grimnet::MatchedPair) -> (grimnet::PhotoPx, grimnet::MapPx) =
+        |pair| (pair.photo_px, pair.map_px);
+    let _: fn(&grimnet::MatchedPoints) -> grimnet::WindowPx = |points| points.tile_map_px;
+    let missing = Pack::open_with("nowhere.grim", &grimnet::PackLimits::default());
+    assert!(missing.is_err());
+}
+
 fn small_pack() -> MapBuild {
     MapBuild {
         pack: BuildOptions {

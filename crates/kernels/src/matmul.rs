@@ -153,6 +153,10 @@ fn product(
 fn in_place(isa: Isa, a: MatRef<'_, f32>, b: MatRef<'_, f32>, mut c: MatMut<'_, f32>) {
     let width = 2 * isa.lanes();
     let (n, k) = (b.cols(), a.cols());
+    if a.rows() == 0 {
+        // `c` has no column to point at.
+        return;
+    }
     let whole = n / width;
     let out_stride = c.row_stride();
     let out = SharedMut::new(c.data_mut());

@@ -30,8 +30,15 @@ impl View {
         }
     }
 
-    fn last(&self, rows: usize, columns: usize) -> usize {
-        self.start + (rows - 1) * self.row_stride + (columns - 1) * self.column_stride
+    /// Whether all elements of `rows x columns`, neither of them 0, lie in a slice of this length.
+    fn fits(&self, rows: usize, columns: usize, len: usize) -> bool {
+        let down = (rows - 1).checked_mul(self.row_stride);
+        let along = (columns - 1).checked_mul(self.column_stride);
+        let last = down
+            .zip(along)
+            .and_then(|(down, along)| self.start.checked_add(down)?.checked_add(along));
+        // What does not fit `usize` is outside of any slice.
+        last.is_some_and(|last| last < len)
     }
 }
 
@@ -50,21 +57,28 @@ pub fn product(
     out_view: View,
     accumulate: bool,
 ) {
-    if m == 0 || n == 0 || k == 0 {
+    if m == 0 || n == 0 {
         return;
     }
-    assert!(
-        left_view.last(m, k) < left.len(),
-        "left matrix outside its slice"
-    );
-    assert!(
-        right_view.last(k, n) < right.len(),
-        "right matrix outside its slice"
-    );
-    assert!(out_view.last(m, n) < out.len(), "result outside its slice");
+    assert!(out_view.fits(m, n, out.len()), "result outside its slice");
     assert!(
         out_view.column_stride == 1 && out_view.row_stride >= n,
         "rows of the result overlap"
+    );
+    if k == 0 {
+        // A sum of nothing.
+        for row in (0..m).filter(|_| !accumulate) {
+            out[out_view.start + row * out_view.row_stride..][..n].fill(0.0);
+        }
+        return;
+    }
+    assert!(
+        left_view.fits(m, k, left.len()),
+        "left matrix outside its slice"
+    );
+    assert!(
+        right_view.fits(k, n, right.len()),
+        "right matrix outside its slice"
     );
     // SAFETY: the assertions above keep every address inside the three slices, `out` is borrowed mutably so that it
     // overlaps neither input, and its elements are distinct.
@@ -134,6 +148,48 @@ mod tests {
                 }
             }
             assert_eq!(out[0], 1.0);
+        }
+    }
+
+    #[test]
+    fn views_outside_their_slices_are_refused_also_where_the_offset_overflows() {
+        // Eight rows further the offset is 0 again.
+        let wraps = 1 << (usize::BITS - 3);
+        let refused = |left: View, right: View, out: View| {
+            std::panic::catch_unwind(|| {
+                let sizes = [9, 2, 2];
+                product(
+                    sizes,
+                    &[1.0; 32],
+                    left,
+                    &[1.0; 4],
+                    right,
+                    &mut [0.0; 32],
+                    out,
+                    false,
+                );
+            })
+            .is_err()
+        };
+        let good = View::rows(0, 2);
+        assert!(!refused(good, good, good));
+        for stride in [4, wraps] {
+            let bad = View::rows(0, stride);
+            assert!(
+                refused(bad, good, good) && refused(good, good, bad),
+                "{stride}"
+            );
+        }
+        assert!(refused(good, View::rows(usize::MAX, 2), good));
+    }
+
+    #[test]
+    fn a_product_of_no_depth_is_zero() {
+        for (accumulate, expected) in [(false, [0.0, 0.0, 7.0]), (true, [7.0; 3])] {
+            let mut out = [7.0; 3];
+            let (empty, view) = (View::rows(0, 0), View::rows(0, 1));
+            product([2, 1, 0], &[], empty, &[], view, &mut out, view, accumulate);
+            assert_eq!(out, expected);
         }
     }
 }

@@ -77,6 +77,8 @@ mod tests {
         let newer_px4 = autopilot(AutopilotKind::Px4, 1, 18);
         for (autopilot, output, name, default_m) in [
             (&ardupilot, Output::Odometry, "VISO_POS_M_NSE", 0.2),
+            (&ardupilot, Output::Odometry, "EK3_POSNE_M_NSE", 0.5),
+            (&ardupilot, Output::GpsInput, "EK3_POSNE_M_NSE", 0.5),
             (&px4, Output::Odometry, "EKF2_EVP_NOISE", 0.1),
             (
                 &newer_px4,

@@ -181,8 +181,8 @@ fn map_window(drawn: &MatchedPoints) -> WindowPx {
         .map(|corner| [corner.x, corner.y])
     {
         for axis in 0..2 {
-            let limit = 2.0 * [w, h][axis];
-            let along = corner[axis].clamp([x, y][axis] - limit, [x, y][axis] + limit);
+            let (first, side) = ([x, y][axis], [w, h][axis]);
+            let along = corner[axis].clamp(first - 2.0 * side, first + 3.0 * side);
             if along.is_finite() {
                 low[axis] = low[axis].min(along);
                 high[axis] = high[axis].max(along);
@@ -323,6 +323,15 @@ mod tests {
         assert!(picture.pixels().filter(|pixel| near(pixel)).count() > 100);
         // The photo is visible.
         assert_eq!(picture.get_pixel(5, 100), &Rgb([10, 20, 200]));
+    }
+
+    #[test]
+    fn a_large_outline_is_cut_off_alike_on_all_sides() {
+        let outline = vec![[-1e6, -1e6], [1e6, -1e6], [1e6, 1e6], [-1e6, 1e6]];
+        let window = map_window(&points(outline));
+        // The middle of the tile.
+        assert!((window.x + window.w / 2.0 - 1256.0).abs() < 1e-6);
+        assert!((window.y + window.h / 2.0 - 2256.0).abs() < 1e-6);
     }
 
     #[test]

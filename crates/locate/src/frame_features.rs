@@ -105,7 +105,7 @@ impl FrameFeatures {
 }
 
 /// Pixels of the photo in memory per query pixel at the query's centre.
-fn scale_at(photo_px_from_query_px: &Matrix3<f64>, query: &QueryFeatures) -> f64 {
+pub(crate) fn scale_at(photo_px_from_query_px: &Matrix3<f64>, query: &QueryFeatures) -> f64 {
     let m = photo_px_from_query_px;
     let centre = Point2::from(query.centre_px);
     let mapped = m * centre.to_homogeneous();

@@ -191,6 +191,15 @@ pub enum Reason {
         /// The square root of the photo's visible area at the resolution of the finest level it was compared with, pixels.
         side_px: f64,
     },
+    /// The photo is said to show so much ground that at the map's resolution nothing of it is sharp: its height, field of view or ground
+    /// resolution are wrong.
+    #[error(
+        "one pixel of the photo covers {across_px:.0} of the map's: check its height, field of view or ground resolution"
+    )]
+    TooMuchGround {
+        /// Pixels of the coarsest level it was compared with, across one pixel of the photo.
+        across_px: f64,
+    },
     /// The compressed data of the photo contradict themselves: parts of it may be shifted, and a position with them.
     #[error("the photo is damaged ({damage}): copy it again from the camera")]
     DamagedPhoto {

@@ -135,11 +135,11 @@ impl Confidence {
 pub struct FittedOn {
     /// Description of the data.
     pub data: String,
-    /// Photos that lie on their map.
+    /// Trials with photos that lie on their map: one photo may be tried with its heading known and unknown.
     pub photos: usize,
-    /// Right fixes of them, to which the covariance was fitted.
+    /// Right fixes to which the covariance was fitted; 0 if it was not.
     pub fixes: usize,
-    /// Photos that lie elsewhere, which must have no fix.
+    /// Trials with photos that lie elsewhere, which must have no fix.
     pub elsewhere: usize,
     /// Share of right fixes within their stated 95 % radius, on photos held out of the fit.
     pub held_out_coverage_95: f64,

@@ -1,4 +1,4 @@
-//! Local descriptors at keypoints.
+//! Local descriptors at keypoints (paper, eq. 15).
 
 use grimnet_kernels::{Isa, PlainKernel, Tensor};
 use rayon::prelude::*;

@@ -87,6 +87,16 @@ pub enum NetError {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelFileError {
+    /// The file is larger than any model.
+    #[error(
+        "it has {found} bytes, more than the limit of {limit}; expected a model written by this program"
+    )]
+    TooLarge {
+        /// Its size, bytes.
+        found: u64,
+        /// Largest file that is read, bytes.
+        limit: u64,
+    },
     /// The file does not follow the safetensors format.
     #[error("not a safetensors file ({0}); download or export the model again")]
     NotSafetensors(String),
@@ -203,6 +213,16 @@ pub enum SpecError {
     #[error("a layer has {found} channels (or NetVLAD clusters), expected 1 to {max}")]
     Width {
         /// Channels or clusters.
+        found: usize,
+        /// Most that are supported.
+        max: usize,
+    },
+    /// A layer of the encoder would take too much memory.
+    #[error(
+        "a layer of the encoder has {found} values for each pixel of the image, expected at most {max}"
+    )]
+    Activation {
+        /// Values of its output per pixel of the image.
         found: usize,
         /// Most that are supported.
         max: usize,

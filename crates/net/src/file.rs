@@ -7,7 +7,8 @@
 //! An int8 tensor `NAME` (only `whitening.projection`) has the scales of its rows in a tensor `NAME.scale`.
 
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::fs::File;
+use std::io::{Read as _, Write};
 use std::path::Path;
 
 use half::f16;
@@ -34,6 +35,8 @@ const CHECKSUM_PREFIX: &[u8] = b"\"checksum\":\"";
 const CHECKSUM_LEN: usize = 64;
 /// Bytes of the header's length, with which a safetensors file begins.
 const LENGTH_BYTES: usize = 8;
+/// Largest file that is read, bytes: ten times `vgg16` in single precision. A limit against files that are no models.
+const MOST_BYTES: u64 = 2 << 30;
 /// Ending of the name of the tensor with an int8 tensor's scales.
 const SCALE_SUFFIX: &str = ".scale";
 
@@ -41,14 +44,28 @@ impl Model {
     /// Reads a model file.
     ///
     /// # Errors
-    /// [`NetError::Io`] if it cannot be read, [`NetError::ModelFile`] if it is not a model, is damaged, or does not fit
-    /// its own description.
+    /// [`NetError::Io`] if it cannot be read, [`NetError::ModelFile`] if it is not a model, is above 2 GiB (which is checked before
+    /// it is read), is damaged, or does not fit its own description.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, NetError> {
         let path = path.as_ref();
-        let bytes = std::fs::read(path).map_err(|source| NetError::Io {
+        let io = |source| NetError::Io {
             path: path.into(),
             source,
-        })?;
+        };
+        let file = File::open(path).map_err(io)?;
+        let found = file.metadata().map_err(io)?.len();
+        if found > MOST_BYTES {
+            return Err(NetError::ModelFile {
+                path: path.into(),
+                reason: ModelFileError::TooLarge {
+                    found,
+                    limit: MOST_BYTES,
+                },
+            });
+        }
+        let mut bytes = Vec::with_capacity(found as usize);
+        // A device has no length, and may never end.
+        file.take(MOST_BYTES).read_to_end(&mut bytes).map_err(io)?;
         Self::from_bytes(&bytes, path)
     }
 

@@ -1,4 +1,4 @@
-//! The keypoint probability of each pixel, from the classes of its cell.
+//! The keypoint probability of each pixel, from the classes of its cell (paper, eq. 11-12).
 
 use grimnet_kernels::{Isa, PlainKernel, Tensor};
 use rayon::prelude::*;

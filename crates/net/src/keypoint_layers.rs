@@ -1,4 +1,4 @@
-//! Keypoint detection: from a picture or the decoder's features to the classes of each cell.
+//! Keypoint detection: from a picture or the decoder's features (paper, eq. 10) to the classes of each cell.
 
 use grimnet_kernels::{Isa, Tensor, Workspace};
 

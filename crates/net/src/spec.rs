@@ -283,16 +283,19 @@ impl NetSpec {
             .unwrap_or(0)
     }
 
-    /// Values of the largest intermediate activation per pixel of the input, at least 1: memory is proportional to it.
+    /// Values of the encoder's largest activation per pixel of the input, at least 1: memory is proportional to it.
     pub fn widest_per_pixel(&self) -> usize {
-        let wide = |stage: &Stage| {
-            let width = stage.widths.first().copied().unwrap_or(0);
-            match stage.downsample {
-                Downsample::StrideFirst => width / 4,
-                Downsample::MaxPoolLast => width,
-            }
+        let values = |(halved, stage): (usize, &Stage)| {
+            let halved = match stage.downsample {
+                Downsample::StrideFirst => halved + 1,
+                Downsample::MaxPoolLast => halved,
+            };
+            let width = stage.widths.iter().copied().max().unwrap_or(0);
+            // A quarter of the pixels after each halving of the sides.
+            width >> (2 * halved)
         };
-        self.stages.first().map_or(1, wide).max(1)
+        let stages = self.stages.iter().take(STAGES).enumerate();
+        stages.map(values).max().unwrap_or(1).max(1)
     }
 
     /// Length D of the vectors that NetVLAD aggregates.
@@ -330,7 +333,7 @@ impl NetSpec {
         }
     }
 
-    /// Side of the kernel of the convolution that computes descriptors.
+    /// Side of the kernel of the convolution that computes descriptors (3 in the paper, eq. 14).
     pub(crate) fn descriptor_kernel(&self) -> usize {
         match self.decoder {
             Decoder::Lateral { .. } => 1,
@@ -349,6 +352,11 @@ mod tests {
             spec.validate().unwrap();
             assert_eq!(NetSpec::preset(&spec.preset).as_ref(), Some(&spec));
         }
+        let widest = NetSpec::presets().map(|spec| spec.widest_per_pixel());
+        assert_eq!(widest, [4, 64, 64, 64]);
+        let mut later = NetSpec::compact();
+        later.stages[1].widths = vec![8, 512];
+        assert_eq!(later.widest_per_pixel(), 32);
         let lengths = NetSpec::presets().map(|spec| spec.global_len());
         assert_eq!(lengths, [1024, 512, 512, 512]);
         // VGG-16's 13 convolutions hold 14,710,464 weights without biases.

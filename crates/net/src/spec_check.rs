@@ -6,6 +6,9 @@ use crate::{Decoder, KeypointHead, NetError, NetSpec};
 
 /// Most channels of a layer, or clusters, that a description may ask for: a limit against damaged files.
 const LARGEST_WIDTH: usize = 8192;
+/// Most values of a layer of the encoder per pixel of the image, four times as many as VGG-16's: a limit on memory. Those of the
+/// other layers, at 1/8 of the side, are limited by [`LARGEST_WIDTH`] to half of it.
+const MOST_PER_PIXEL: usize = 256;
 /// Most layers of a stage or of the keypoint head that a description may ask for: a limit against damaged files.
 const MOST_LAYERS: usize = 64;
 
@@ -60,6 +63,12 @@ impl NetSpec {
                 max: LARGEST_WIDTH,
             });
         }
+        if self.widest_per_pixel() > MOST_PER_PIXEL {
+            return Err(SpecError::Activation {
+                found: self.widest_per_pixel(),
+                max: MOST_PER_PIXEL,
+            });
+        }
         if let Decoder::Lateral { width } = self.decoder
             && width != self.stage_width(2)
         {
@@ -104,6 +113,12 @@ mod tests {
         refuse(&|s| s.stages.truncate(4));
         refuse(&|s| s.stages[1].widths.clear());
         refuse(&|s| s.stages[1].widths[0] = usize::MAX);
+        // Few weights, and gigabytes for a picture.
+        let wide = refuse(&|s| s.stages[0].widths = vec![1, 8192, 1]);
+        assert!(matches!(
+            wide,
+            NetError::Spec(SpecError::Activation { found: 2048, .. })
+        ));
         refuse(&|s| s.decoder = Decoder::Lateral { width: 64 });
         refuse(&|s| s.input_std[1] = 0.0);
         refuse(&|s| s.global_dim = 8193);

@@ -163,10 +163,7 @@ impl AtomicFile {
         self.inputs.check(&self.path)?;
         let file = self.out.get_mut();
         let replaced = aside.place.path();
-        if let Ok(metadata) = fs::metadata(&replaced) {
-            // Not every file system keeps access rights, and the content is what counts.
-            let _ = file.set_permissions(metadata.permissions());
-        }
+        take_access_rights(file, &replaced);
         file.sync_all()
             .map_err(OutputError::io("sync to disk", &self.path))?;
         let hash = hash_of(file).map_err(OutputError::io("read back", &self.path))?;
@@ -247,7 +244,8 @@ pub fn write_bytes_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 }
 
 /// Puts a file that is completely written in the place of `path`, in the same folder: syncs it to disk and renames it.
-/// For writers that keep a temporary file of their own, such as a build that can be resumed; others use [`AtomicFile`].
+/// For writers that keep a temporary file of their own, such as a build that can be resumed; others use [`AtomicFile`]. A replaced
+/// file keeps its access rights.
 ///
 /// # Errors
 /// [`OutputError`] if the path is that of a folder, device or pipe, or the system refuses a step; what was at the path
@@ -267,13 +265,22 @@ pub fn rename_into_place(written: impl AsRef<Path>, path: impl AsRef<Path>) -> R
         TargetKind::Absent | TargetKind::File => {}
     }
     let file = File::open(written).map_err(OutputError::io("open", written))?;
+    let place = Place::of(path)?;
+    take_access_rights(&file, &place.path());
     file.sync_all()
         .map_err(OutputError::io("sync to disk", written))?;
-    let place = Place::of(path)?;
     fs::rename(written, place.path())
         .map_err(OutputError::io("rename a temporary file to", path))?;
     sync_folder(&place.folder);
     Ok(())
+}
+
+/// Gives a file the access rights of the one that it is going to replace, if there is one.
+fn take_access_rights(file: &File, replaced: &Path) {
+    if let Ok(metadata) = fs::metadata(replaced) {
+        // Not every file system keeps access rights, and the content is what counts.
+        let _ = file.set_permissions(metadata.permissions());
+    }
 }
 
 /// BLAKE3 of a whole file.

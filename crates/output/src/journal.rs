@@ -214,11 +214,10 @@ fn lock(path: &Path, output: &Path) -> Result<File> {
                     path: output.to_path_buf(),
                 });
             }
-            // Some network file systems do not support locks.
-            Err(TryLockError::Error(e)) if e.kind() == std::io::ErrorKind::Unsupported => {
-                tracing::warn!(path = %path.display(), "this file system cannot lock files; do not start a second run with the same output");
+            // Some network file systems have no locks, and say so with different errors (NFS without a lock service: ENOLCK).
+            Err(TryLockError::Error(error)) => {
+                tracing::warn!(path = %path.display(), %error, "this file system cannot lock files; do not start a second run with the same output");
             }
-            Err(TryLockError::Error(e)) => return Err(OutputError::io("lock", path)(e)),
         }
         // The holder may have finished and deleted the file between opening and locking: then this is a file without
         // a name, and the next process would not see the lock.

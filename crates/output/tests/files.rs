@@ -11,8 +11,8 @@ use std::process::Command;
 use std::time::Duration;
 
 use grimnet_output::{
-    AtomicFile, OutputError, OutputFolder, OutputPolicy, TargetKind, write_atomic,
-    write_bytes_atomic,
+    AtomicFile, OutputError, OutputFolder, OutputPolicy, TargetKind, rename_into_place,
+    write_atomic, write_bytes_atomic,
 };
 
 /// Names in a folder, sorted.
@@ -79,6 +79,11 @@ fn access_rights_are_those_of_any_new_file_and_are_kept() {
     assert_eq!(mode(&plain), mode(&ours));
     fs::set_permissions(&ours, fs::Permissions::from_mode(0o640)).unwrap();
     write_bytes_atomic(&ours, b"again").unwrap();
+    assert_eq!(mode(&ours) & 0o777, 0o640);
+    // Also by a writer with a temporary file of its own.
+    fs::write(&plain, "built").unwrap();
+    rename_into_place(&plain, &ours).unwrap();
+    assert_eq!(fs::read(&ours).unwrap(), b"built");
     assert_eq!(mode(&ours) & 0o777, 0o640);
 }
 

@@ -48,7 +48,7 @@ use crate::manifest::{LevelManifest, MapSummary};
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 use crate::pack::Pack;
-use crate::paper::PaperTiles;
+use crate::paper::{PaperTiles, corner_error_m};
 use crate::writer::{Writer, clear_unfinished};
 use grimnet_limits::BuildLimits;
 
@@ -122,6 +122,7 @@ pub fn build_interruptible(
     check_scale(raster, limits)?;
     if options.mode == Mode::Paper {
         warn_of_another_network(model);
+        warn_of_linear_coordinates(raster);
     }
     let recipe = recipe_of(options);
     let recipe = recipe.as_ref();
@@ -230,6 +231,20 @@ fn warn_of_another_network(model: &Model) {
     }
 }
 
+/// Error of the paper's coordinates above which a build says so, metres.
+const NOTABLE_CORNER_ERROR_M: f64 = 1.0;
+
+/// Warns if the paper's coordinates, linear between two corners of the map, place other parts of it elsewhere.
+fn warn_of_linear_coordinates(raster: &dyn Raster) {
+    match corner_error_m(raster.georeference(), raster.size_px()) {
+        Ok(error_m) if error_m > NOTABLE_CORNER_ERROR_M => tracing::warn!(
+            "paper mode's coordinates are linear between the map's lower left and upper right corners, which is wrong by up to \
+             {error_m:.0} m on this map; a map in EPSG:4326 or EPSG:3857 that is not very large has no such error"
+        ),
+        _ => {}
+    }
+}
+
 /// What the options' mode does differently.
 pub(crate) fn recipe_of(options: &BuildOptions) -> Box<dyn Recipe> {
     match options.mode {
@@ -243,8 +258,16 @@ pub(crate) fn recipe_of(options: &BuildOptions) -> Box<dyn Recipe> {
 /// The pack at `out`, if it is undamaged and was built from the same inputs.
 fn finished(out: &Path, fingerprint: &str) -> Option<Pack> {
     out.try_exists().ok().filter(|&exists| exists)?;
-    match Pack::open(out) {
-        Ok(pack) => (pack.manifest().fingerprint == fingerprint).then_some(pack),
+    let opened = Pack::open(out).and_then(|pack| {
+        let is_same = pack.manifest().fingerprint == fingerprint;
+        if is_same {
+            // Opening leaves out the features of a large pack, and who is told to build a damaged one again must get a new one.
+            pack.verify(&mut |_| ())?;
+        }
+        Ok(is_same.then_some(pack))
+    });
+    match opened {
+        Ok(same) => same,
         Err(error) => {
             tracing::warn!(%error, "the existing output is not a usable pack; it will be replaced");
             None

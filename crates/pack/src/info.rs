@@ -11,7 +11,7 @@ use crate::mode::Mode;
 use crate::pack::Pack;
 use crate::printable::Printable;
 
-/// Values of the paper's local descriptors (equation 14) and tile descriptors (equation 8).
+/// Values of the paper's local descriptors (eq. 14) and tile descriptors (eq. 8).
 const PAPER_DIMS: [usize; 2] = [256, 512];
 
 /// Summary of a pack.

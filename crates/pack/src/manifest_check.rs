@@ -8,7 +8,7 @@ use crate::error::{PackError, Result};
 use crate::manifest::{LevelManifest, Manifest};
 
 /// Maximum number of levels: factors of two from a millimetre to beyond the Earth's size.
-const MAX_LEVELS: usize = 64;
+pub(crate) const MAX_LEVELS: usize = 64;
 
 /// Maximum dimension of a local and of a tile descriptor.
 const MAX_DESCRIPTOR_DIM: usize = 4096;

@@ -1,14 +1,16 @@
 //! Paper mode: packs built by the publication's procedure (Remote Sens. 2026, 18(10), 1477).
 //!
-//! Tiles of 512 px at stride 256 (equation 1) are cut from the map's own pixels, each is resized for the network and
+//! Tiles of 512 px at stride 256 (eq. 1) are cut from the map's own pixels, each is resized for the network and
 //! described independently of the others, descriptors are not quantised, and the index is IVF256 with PQ64. What the paper
 //! leaves open, and what was chosen, stands in the table "The paper and this program" of EVALUATION.md. Everything that
 //! differs from the default mode is here: [`BuildOptions::paper`], and how the builder lays out and computes tiles ([`PaperTiles`]).
 
+mod corner_error;
 mod network_image;
 mod tile_grid;
 mod tiles;
 
+pub(crate) use corner_error::corner_error_m;
 pub use network_image::resize_for_network;
 pub(crate) use tiles::PaperTiles;
 

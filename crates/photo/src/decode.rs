@@ -48,7 +48,10 @@ pub(crate) fn decode(
     }
     let format = image::guess_format(bytes).map_err(|_| PhotoError::Unsupported {
         path: path.into(),
-        found: "not a picture (unknown file signature)".into(),
+        found: match format_by_signature(bytes) {
+            Some(name) => format!("a picture in the format {name}"),
+            None => "not a picture (unknown file signature)".into(),
+        },
     })?;
     let orientation = Orientation::from_exif(orientation).unwrap_or(Orientation::NoTransforms);
     let file_copies = match format {
@@ -110,6 +113,33 @@ pub(crate) fn decode(
         full_size_px: displayed(stored_size_px),
         damage,
     })
+}
+
+/// Formats of pictures that the decoders do not know: their signatures, where these begin, and their names.
+const OTHER_FORMATS: [(usize, &[u8], &str); 10] = [
+    // ISO 14496-12, 4.3: size, `ftyp`, brand.
+    (4, b"ftypheic", "HEIC"),
+    (4, b"ftypheix", "HEIC"),
+    (4, b"ftypmif1", "HEIF"),
+    (4, b"ftypcrx ", "CR3 (a raw photo)"),
+    // ISO 18181-2, 9.1: the box of a container, and the bare codestream.
+    (4, b"JXL \r\n\x87\n", "JPEG XL"),
+    (0, b"\xFF\x0A", "JPEG XL"),
+    // ISO 15444-1, I.5.1 and A.4.1.
+    (4, b"jP  \r\n\x87\n", "JPEG 2000"),
+    (0, b"\xFF\x4F\xFF\x51", "JPEG 2000"),
+    (0, b"II\x2B\0", "BigTIFF"),
+    (0, b"MM\0\x2B", "BigTIFF"),
+];
+
+/// The name of a format that is not read, by the first bytes of its files.
+fn format_by_signature(bytes: &[u8]) -> Option<&'static str> {
+    let begins =
+        |at: usize, with: &[u8]| bytes.get(at..).is_some_and(|rest| rest.starts_with(with));
+    let found = OTHER_FORMATS
+        .iter()
+        .find(|(at, signature, _)| begins(*at, signature));
+    found.map(|(_, _, name)| *name)
 }
 
 /// Decodes a JPEG at the smallest size with a long side of at least `needed_px`.

@@ -49,6 +49,8 @@ pub(crate) fn resolve(
                 sigma_deg,
             });
             view.use_evidence("heading", degrees(heading_deg), "given by the caller");
+            let reason = "overridden by the heading that the caller gave";
+            set_yaws_aside(metadata, recorded, reason, view);
         }
         HeadingPrior::Known {
             heading_deg,
@@ -77,11 +79,19 @@ fn set_yaws_aside(metadata: &Metadata, gimbal_is_recorded: bool, reason: &str, v
     for (field, value) in [
         ("gimbal yaw", gimbal_yaw),
         ("flight yaw", metadata.flight_yaw_deg),
+        (IMAGE_DIRECTION, image_direction_deg(metadata)),
     ] {
         if let Some(value) = value {
             view.set_aside(field, degrees(value), reason);
         }
     }
+}
+
+/// EXIF's name of the image direction.
+const IMAGE_DIRECTION: &str = "GPSImgDirection";
+
+fn image_direction_deg(metadata: &Metadata) -> Option<f64> {
+    Some(metadata.image_direction?.bearing_deg)
 }
 
 /// Whether the gimbal's angles were recorded. Drones that do not record them write zeros; a camera that really has all angles
@@ -136,16 +146,26 @@ fn attitude(metadata: &Metadata, pitch: f64, view: &mut View) -> Option<CameraAt
         );
         return None;
     }
-    if pitch_from_nadir_deg.abs() >= MIN_TILT_DEG {
-        view.use_evidence(
-            "gimbal pitch",
-            degrees(pitch),
-            format!("{pitch_from_nadir_deg:.1} degrees from nadir; rectified"),
-        );
-    } else {
-        view.use_evidence("gimbal pitch", degrees(pitch), "nadir");
-    }
     Some(attitude)
+}
+
+/// States what the recorded pitch is used for, once it is known whether the field of view is: without one no tilt is rectified.
+pub(crate) fn state_pitch(metadata: &Metadata, view: &mut View) {
+    let (Some(pitch), Some(attitude)) = (metadata.gimbal_pitch_deg, view.attitude) else {
+        return;
+    };
+    let from_nadir_deg = attitude.pitch_from_nadir_deg;
+    if from_nadir_deg.abs() < MIN_TILT_DEG {
+        view.use_evidence("gimbal pitch", degrees(pitch), "nadir");
+    } else if view.tilt.is_some() {
+        let reason = format!("{from_nadir_deg:.1} degrees from nadir; rectified");
+        view.use_evidence("gimbal pitch", degrees(pitch), reason);
+    } else {
+        let reason = format!(
+            "{from_nadir_deg:.1} degrees from nadir; not rectified, because the field of view (hfov) is unknown"
+        );
+        view.set_aside("gimbal pitch", degrees(pitch), reason);
+    }
 }
 
 /// The camera's angles, and the bearing of its picture's top relative to its recorded yaw, degrees clockwise. Where no pitch is
@@ -179,7 +199,14 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         .flight_yaw_deg
         .filter(|_| flight_is_recorded(metadata, view));
     let turn = orientation_turn_deg(metadata.orientation);
-    if let Some(yaw) = metadata.gimbal_yaw_deg.filter(|_| recorded) {
+    let gimbal_yaw = metadata.gimbal_yaw_deg.filter(|_| recorded);
+    if let Some(bearing) = image_direction_deg(metadata)
+        && (gimbal_yaw.is_some() || flight_yaw.is_some())
+    {
+        let reason = "a yaw is recorded, which is more accurate";
+        view.set_aside(IMAGE_DIRECTION, degrees(bearing), reason);
+    }
+    if let Some(yaw) = gimbal_yaw {
         let (attitude, top_from_yaw_deg) = camera_angles(metadata);
         let top = if attitude.pitch_from_nadir_deg.abs() < MAX_PITCH_FROM_NADIR_DEG {
             yaw + top_from_yaw_deg
@@ -236,7 +263,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         if direction.magnetic {
             reason.push_str(", relative to magnetic north (declination not applied)");
         }
-        view.use_evidence("GPSImgDirection", degrees(direction.bearing_deg), reason);
+        view.use_evidence(IMAGE_DIRECTION, degrees(direction.bearing_deg), reason);
         view.heading = Some(Heading {
             // Where the camera looks: cameras choose the orientation so that this is up in the displayed picture.
             heading_deg: direction.bearing_deg.rem_euclid(360.0),

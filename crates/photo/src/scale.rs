@@ -15,6 +15,8 @@ const ABOVE_GROUND_SIGMA: f64 = 0.1;
 /// Relative 1-sigma of the height above the take-off point used as height above ground: terrain is uneven and barometers drift.
 /// On a flight over a flat town it was 10 % too large.
 const RELATIVE_ALTITUDE_SIGMA: f64 = 0.15;
+/// EXIF's name of the pixel density of the sensor.
+const FOCAL_PLANE: &str = "FocalPlaneXResolution";
 /// Two focal lengths of one photo that differ by more than this share contradict each other.
 const FOCAL_AGREEMENT: f64 = 0.1;
 /// Metres of ground per pixel of a photo: from 2 m with a long lens, and to 20 km in a picture of few pixels, with room to spare.
@@ -52,12 +54,15 @@ pub(crate) fn resolve(
                 width_m: gsd_m * f64::from(size_px.0),
                 relative_sigma: USER_SIGMA,
             });
-            if let Some(relative) = metadata.relative_altitude_m {
-                view.set_aside(
-                    "RelativeAltitude",
-                    metres(relative),
-                    "overridden by the ground resolution that the caller gave",
-                );
+            let reason = "overridden by the ground resolution that the caller gave";
+            for (field, value) in [
+                ("height above ground", prior.height_agl_m),
+                ("AboveGroundAltitude", metadata.above_ground_m),
+                ("RelativeAltitude", metadata.relative_altitude_m),
+            ] {
+                if let Some(value) = value {
+                    view.set_aside(field, metres(value), reason);
+                }
             }
             return;
         }
@@ -154,6 +159,8 @@ fn focal(
     if let Some(hfov_deg) = prior.hfov_deg {
         if HFOV_RANGE_DEG.contains(&hfov_deg) {
             view.use_evidence("hfov", format!("{hfov_deg} deg"), "given by the caller");
+            let reason = "overridden by the field of view that the caller gave";
+            set_focal_lengths_aside(metadata, reason, view);
             return Some(Uncertain {
                 value: focal_px(f64::from(size_px.0), hfov_deg),
                 relative_sigma: USER_SIGMA,
@@ -174,19 +181,11 @@ fn focal(
     let file_from_original = match resized_by(stored_px, original_px) {
         Some(factor) => factor,
         None => {
-            let values = [
-                ("CalibratedFocalLength", metadata.calibrated_focal_px, "px"),
-                ("FocalLengthIn35mmFilm", metadata.focal_35mm, "mm"),
-            ];
-            for (field, value, unit) in values {
-                if let Some(value) = value {
-                    let reason = format!(
-                        "the camera stored {} x {} px, but the file has {} x {} px: cropped by an unknown amount",
-                        original_px.0, original_px.1, stored_px.0, stored_px.1
-                    );
-                    view.set_aside(field, format!("{value} {unit}"), reason);
-                }
-            }
+            let reason = format!(
+                "the camera stored {} x {} px, but the file has {} x {} px: cropped by an unknown amount",
+                original_px.0, original_px.1, stored_px.0, stored_px.1
+            );
+            set_focal_lengths_aside(metadata, &reason, view);
             return None;
         }
     };
@@ -199,6 +198,18 @@ fn focal(
         value: focal.value * file_from_original,
         ..focal
     })
+}
+
+fn set_focal_lengths_aside(metadata: &Metadata, reason: &str, view: &mut View) {
+    for (field, value, unit) in [
+        ("CalibratedFocalLength", metadata.calibrated_focal_px, "px"),
+        ("FocalLengthIn35mmFilm", metadata.focal_35mm, "mm"),
+        (FOCAL_PLANE, metadata.focal_plane_px.map(f64::round), "px"),
+    ] {
+        if let Some(value) = value {
+            view.set_aside(field, format!("{value} {unit}"), reason);
+        }
+    }
 }
 
 /// Ratio of the file's size to the size that the camera stored; `None` if their aspect ratios differ.
@@ -275,11 +286,15 @@ fn focal_of_original(
         );
     }
     let focal_plane = metadata.focal_plane_px?;
-    view.use_evidence(
-        "FocalPlaneXResolution",
-        format!("{focal_plane:.0} px"),
-        "focal length from the pixel density of the sensor",
-    );
+    let value = format!("{focal_plane:.0} px");
+    let fov = fov_deg(f64::from(original_px.0.max(original_px.1)), focal_plane);
+    if !HFOV_RANGE_DEG.contains(&fov) {
+        // Some cameras state the density in another unit than they say.
+        view.set_aside(FOCAL_PLANE, value, "implausible focal length");
+        return None;
+    }
+    let reason = "focal length from the pixel density of the sensor";
+    view.use_evidence(FOCAL_PLANE, value, reason);
     Some(Uncertain {
         value: focal_plane,
         relative_sigma: FOCAL_PLANE_SIGMA,

@@ -133,7 +133,8 @@ pub struct View {
     pub attitude: Option<CameraAttitude>,
     /// Field of view across the displayed photo's width, degrees.
     pub hfov_deg: Option<f64>,
-    /// Height above ground, m, if `footprint` was computed from one.
+    /// Height above ground, m, if one is known and the caller gave no ground resolution; also where `footprint` is unknown for want of
+    /// a field of view.
     pub height_agl_m: Option<f64>,
     /// Metadata and priors that were used.
     pub used: Vec<Evidence>,

@@ -116,6 +116,23 @@ fn not_a_picture() {
     assert!(Photo::open(std::env::temp_dir()).is_err());
 }
 
+#[test]
+fn a_format_that_is_not_read_is_named() {
+    for (bytes, name) in [
+        (&b"\0\0\0\x24ftypheic\0\0\0\0mif1heic"[..], "HEIC"),
+        (b"\0\0\0\x18ftypcrx \0\0\0\x01crx isom", "CR3"),
+        (b"\0\0\0\x0CJXL \r\n\x87\n\0\0\0\x14", "JPEG XL"),
+        (b"\0\0\0\x0CjP  \r\n\x87\n\0\0\0\x14", "JPEG 2000"),
+        (b"II\x2B\0\x08\0\0\0\x10\0\0\0", "BigTIFF"),
+    ] {
+        let error = fault(bytes).to_string();
+        assert!(
+            error.contains(&format!("a picture in the format {name}")),
+            "{error}"
+        );
+    }
+}
+
 /// A copy with the frame header's size replaced.
 fn claiming(jpeg: &[u8], width: u16, height: u16) -> Vec<u8> {
     let mut bytes = jpeg.to_vec();

@@ -41,6 +41,14 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
     if let Some(error) = error.downcast_ref::<OutputError>() {
         return match error {
             OutputError::NotOwn { .. } => Some(("--overwrite", "--overwrite allows it")),
+            OutputError::Io { source, .. }
+                if matches!(
+                    source.kind(),
+                    io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem
+                ) =>
+            {
+                Some(("may write to", "choose a folder that you may write to"))
+            }
             _ => None,
         };
     }
@@ -62,10 +70,9 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
     }
     if let Some(error) = error.downcast_ref::<PhotoError>() {
         return match error {
-            PhotoError::TooLarge { .. } | PhotoError::FileTooLarge { .. } => Some((
-                "--max-photo-memory",
-                "grim locate --max-photo-memory MIB raises it",
-            )),
+            PhotoError::TooLarge { .. } | PhotoError::FileTooLarge { .. } => {
+                Some(("--max-photo-memory", "--max-photo-memory MIB raises it"))
+            }
             _ => None,
         };
     }
@@ -75,6 +82,8 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
                 "--corners",
                 "--corners LL_LON,LL_LAT,UR_LON,UR_LAT gives the corners; a world file needs --crs EPSG:CODE",
             )),
+            // Known, and of no use: another code would put the map elsewhere.
+            GeoError::UnsupportedCrs { reason, .. } if reason.contains("gdalwarp") => None,
             GeoError::MissingCrs { .. } | GeoError::UnsupportedCrs { .. } => Some((
                 "--crs",
                 "--crs EPSG:CODE or --crs '+proj=...' gives the coordinate system",
@@ -102,12 +111,16 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
     }
 }
 
-/// Whether the error is that a photo is damaged or ends early.
+/// Whether the error is that a photo is damaged or ends early, perhaps before its first byte.
 pub fn is_damaged_photo(error: &anyhow::Error) -> bool {
     error.chain().any(|cause| {
         matches!(
             cause.downcast_ref(),
-            Some(PhotoError::Corrupt { .. } | PhotoError::Truncated { .. })
+            Some(
+                PhotoError::Corrupt { .. }
+                    | PhotoError::Truncated { .. }
+                    | PhotoError::Empty { .. }
+            )
         )
     })
 }
@@ -138,6 +151,30 @@ mod tests {
         assert_eq!(
             message(&error),
             "stopped: cannot write a.csv: no space left"
+        );
+    }
+
+    #[test]
+    fn a_file_without_bytes_ends_early() {
+        let path = std::path::PathBuf::from("a.jpg");
+        let empty = PhotoError::Empty { path: path.clone() };
+        assert!(is_damaged_photo(&anyhow::Error::new(empty)));
+        let found = "a picture in the format Gif".to_owned();
+        let other = PhotoError::Unsupported { path, found };
+        assert!(!is_damaged_photo(&anyhow::Error::new(other)));
+    }
+
+    #[test]
+    fn the_option_that_helps_is_that_of_any_command() {
+        let error = anyhow::Error::new(PhotoError::FileTooLarge {
+            path: "a.jpg".into(),
+            bytes: 2,
+            limit_bytes: 1,
+        });
+        let text = message_with_hint(&error);
+        assert!(
+            text.ends_with("(--max-photo-memory MIB raises it)"),
+            "{text}"
         );
     }
 

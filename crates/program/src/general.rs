@@ -1,7 +1,10 @@
 //! Options of every command: how much is logged, and how many threads compute.
 
 use clap::ArgAction;
+use grimnet_answer::printable_text;
 use tracing_subscriber::EnvFilter;
+use tracing_subscriber::field::MakeExt as _;
+use tracing_subscriber::fmt::format;
 
 use crate::{file_size, terminal, values};
 
@@ -51,6 +54,18 @@ impl GeneralOptions {
             .with_ansi(terminal::has_colours(&std::io::stderr()))
             .without_time()
             .with_target(false)
+            // `tracing-subscriber` escapes what could steer the terminal in messages, and not in the values beside them.
+            .fmt_fields(
+                format::debug_fn(|writer, field, value| {
+                    let text = format!("{value:?}");
+                    let text = printable_text(&text);
+                    match field.name() {
+                        "message" => write!(writer, "{text}"),
+                        name => write!(writer, "{name}={text}"),
+                    }
+                })
+                .delimited(" "),
+            )
             // Whoever reads the messages may go away (`2>&1 | head`), and the work go on.
             .log_internal_errors(false)
             .init();

@@ -1,5 +1,6 @@
 //! Input files before they are opened.
 
+use std::io::ErrorKind;
 use std::path::Path;
 
 use anyhow::{Result, bail};
@@ -12,7 +13,13 @@ use anyhow::{Result, bail};
 pub fn check_regular(path: &Path) -> Result<()> {
     // Not `fs_err`: the path is stated once.
     match std::fs::metadata(path) {
-        Err(error) => bail!("cannot read {}: {error}", path.display()),
+        Err(error) => {
+            let advice = match error.kind() {
+                ErrorKind::NotFound => "; check the path",
+                _ => "",
+            };
+            bail!("cannot read {}: {error}{advice}", path.display())
+        }
         Ok(metadata) if metadata.is_dir() => {
             bail!("{}: is a folder; expected a file", path.display())
         }

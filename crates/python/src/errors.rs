@@ -83,6 +83,22 @@ pub fn invalid_value(message: impl std::fmt::Display) -> PyErr {
     })
 }
 
+/// A whole number that is given for `name`, as the type that the library takes, whose largest is `most`. Python would raise
+/// `OverflowError` for what does not fit, which is no error of this package.
+///
+/// # Errors
+/// `InvalidValueError` for a number that does not fit.
+pub fn whole_number<T>(name: &str, given: i64, most: T) -> PyResult<T>
+where
+    T: TryFrom<i64> + std::fmt::Display,
+{
+    T::try_from(given).map_err(|_| {
+        invalid_value(format!(
+            "{name} is {given}; expected a whole number from 0 to {most}"
+        ))
+    })
+}
+
 /// A photo that cannot be read.
 pub fn photo_error(error: &LibraryPhotoError) -> PyErr {
     PhotoError::new_err(error.to_string())

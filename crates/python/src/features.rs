@@ -7,10 +7,10 @@ use image::{GrayImage, Luma, RgbImage};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 
-use crate::errors::{invalid_value, model_error};
+use crate::errors::{invalid_value, model_error, whole_number};
 use crate::long_work::detached;
 use crate::model_file::open_model;
-use crate::photo_input::PhotoInput;
+use crate::photo_input::{PhotoInput, max_side_of};
 
 /// The network for photos (`uav`) or maps (`sat`). Threads may share it.
 #[pyclass(frozen, module = "grimnet")]
@@ -72,12 +72,13 @@ impl FeatureExtractor {
     fn features<'py>(
         &self,
         picture: &Bound<'py, PyAny>,
-        max_keypoints: usize,
+        max_keypoints: i64,
         threshold: f32,
-        nms_radius_px: u32,
-        max_side_px: Option<u32>,
+        nms_radius_px: i64,
+        max_side_px: Option<i64>,
     ) -> PyResult<Features> {
         let py = picture.py();
+        let max_side_px = max_side_of(max_side_px)?;
         let input = PhotoInput::of(picture)?;
         if !(0.0..=1.0).contains(&threshold) {
             return Err(invalid_value(format!(
@@ -86,8 +87,8 @@ impl FeatureExtractor {
         }
         let options = ExtractOptions {
             threshold,
-            max_keypoints,
-            nms_radius_px,
+            max_keypoints: whole_number("max_keypoints", max_keypoints, u32::MAX)? as usize,
+            nms_radius_px: whole_number("nms_radius_px", nms_radius_px, u32::MAX)?,
         };
         let (photo, found) = detached(py, || {
             let photo = input.decode(max_side_px)?;

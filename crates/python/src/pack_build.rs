@@ -7,7 +7,7 @@ use grimnet::map::{BuildOptions, Levels, MapBuild, MapOptions, Phase, build_inte
 use grimnet_output::OutputPolicy;
 use pyo3::prelude::*;
 
-use crate::errors::{build_error, output_error};
+use crate::errors::{build_error, output_error, whole_number};
 use crate::long_work::detached_with_threads;
 use crate::model_file::open_model;
 
@@ -100,12 +100,15 @@ pub fn build_pack(
     adapt: bool,
     crs: Option<String>,
     corners: Option<[f64; 4]>,
-    zoom: Option<u8>,
+    zoom: Option<i64>,
     model: Option<PathBuf>,
     precision: Option<&str>,
     overwrite: bool,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<BuildReport> {
+    let zoom = zoom
+        .map(|zoom| whole_number("zoom", zoom, u8::MAX))
+        .transpose()?;
     let mut raised = None;
     let built = detached_with_threads(py, || {
         OutputPolicy::new()

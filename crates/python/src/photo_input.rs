@@ -14,7 +14,7 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyByteArray, PyBytes, PyMemoryView, PyString};
 
-use crate::errors::{invalid_value, photo_error};
+use crate::errors::{invalid_value, photo_error, whole_number};
 use crate::long_work::detached;
 use crate::rgb_copy::rgb_bytes;
 
@@ -73,6 +73,11 @@ impl PhotoInput {
     /// # Errors
     /// `PhotoError`.
     pub fn decode(self, max_side_px: Option<u32>) -> PyResult<Photo> {
+        if max_side_px == Some(0) {
+            return Err(invalid_value(
+                "max_side_px is 0; expected at least 1".to_owned(),
+            ));
+        }
         self.photo(|name, bytes| Photo::from_bytes(name, bytes, max_side_px))
     }
 
@@ -139,6 +144,16 @@ pub fn row_by_row<T: Copy, D: Dimension>(array: &ArrayView<'_, T, D>) -> Vec<T> 
     }
 }
 
+/// The argument `max_side_px`.
+///
+/// # Errors
+/// `InvalidValueError` for a number that is no side of a picture.
+pub fn max_side_of(given: Option<i64>) -> PyResult<Option<u32>> {
+    given
+        .map(|side_px| whole_number("max_side_px", side_px, u32::MAX))
+        .transpose()
+}
+
 /// Reads a photo as an array of height x width x 3 of uint8, red, green, blue, turned as its EXIF orientation says.
 ///
 /// `max_side_px` reduces it by averaging areas; a smaller photo keeps its size.
@@ -146,15 +161,11 @@ pub fn row_by_row<T: Copy, D: Dimension>(array: &ArrayView<'_, T, D>) -> Vec<T> 
 #[pyo3(signature = (photo, *, max_side_px=None))]
 pub fn read_photo<'py>(
     photo: &Bound<'py, PyAny>,
-    max_side_px: Option<u32>,
+    max_side_px: Option<i64>,
 ) -> PyResult<Bound<'py, PyArray3<u8>>> {
     let py = photo.py();
+    let max_side_px = max_side_of(max_side_px)?;
     let input = PhotoInput::of(photo)?;
-    if max_side_px == Some(0) {
-        return Err(invalid_value(
-            "max_side_px is 0; expected at least 1".to_owned(),
-        ));
-    }
     let image = detached(py, || {
         let image = input.decode(max_side_px)?.image;
         // An array is taken as it is.

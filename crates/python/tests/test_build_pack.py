@@ -81,6 +81,9 @@ def test_maps_that_cannot_be_used(demo, tmp_path, photos):
         grimnet.build_pack(demo / "map.tif", tmp_path / "a.grim", gsd_m=-1.0)
     with pytest.raises(ValueError):
         grimnet.build_pack(photos[0], tmp_path / "a.grim", corners=(1.0, 2.0, 3.0))
+    for zoom in (-1, 256):
+        with pytest.raises(grimnet.InvalidValueError, match=f"zoom is {zoom}; expected a whole number from 0 to 255"):
+            grimnet.build_pack(demo / "map.tif", tmp_path / "a.grim", zoom=zoom)
     assert list(tmp_path.glob("*.grim")) == []
 
 

@@ -39,14 +39,16 @@ def test_precision_changes_descriptors_and_no_keypoints(pair, photos):
     assert 0.99 < np.median(similarity) < 1.0 - 1e-6
     with pytest.raises(grimnet.InvalidValueError, match="precision"):
         grimnet.FeatureExtractor(precision="f16")
+    with pytest.raises(grimnet.InvalidValueError, match="max_side_px is 0"):
+        grimnet.features(photos[0], max_side_px=0)
 
 
-def test_pixels_that_were_added_have_no_keypoints_and_no_influence(photos):
-    """Sides that are no multiples of 32 are padded: the picture is the same as one whose border is masked."""
+def test_pixels_that_were_added_have_no_keypoints(photos):
+    """Sides that are no multiples of 32 are padded, and the added pixels masked: no keypoint is within 4 px of them."""
     picture = grimnet.read_photo(photos[0], max_side_px=640)[:250, :330]
     found = grimnet.features(picture)
     assert found.size_px == (330, 250)
-    assert found.keypoints_px[:, 0].max() < 330 and found.keypoints_px[:, 1].max() < 250
+    assert found.keypoints_px[:, 0].max() < 330 - 4 and found.keypoints_px[:, 1].max() < 250 - 4
 
 
 @pytest.mark.parametrize("max_ratio", [None, 0.9])
@@ -87,5 +89,11 @@ def test_wrong_input(pair, photos):
         grimnet.FeatureExtractor(domain="map")
     with pytest.raises(grimnet.InvalidValueError, match="threshold"):
         grimnet.features(photos[0], threshold=2.0)
+    for name in ("max_keypoints", "nms_radius_px", "max_side_px"):
+        for bad in (-1, 2**32):
+            with pytest.raises(grimnet.InvalidValueError, match=f"{name} is {bad}; expected a whole number"):
+                grimnet.features(photos[0], **{name: bad})
+    with pytest.raises(grimnet.InvalidValueError, match="max_side_px is -1"):
+        grimnet.read_photo(photos[0], max_side_px=-1)
     empty = np.zeros((0, pair[0].descriptors.shape[1]), np.float32)
     assert len(grimnet.match(empty, pair[0])) == 0

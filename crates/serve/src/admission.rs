@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
+use axum::body::Bytes;
 use tokio::sync::{OwnedSemaphorePermit, Semaphore};
 use tokio::time::timeout;
 
@@ -12,6 +13,9 @@ use crate::problem::{Problem, ProblemKind};
 
 /// Longest time in a `Retry-After`, seconds.
 const MAX_RETRY_AFTER_S: f64 = 60.0;
+
+/// Memory of the answers that clients have not taken yet, times that of all bodies.
+const ANSWERS_PER_BODIES: usize = 4;
 
 /// Work that is admitted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,12 +59,14 @@ pub(crate) struct Admission {
     /// Bytes of their bodies so far.
     body_bytes: AtomicUsize,
     max_body_bytes: usize,
+    /// Bytes of the answers that clients have not taken yet, of those that are held.
+    answer_bytes: AtomicUsize,
     /// Mean duration of the work, microseconds.
     mean_us: AtomicU64,
 }
 
-/// A request whose body arrives. It has no place yet: a client that sends slowly keeps nobody out. Clones are the same request; what it
-/// took is given back when the last one is dropped.
+/// A request whose body arrives. It has no place yet: a client that sends slowly keeps nobody out of one, but what it has sent counts for
+/// the memory of all bodies. Clones are the same request; what it took is given back when the last one is dropped.
 #[derive(Debug, Clone)]
 pub(crate) struct Arrival(Arc<Arriving>);
 
@@ -69,6 +75,12 @@ struct Arriving {
     admission: Arc<Admission>,
     /// Bytes of the body so far.
     bytes: AtomicUsize,
+}
+
+/// An answer that counts until it is sent: a client may take it slowly.
+struct Held {
+    admission: Arc<Admission>,
+    text: String,
 }
 
 /// The right to do the work once, now or when a worker is free. Given back when dropped.
@@ -99,6 +111,7 @@ impl Admission {
             requests: AtomicUsize::new(0),
             body_bytes: AtomicUsize::new(0),
             max_body_bytes: largest_body_bytes.saturating_mul(places),
+            answer_bytes: AtomicUsize::new(0),
             mean_us: AtomicU64::new(0),
         })
     }
@@ -129,6 +142,26 @@ impl Admission {
 
     fn busy(&self, detail: impl std::fmt::Display) -> Problem {
         Problem::unavailable(ProblemKind::Busy, detail, self.retry_after_s())
+    }
+
+    /// An answer to send, which counts until the client has taken it. One is held however long it is.
+    ///
+    /// # Errors
+    /// Status 503 with `Retry-After` if the answers that clients have not taken yet take too much memory with it.
+    pub(crate) fn hold(self: &Arc<Self>, text: String) -> Result<Bytes, Problem> {
+        let bytes = text.len();
+        let before = self.answer_bytes.fetch_add(bytes, Ordering::Relaxed);
+        let held = Held {
+            admission: self.clone(),
+            text,
+        };
+        let most = self.max_body_bytes.saturating_mul(ANSWERS_PER_BODIES);
+        if before > 0 && before + bytes > most {
+            return Err(self.busy(
+                "answers that other clients have not taken yet take all memory for them; send the request again later",
+            ));
+        }
+        Ok(Bytes::from_owner(held))
     }
 
     /// Requests whose work runs now.
@@ -198,6 +231,21 @@ impl Arrival {
             since: Instant::now(),
             limit: limits.locate_time,
         })
+    }
+}
+
+impl AsRef<[u8]> for Held {
+    fn as_ref(&self) -> &[u8] {
+        self.text.as_bytes()
+    }
+}
+
+impl Drop for Held {
+    fn drop(&mut self) {
+        let bytes = self.text.len();
+        self.admission
+            .answer_bytes
+            .fetch_sub(bytes, Ordering::Relaxed);
     }
 }
 
@@ -342,6 +390,20 @@ mod tests {
         assert_eq!((admission.body_bytes(), admission.waiting()), (400, 1));
         drop(place);
         assert_eq!((admission.body_bytes(), admission.waiting()), (0, 0));
+    }
+
+    #[test]
+    fn answers_that_are_not_taken_take_bounded_memory() {
+        let limits = limits(1, 1);
+        let admission = admission(&limits);
+        let hold = |bytes: usize| admission.hold("x".repeat(bytes));
+        let long = hold(100_000).unwrap();
+        assert!(hold(1).is_err());
+        drop(long);
+        let held: Vec<_> = (0..4).map(|_| hold(2000).unwrap()).collect();
+        assert!(hold(1).is_err());
+        drop(held);
+        assert_eq!(hold(3).unwrap(), "xxx");
     }
 
     #[tokio::test]

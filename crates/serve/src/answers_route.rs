@@ -54,6 +54,7 @@ pub(crate) async fn answers(
     let body = read_body(body, MAX_ANSWERS_BYTES, &state.limits, Some(&arrival)).await?;
     let place = arrival.enter(&state.limits)?;
     let text = place.run(move || converted(&body, kind)).await??;
+    let text = state.conversions.hold(text)?;
     let content_type = HeaderValue::from_static(kind.media_type());
     Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
 }
@@ -68,6 +69,13 @@ fn converted(json: &[u8], kind: AnswerType) -> Result<String, Problem> {
             "the list is longer than the limit of {MAX_ANSWERS} answers; send it in parts"
         )));
     }
+    if let Some(at) = answers.iter().position(|answer| !is_on_earth(answer)) {
+        return Err(Problem::bad_value(format!(
+            "answer {} of the list has a position that is not on Earth; expected latitudes from -90 to 90 and longitudes from -360 to \
+             360 degrees",
+            at + 1
+        )));
+    }
     let text = match kind {
         AnswerType::Json => serde_json::to_string(&answers).map_err(|error| error.to_string()),
         kind => text_of(kind.format().as_mut(), &answers).map_err(|error| error.to_string()),
@@ -76,6 +84,17 @@ fn converted(json: &[u8], kind: AnswerType) -> Result<String, Problem> {
         tracing::error!(error, "answers cannot be written");
         Problem::internal()
     })
+}
+
+/// Whether all positions of an answer are on Earth. Other numbers could be of no use, and 1e308 is five bytes of a list and hundreds of
+/// the text that is made of it.
+fn is_on_earth(answer: &Answer) -> bool {
+    let position = answer.lon_deg.zip(answer.lat_deg);
+    let outline = answer.outline_lon_lat_deg.iter().flatten();
+    let mut positions = outline
+        .copied()
+        .chain(position.map(|(lon, lat)| [lon, lat]));
+    positions.all(|[lon, lat]| lon.abs() <= 360.0 && lat.abs() <= 90.0)
 }
 
 /// The first [`MAX_ANSWERS`] of a list.
@@ -129,5 +148,18 @@ mod tests {
             "the list is longer than the limit of 20000 answers; send it in parts",
         );
         assert_eq!(converted(longer.as_bytes(), AnswerType::Csv), Err(expected));
+    }
+
+    #[test]
+    fn positions_that_are_not_on_earth_are_refused() {
+        for answer in [
+            r#"{"state": "fix", "lat_deg": 1e308, "lon_deg": 0}"#,
+            r#"{"state": "fix", "lat_deg": 120, "lon_deg": 24}"#,
+            r#"{"outline_lon_lat_deg": [[0, 0], [0, 1e308], [1, 0]]}"#,
+        ] {
+            let list = format!("[{{}}, {answer}]");
+            let refused = converted(list.as_bytes(), AnswerType::Kml).unwrap_err();
+            assert!(refused.to_string().starts_with("answer 2 "), "{refused}");
+        }
     }
 }

@@ -3,13 +3,17 @@
 use axum::Json;
 use axum::response::IntoResponse;
 use utoipa::openapi::security::{HttpAuthScheme, HttpBuilder, SecurityRequirement, SecurityScheme};
-use utoipa::openapi::{Components, Content, Ref, ResponseBuilder};
+use utoipa::openapi::{Components, Content, Ref, RefOr, ResponseBuilder, Schema};
 use utoipa::{Modify, OpenApi};
 
 use crate::problem;
 
 /// The name of the token in the document.
 const TOKEN: &str = "token";
+
+/// Schemas whose fields are all sent, also where they are `null`. Derived, those that may be left out when they are read, or may be `null`,
+/// would not be required, and clients that are made from the document would take each of them for one that may be missing.
+const SENT_WHOLE: [&str; 4] = ["Answer", "Detail", "Track", "TrackFrame"];
 
 /// A multipart body of `POST /v1/locate`, for the document.
 #[derive(utoipa::ToSchema)]
@@ -62,7 +66,7 @@ pub(crate) struct GeoJson(serde_json::Value);
 )]
 struct Document;
 
-/// What all operations have in common: errors, and the token.
+/// What all operations have in common: errors, the token, and answers whose fields are all there.
 struct OfAllOperations;
 
 impl Modify for OfAllOperations {
@@ -85,6 +89,11 @@ impl Modify for OfAllOperations {
             .build();
         let components = document.components.get_or_insert_with(Components::new);
         components.add_security_scheme(TOKEN, SecurityScheme::Http(scheme));
+        for name in SENT_WHOLE {
+            if let Some(RefOr::T(Schema::Object(object))) = components.schemas.get_mut(name) {
+                object.required = object.properties.keys().cloned().collect();
+            }
+        }
         let none: [&str; 0] = [];
         document.security = Some(vec![
             SecurityRequirement::default(),
@@ -153,6 +162,20 @@ mod tests {
                     "{method} {path}"
                 );
             }
+        }
+    }
+
+    #[test]
+    fn fields_that_are_always_sent_are_required() {
+        let document = serde_json::to_value(Document::openapi()).unwrap();
+        for name in SENT_WHOLE {
+            let schema = &document["components"]["schemas"][name];
+            let mut fields = schema["properties"].as_object().unwrap().keys();
+            let required = schema["required"].as_array().unwrap();
+            assert!(
+                fields.all(|field| required.contains(&field.as_str().into())),
+                "{name}: {required:?}"
+            );
         }
     }
 

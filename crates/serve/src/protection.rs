@@ -45,12 +45,16 @@ fn check(state: &Arc<State>, uri: &Uri, headers: &HeaderMap) -> Result<(), Probl
         // Another site's name can be made to resolve to 127.0.0.1 (DNS rebinding).
         return Err(Problem::new(
             ProblemKind::Host,
-            "the service answers on this machine only; expected the host 127.0.0.1, [::1] or localhost",
+            "the service answers on this machine only; expected the host 127.0.0.1, [::1] or localhost; for other hosts, also behind a \
+             proxy, start it with --token-file or --no-token",
         ));
     }
     if let Some(origin) = headers.get(header::ORIGIN)
         && !is_same_origin(origin, host)
     {
+        return Err(forbidden_origin());
+    }
+    if is_loaded_by_another_site(headers) {
         return Err(forbidden_origin());
     }
     // The page itself is public and asks for the token.
@@ -108,6 +112,16 @@ fn is_same_origin(origin: &HeaderValue, host: Option<&str>) -> bool {
     of_origin.is_some() && of_origin == host
 }
 
+/// Whether a page of another site loads what is asked for, such as a tile as a picture: browsers send no `Origin` with that, but say so in
+/// `Sec-Fetch-Site` (W3C Fetch Metadata Request Headers). A link that leads to a page of this service is followed.
+fn is_loaded_by_another_site(headers: &HeaderMap) -> bool {
+    let is = |name: &str, one_of: &[&str]| {
+        let value = headers.get(name).and_then(|value| value.to_str().ok());
+        value.is_some_and(|value| one_of.contains(&value))
+    };
+    is("sec-fetch-site", &["cross-site", "same-site"]) && !is("sec-fetch-mode", &["navigate"])
+}
+
 fn forbidden_origin() -> Problem {
     Problem::new(
         ProblemKind::Origin,
@@ -158,5 +172,19 @@ mod tests {
             assert!(!same(other), "{other}");
         }
         assert!(!is_same_origin(&HeaderValue::from_static(""), None));
+    }
+
+    #[test]
+    fn pictures_on_pages_of_other_sites_are_told_from_links() {
+        let by_another = |site: &'static str, mode: &'static str| {
+            let mut headers = HeaderMap::new();
+            headers.insert("sec-fetch-site", HeaderValue::from_static(site));
+            headers.insert("sec-fetch-mode", HeaderValue::from_static(mode));
+            is_loaded_by_another_site(&headers)
+        };
+        assert!(by_another("cross-site", "no-cors") && by_another("same-site", "no-cors"));
+        assert!(!by_another("cross-site", "navigate"));
+        assert!(!by_another("same-origin", "cors") && !by_another("none", "navigate"));
+        assert!(!is_loaded_by_another_site(&HeaderMap::new()));
     }
 }

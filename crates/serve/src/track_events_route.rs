@@ -17,6 +17,9 @@ use crate::track_store::Track;
 /// Where a browser says what it has got.
 const LAST_EVENT_ID: &str = "last-event-id";
 
+/// Asks proxies (nginx and others) to pass events on as they come; they would keep them back until they have a few kilobytes.
+const UNBUFFERED: [(&str, &str); 1] = [("x-accel-buffering", "no")];
+
 /// Seconds after which a client may ask for the place of another one: nobody knows when that ends.
 const LISTENER_RETRY_S: u64 = 10;
 
@@ -61,7 +64,10 @@ pub(crate) async fn events(
         stopping: state.stopping.clone(),
         _place: place,
     });
-    Ok(Sse::new(stream).keep_alive(KeepAlive::default()))
+    Ok((
+        UNBUFFERED,
+        Sse::new(stream).keep_alive(KeepAlive::default()),
+    ))
 }
 
 /// One client that follows a track.

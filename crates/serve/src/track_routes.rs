@@ -134,6 +134,7 @@ pub(crate) async fn track(
         })
     })
     .await?;
+    let text = state.conversions.hold(text)?;
     let content_type = HeaderValue::from_static(kind.media_type());
     Ok(([(header::CONTENT_TYPE, content_type)], text).into_response())
 }

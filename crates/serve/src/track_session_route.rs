@@ -41,6 +41,7 @@ pub(crate) async fn session(
         })
     })
     .await?;
+    let text = state.conversions.hold(text)?;
     let disposition =
         HeaderValue::from_str(&disposition).unwrap_or(HeaderValue::from_static("attachment"));
     Ok((

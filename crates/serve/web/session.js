@@ -128,6 +128,8 @@ function play() {
   clearInterval(timer);
   timer = null;
   byId("play").textContent = stop ? "Play" : "Pause";
+  // Screen readers would have more to say than there is time for.
+  byId("status").setAttribute("aria-live", stop ? "polite" : "off");
   if (stop) return;
   if (slider.value === slider.max) slider.value = 0;
   timer = setInterval(() => {

@@ -277,7 +277,7 @@ impl Bank {
             .drain(..)
             .map(|mut hypothesis| {
                 hypothesis.know_map_error(fix);
-                hypothesis.look(view, options);
+                hypothesis.look(view);
                 let innovation = hypothesis.innovation(fix, measured_m, view, options);
                 if let Some(innovation) = &innovation {
                     hypothesis.test_ratio = innovation.chi2 / options.gate_chi2;

@@ -5,14 +5,15 @@ use nalgebra::{Matrix2, Vector2};
 use crate::{
     attitude::Attitude,
     climb::Climb,
-    hypothesis::Hypothesis,
+    hypothesis::{Hypothesis, PositionOf},
     input::{RelativeMotion, Velocity},
     kalman::{Covariance, Observation, POSITION, VELOCITY, set_diagonal},
-    observation::{lean, position_of, tilt_error},
+    observation::{lean, position_of},
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
     scalar::HeadingFilter,
     sensors::{Change, Sensors, View},
+    tilt_error::{attitude_tilt_error, unknown_tilt},
     velocity_gate::VelocityUse,
 };
 
@@ -190,7 +191,9 @@ impl Hypothesis {
     /// Carries the position as photos see it to the time of the second one. Gives what the variance per axis does not hold yet.
     fn carry_as_seen(&mut self, time_s: f64, views: [View; 2], options: &TrackOptions) -> f64 {
         let interval_s = time_s - self.time_s;
-        if views.map(position_of) != [self.position_of; 2] {
+        let is_of_centre = |position_of| position_of == PositionOf::ImageCentre;
+        if views.map(|view| is_of_centre(position_of(view))) != [is_of_centre(self.position_of); 2]
+        {
             self.step(time_s, options);
             return self.lean_change_m2(interval_s, views, options);
         }
@@ -217,10 +220,11 @@ impl Hypothesis {
 
     /// Variance per axis of a displacement that comes from the change of the tilt's error, square metres.
     fn lean_change_m2(&self, interval_s: f64, views: [View; 2], options: &TrackOptions) -> f64 {
-        let (View::Attitude { height_agl_m, .. } | View::Height { height_agl_m }) = views[1] else {
-            return 0.0;
+        let (height_agl_m, error) = match views[1] {
+            View::Attitude { height_agl_m, .. } => (height_agl_m, attitude_tilt_error(options)),
+            View::Height { height_agl_m } => (height_agl_m, unknown_tilt(options)),
+            View::Centre => return 0.0,
         };
-        let error = tilt_error(position_of(views[1]), options);
         let lost = 1.0 - error.step(interval_s).decay;
         2.0 * lost * (height_agl_m * error.sigma).powi(2)
     }

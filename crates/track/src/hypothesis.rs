@@ -10,13 +10,14 @@ use crate::{
     input::{PositionFix, Velocity},
     journal::Journal,
     kalman::{
-        BORESIGHT, Covariance, ESTIMATED, MAP, Observation, POSITION, STATE, State, TILT, VELOCITY,
-        set_diagonal, update,
+        BORESIGHT, Covariance, ESTIMATED, MAP, Observation, POSITION, STATE, State, TILT,
+        UNKNOWN_TILT, VELOCITY, set_diagonal, update,
     },
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
     scalar::{GsdFilter, HeadingFilter},
     sensors::Sensors,
+    tilt_error::tilt_errors,
     velocity_gate::VelocityUse,
 };
 
@@ -35,7 +36,7 @@ pub enum PositionOf {
     Aircraft,
     /// The aircraft, of which no attitude is known: the unknown tilt of the camera is part of the covariance.
     AircraftWithoutAttitude,
-    /// The ground point at the photo's centre: neither attitude nor height is known.
+    /// The ground point at the photo's centre: the height is not known.
     ImageCentre,
 }
 
@@ -49,6 +50,8 @@ pub(crate) struct Hypothesis {
     pub covariance: Covariance,
     pub(crate) reference: Reference,
     pub(crate) position_of: PositionOf,
+    /// Height above ground in the latest view of which it was known, metres.
+    pub(crate) height_agl_m: Option<f64>,
     pub heading: Option<HeadingFilter>,
     pub(crate) heading_time_s: f64,
     /// Ground resolution straight below.
@@ -104,7 +107,7 @@ impl Hypothesis {
         new.know_yaw(sensors, options);
         new.take_heading_and_gsd(fix, options);
         let view = sensors.view_of(fix, options);
-        new.look(view, options);
+        new.look(view);
         let (predicted_m, observation, noise) = new.measurement(fix, view, options);
         // The position's own column is the identity, so position = measured - (everything else) - noise.
         let mut others = -observation;
@@ -157,6 +160,9 @@ impl Hypothesis {
         );
         let boresight_rad = options.boresight_sigma_deg.to_radians();
         set_diagonal(&mut covariance, BORESIGHT, boresight_rad.powi(2));
+        for (at, error) in tilt_errors(options) {
+            set_diagonal(&mut covariance, at, error.sigma.powi(2));
+        }
         Self {
             id,
             weight: 0.0,
@@ -165,6 +171,7 @@ impl Hypothesis {
             covariance,
             reference: Reference::FREE,
             position_of: PositionOf::ImageCentre,
+            height_agl_m: None,
             heading: None,
             heading_time_s: time_s,
             gsd: None,
@@ -269,7 +276,7 @@ impl Hypothesis {
     /// Moves the hypothesis to another plane.
     pub fn re_anchor(&mut self, position_m: Vector2<f64>, turn: nalgebra::Rotation2<f64>) {
         let mut transform = Covariance::identity();
-        for block in [POSITION, VELOCITY, MAP, TILT] {
+        for block in [POSITION, VELOCITY, MAP, TILT, UNKNOWN_TILT] {
             transform
                 .fixed_view_mut::<2, 2>(block, block)
                 .copy_from(turn.matrix());

@@ -1,6 +1,6 @@
 //! The state vector of a hypothesis and its update.
 //!
-//! The state has ten components, in metres, metres per second and radians:
+//! The state has twelve components, in metres, metres per second and radians:
 //!
 //! | index | what | treatment |
 //! |---|---|---|
@@ -8,7 +8,11 @@
 //! | 2, 3 | velocity minus the reference velocity | estimated |
 //! | 4, 5 | boresight: tilt of the camera forward, right | estimated, constant |
 //! | 6, 7 | the map's error east, north | considered, constant |
-//! | 8, 9 | error of the view's tilt to the east, north | considered, Gauss-Markov |
+//! | 8, 9 | error of the reported attitude's tilt to the east, north | considered, Gauss-Markov |
+//! | 10, 11 | tilt to the east, north while no attitude is known | considered, Gauss-Markov |
+//!
+//! The two tilts are errors of two kinds of views. Neither begins again where views of the other kind came between: a tilt that is the same
+//! each time must not average away.
 //!
 //! "Considered" states (S. F. Schmidt, "Application of State-Space Methods to Navigation Problems", 1966; Bar-Shalom et al.
 //! 2001, section 11.7) keep their mean of zero and their variance, but their correlation with the others is carried: what all
@@ -17,7 +21,7 @@
 use nalgebra::{Matrix2, SMatrix, SVector, Vector2};
 
 /// Components of the state.
-pub(crate) const STATE: usize = 10;
+pub(crate) const STATE: usize = 12;
 /// The first so many are estimated, the others considered.
 pub(crate) const ESTIMATED: usize = 6;
 pub(crate) const POSITION: usize = 0;
@@ -25,6 +29,7 @@ pub(crate) const VELOCITY: usize = 2;
 pub(crate) const BORESIGHT: usize = 4;
 pub(crate) const MAP: usize = 6;
 pub(crate) const TILT: usize = 8;
+pub(crate) const UNKNOWN_TILT: usize = 10;
 
 /// Mean or gain.
 pub(crate) type State = SVector<f64, STATE>;

@@ -51,6 +51,7 @@ mod sensors;
 pub mod simulation;
 mod smoother;
 mod tilt;
+mod tilt_error;
 mod tracker;
 mod velocity_gate;
 mod window;

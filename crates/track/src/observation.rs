@@ -4,17 +4,17 @@ use nalgebra::{Matrix2, Vector2};
 
 use crate::{
     attitude::Attitude,
-    gauss_markov::GaussMarkov,
     hypothesis::{Hypothesis, PositionOf},
     input::PositionFix,
-    kalman::{BORESIGHT, MAP, Observation, POSITION, STATE, TILT, set_diagonal},
+    kalman::{BORESIGHT, MAP, Observation, POSITION, TILT, UNKNOWN_TILT, set_diagonal},
     options::TrackOptions,
     scalar::{GsdFilter, HeadingFilter},
     sensors::View,
     tilt::CentreOffset,
 };
 
-/// Where the height becomes known after fixes without it, the aircraft is within this tilt of the image centre, degrees.
+/// Where the height becomes known after fixes without it, or is not known any more, the aircraft is within this tilt of the image
+/// centre, degrees.
 const CENTRE_TO_AIRCRAFT_DEG: f64 = 20.0;
 
 /// What a fix should be according to a hypothesis, and what it is.
@@ -40,23 +40,6 @@ pub(crate) fn position_of(view: View) -> PositionOf {
     }
 }
 
-/// The error of the view's tilt, radians, where the position is of that point.
-pub(crate) fn tilt_error(position_of: PositionOf, options: &TrackOptions) -> GaussMarkov {
-    let (sigma_deg, correlation_s) = match position_of {
-        PositionOf::Aircraft => (options.attitude_sigma_deg, options.attitude_correlation_s),
-        PositionOf::AircraftWithoutAttitude => (
-            options.unknown_tilt_sigma_deg,
-            options.unknown_tilt_correlation_s,
-        ),
-        // The tilt does not move the image centre away from itself.
-        PositionOf::ImageCentre => (0.0, options.unknown_tilt_correlation_s),
-    };
-    GaussMarkov {
-        sigma: sigma_deg.to_radians(),
-        correlation_s,
-    }
-}
-
 /// By how much the boresight and the error of the view's tilt move the image centre, metres for one radian.
 ///
 /// It depends on what was reported and on nothing that is estimated: a fix and the motions before and after it must see the same
@@ -78,7 +61,9 @@ pub(crate) fn lean(view: View) -> Observation {
                 set(TILT, &centre.by_tilt_m);
             }
         }
-        View::Height { height_agl_m } => set(TILT, &(Matrix2::identity() * height_agl_m)),
+        View::Height { height_agl_m } => {
+            set(UNKNOWN_TILT, &(Matrix2::identity() * height_agl_m));
+        }
         View::Centre => {}
     }
     lean
@@ -101,15 +86,17 @@ impl Innovation {
 }
 
 impl Hypothesis {
-    /// Prepares for a measurement seen in a view: where what is known of the tilt changes, its error is another one.
-    pub fn look(&mut self, view: View, options: &TrackOptions) {
+    /// Prepares for a measurement seen in a view, which may be of another point than those before.
+    pub fn look(&mut self, view: View) {
         let position_of = position_of(view);
-        if position_of == self.position_of && self.covariance[(TILT, TILT)] > 0.0 {
-            return;
+        if let View::Attitude { height_agl_m, .. } | View::Height { height_agl_m } = view {
+            self.height_agl_m = Some(height_agl_m);
         }
-        if let View::Attitude { height_agl_m, .. } | View::Height { height_agl_m } = view
-            && self.position_of == PositionOf::ImageCentre
+        let is_another_point = (position_of == PositionOf::ImageCentre)
+            != (self.position_of == PositionOf::ImageCentre);
+        if is_another_point
             && self.fixes > 0
+            && let Some(height_agl_m) = self.height_agl_m
         {
             let apart_m = height_agl_m * CENTRE_TO_AIRCRAFT_DEG.to_radians().tan();
             for axis in POSITION..POSITION + 2 {
@@ -117,17 +104,6 @@ impl Hypothesis {
             }
         }
         self.position_of = position_of;
-        for tilt in TILT..STATE {
-            self.covariance.row_mut(tilt).fill(0.0);
-            self.covariance.column_mut(tilt).fill(0.0);
-        }
-        let error = tilt_error(position_of, options);
-        set_diagonal(&mut self.covariance, TILT, error.sigma.powi(2));
-        // It is another error from now on, with a mean of zero.
-        self.mean.fixed_rows_mut::<2>(TILT).fill(0.0);
-        if let Some(journal) = &mut self.journal {
-            journal.transition.fixed_rows_mut::<2>(TILT).fill(0.0);
-        }
     }
 
     /// Takes in how large the map's error is, from the first fix that the hypothesis sees: a start is known without a map.
@@ -168,7 +144,8 @@ impl Hypothesis {
         set(POSITION, &Matrix2::identity());
         set(MAP, &Matrix2::identity());
         let mut predicted_m = self.position_m() + self.mean.fixed_rows::<2>(MAP);
-        let tilt_rad = self.mean.fixed_rows::<2>(TILT).into_owned();
+        let [tilt_rad, unknown_tilt_rad] =
+            [TILT, UNKNOWN_TILT].map(|at| self.mean.fixed_rows::<2>(at).into_owned());
         let mut noise = Matrix2::zeros();
         match view {
             View::Attitude {
@@ -180,10 +157,11 @@ impl Hypothesis {
                 heading_deg,
             } => {
                 let boresight_rad = self.mean.fixed_rows::<2>(BORESIGHT).into_owned();
-                // The heading from fixes is better than a compass.
+                // The heading from fixes is better than a compass. That of this fix comes first: with the one from before a turn that
+                // nothing told, the offset would point elsewhere by more than its linearised error holds.
                 let mut heading = self.heading_at(attitude.time_s);
                 if let (Some(heading), Some(measured_deg)) = (&mut heading, heading_deg) {
-                    heading.replace_if_contradicted(measured_deg, options.heading_sigma_deg);
+                    heading.update(measured_deg, options.heading_sigma_deg);
                 }
                 let attitude = Attitude {
                     yaw_deg: heading.map_or(attitude.yaw_deg, |heading| heading.heading_deg),
@@ -205,7 +183,7 @@ impl Hypothesis {
                         * sigma_deg.to_radians().powi(2);
                 }
             }
-            View::Height { height_agl_m } => predicted_m += tilt_rad * height_agl_m,
+            View::Height { height_agl_m } => predicted_m += unknown_tilt_rad * height_agl_m,
             View::Centre => {}
         }
         observation += lean(view);
@@ -231,8 +209,9 @@ impl Hypothesis {
             return None;
         }
         let map = self.covariance.fixed_view::<2, 2>(MAP, MAP);
-        let by_tilt = observation.fixed_columns::<2>(TILT);
-        let tilt = by_tilt * self.covariance.fixed_view::<2, 2>(TILT, TILT) * by_tilt.transpose();
+        // Both tilts, of which the view has one.
+        let by_tilt = observation.fixed_columns::<4>(TILT);
+        let tilt = by_tilt * self.covariance.fixed_view::<4, 4>(TILT, TILT) * by_tilt.transpose();
         Some(Innovation {
             measured_minus_predicted_m: difference_m,
             observation,

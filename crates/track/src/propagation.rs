@@ -5,10 +5,10 @@ use nalgebra::Vector2;
 use crate::{
     gauss_markov::GaussMarkov,
     hypothesis::Hypothesis,
-    kalman::{Covariance, POSITION, STATE, TILT, VELOCITY},
-    observation::tilt_error,
+    kalman::{Covariance, POSITION, STATE, VELOCITY},
     options::TrackOptions,
     reference::{Reference, ReferenceKind},
+    tilt_error::tilt_errors,
 };
 
 /// How a ground resolution that nothing measures may change, relative, in the square root of a second.
@@ -103,23 +103,25 @@ impl Hypothesis {
             self.covariance[(v, p)] += step.noise[(1, 0)];
             self.covariance[(v, v)] += step.noise[(1, 1)];
         }
-        let tilt_step = tilt_error(self.position_of, options).step(dt_s);
-        for tilt in TILT..STATE {
-            self.mean[tilt] *= tilt_step.decay;
-            // F P F^T, so that the tilt's own block decays twice.
-            self.covariance.row_mut(tilt).scale_mut(tilt_step.decay);
-            self.covariance.column_mut(tilt).scale_mut(tilt_step.decay);
-        }
-        for tilt in TILT..STATE {
-            // What is considered keeps its variance by this; what is estimated for smoothing is forgotten.
-            self.covariance[(tilt, tilt)] += tilt_step.noise[(1, 1)];
+        let tilt_steps = tilt_errors(options).map(|(at, error)| (at, error.step(dt_s)));
+        for (at, tilt_step) in &tilt_steps {
+            for tilt in *at..at + 2 {
+                self.mean[tilt] *= tilt_step.decay;
+                // F P F^T, so that the tilt's own block decays twice.
+                self.covariance.row_mut(tilt).scale_mut(tilt_step.decay);
+                self.covariance.column_mut(tilt).scale_mut(tilt_step.decay);
+                // What is considered keeps its variance by this; what is estimated for smoothing is forgotten.
+                self.covariance[(tilt, tilt)] += tilt_step.noise[(1, 1)];
+            }
         }
         if let Some(journal) = &mut self.journal {
             let mut transition = Covariance::identity();
             for axis in 0..2 {
                 transition[(POSITION + axis, VELOCITY + axis)] = step.gain_s;
                 transition[(VELOCITY + axis, VELOCITY + axis)] = step.decay;
-                transition[(TILT + axis, TILT + axis)] = tilt_step.decay;
+                for (at, tilt_step) in &tilt_steps {
+                    transition[(at + axis, at + axis)] = tilt_step.decay;
+                }
             }
             journal.transition = transition * journal.transition;
         }

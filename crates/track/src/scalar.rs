@@ -33,22 +33,13 @@ impl HeadingFilter {
             (self.variance_deg2 + sigma_deg * sigma_deg).min(UNKNOWN_HEADING_DEG.powi(2));
     }
 
-    /// A measured heading that contradicts this one replaces it: a yaw that was reset in flight looks like a turn. Gives whether it does.
-    pub fn replace_if_contradicted(&mut self, measured_deg: f64, sigma_deg: f64) -> bool {
-        let off_deg = turn_deg(self.heading_deg, measured_deg).abs();
-        let contradicts = off_deg > MOST_SIGMAS * self.sigma_deg().hypot(sigma_deg);
-        if contradicts {
-            *self = Self::new(measured_deg, sigma_deg);
-        }
-        contradicts
-    }
-
-    /// Takes in a measured heading.
+    /// Takes in a measured heading. One that contradicts this one replaces it: a yaw that was reset in flight looks like a turn.
     pub fn update(&mut self, measured_deg: f64, sigma_deg: f64) {
-        if self.replace_if_contradicted(measured_deg, sigma_deg) {
+        let innovation_deg = turn_deg(self.heading_deg, measured_deg);
+        if innovation_deg.abs() > MOST_SIGMAS * self.sigma_deg().hypot(sigma_deg) {
+            *self = Self::new(measured_deg, sigma_deg);
             return;
         }
-        let innovation_deg = turn_deg(self.heading_deg, measured_deg);
         let gain = self.variance_deg2 / (self.variance_deg2 + sigma_deg * sigma_deg);
         self.heading_deg = (self.heading_deg + gain * innovation_deg).rem_euclid(360.0);
         self.variance_deg2 *= 1.0 - gain;

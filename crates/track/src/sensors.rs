@@ -159,7 +159,7 @@ impl Sensors {
     }
 
     /// How a photo with `fix` was directed. Its ground resolution, straight below, tells how far the surface is that was matched
-    /// with the map, and its heading where the photo's top was, if reported turns contradict it.
+    /// with the map, and its heading where the photo's top was.
     pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
         let mut view = self.view(fix.time_s, Some(fix.gsd_m), options);
         if let View::Attitude {

@@ -43,8 +43,8 @@ pub struct SmoothedPoint {
 
 /// Smooths a recorded flight (Rauch, Tung and Striebel 1965).
 ///
-/// A first pass of the filter decides which fixes are right: those that the hypothesis accepted that led half a minute or more
-/// later. A second pass takes those alone and smooths them. There is a point for each of these fixes, for each velocity that an
+/// A first pass of the filter decides which fixes are right: those that the hypothesis accepted that led 127 fixes later, or at the
+/// end. A second pass takes those alone and smooths them. There is a point for each of these fixes, for each velocity that an
 /// aircraft can have and for each motion between frames. Inputs may come in any order; invalid ones and duplicates are left out.
 ///
 /// # Errors
@@ -146,7 +146,7 @@ impl Piece {
     fn fix(&mut self, fix: &PositionFix, sensors: &Sensors, options: &TrackOptions) {
         self.hypothesis.propagate(fix.time_s, options);
         let view = sensors.view_of(fix, options);
-        self.hypothesis.look(view, options);
+        self.hypothesis.look(view);
         let measured_m = self.plane.en_from_lonlat(fix.lonlat);
         if let Some(innovation) = self.hypothesis.innovation(fix, measured_m, view, options) {
             self.hypothesis.accept(fix, &innovation, options);
@@ -248,10 +248,9 @@ mod tests {
     use crate::{
         attitude::Attitude,
         gauss_markov::GaussMarkov,
-        hypothesis::PositionOf,
         input::{Height, RelativeMotion, Velocity},
-        observation::tilt_error,
         options::Vehicle,
+        tilt_error::{attitude_tilt_error, unknown_tilt},
     };
 
     const HERE: LonLat = LonLat::new(120.7, 24.2);
@@ -393,13 +392,12 @@ mod tests {
     fn it_is_what_a_batch_of_all_fixes_gives() {
         let options = TrackOptions::default();
         let boresight_m = HEIGHT_AGL_M * options.boresight_sigma_deg.to_radians();
-        for (with_attitude, position_of, boresight_m2) in [
-            (true, PositionOf::Aircraft, boresight_m.powi(2)),
-            (false, PositionOf::AircraftWithoutAttitude, 0.0),
+        for (with_attitude, tilt, boresight_m2) in [
+            (true, attitude_tilt_error(&options), boresight_m.powi(2)),
+            (false, unknown_tilt(&options), 0.0),
         ] {
             let points = smooth(&inputs(with_attitude), &options).unwrap();
             assert_eq!(points.len(), FIXES);
-            let tilt = tilt_error(position_of, &options);
             let constant_m2 = MAP_ERROR_M.powi(2) + boresight_m2;
             let along = |from: usize, speed_m_s: f64| {
                 let measured_m = DVector::from_fn(FIXES, |number, _| off_m(number + from));

@@ -110,7 +110,7 @@ fn window(
     let view = filter
         .sensors
         .view(time_s, gsd.map(|gsd| gsd.gsd_m()), options);
-    hypothesis.look(view, options);
+    hypothesis.look(view);
     let (centre_m, observation, noise) = hypothesis.seen(view, options);
     let covariance: Matrix2<f64> =
         observation * hypothesis.covariance * observation.transpose() + noise;

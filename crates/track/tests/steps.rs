@@ -4,8 +4,8 @@
 
 use grimnet_geo::{LonLat, destination_en_m, distance_m};
 use grimnet_track::{
-    Attitude, Estimate, Height, Input, Miss, PositionFix, RelativeMotion, Start, TrackOptions,
-    Tracker, Velocity,
+    Attitude, Estimate, Height, Input, Miss, PositionFix, PositionOf, RelativeMotion, Start,
+    TrackOptions, Tracker, Velocity,
 };
 
 const START: LonLat = LonLat::new(120.7, 24.2);
@@ -264,6 +264,125 @@ fn a_yaw_that_is_reset_does_not_turn_the_tilt() {
         assert!(
             (heading_deg - 90.0).abs() < 2.0,
             "{time_s} s: {heading_deg}"
+        );
+    }
+}
+
+/// Photos that are seconds apart with the attitude in their metadata: no attitude tells the turn between two, and no motion either.
+#[test]
+fn a_turn_that_nothing_told_does_not_displace_a_tilted_view() {
+    let ahead_m = 100.0 * 20f64.to_radians().tan();
+    for turned_deg in [30.0, 45.0, 60.0, 80.0, 120.0] {
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        for frame in 0..=12 {
+            let time_s = 3.0 * f64::from(frame);
+            let yaw_deg = if frame < 9 { 0.0 } else { turned_deg };
+            tracker
+                .push(Input::Attitude(Attitude {
+                    time_s,
+                    yaw_deg,
+                    pitch_deg: 20.0,
+                    roll_deg: 0.0,
+                }))
+                .unwrap();
+            tracker.push(height(time_s, 100.0)).unwrap();
+            let Input::Fix(of_path) = fix(time_s) else {
+                unreachable!()
+            };
+            let (sin, cos) = yaw_deg.to_radians().sin_cos();
+            let seen = PositionFix {
+                // It hovers.
+                lonlat: destination_en_m(START, ahead_m * sin, ahead_m * cos),
+                heading_deg: Some(yaw_deg),
+                ..of_path
+            };
+            tracker.push(Input::Fix(seen)).unwrap();
+            let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+            let place = LonLat::new(estimate.lon_deg, estimate.lat_deg);
+            let error_m = distance_m(place, START);
+            assert!(
+                error_m < 3.0 && error_m < estimate.radius95_m,
+                "{turned_deg} degrees, {time_s} s: {error_m} m, {estimate:?}"
+            );
+        }
+    }
+}
+
+/// An attitude that holds for every other photo only: the camera's tilt is the same in all of them.
+#[test]
+fn a_tilt_that_is_known_now_and_then_does_not_average_away() {
+    // The last one is two and a half times what is assumed of an unknown tilt, and does not change as that is assumed to do.
+    for (tilt_deg, most) in [(10.0f64, 1.0), (15.0, 1.0), (20.0, 1.5)] {
+        let ahead_m = 120.0 * tilt_deg.to_radians().tan();
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        for frame in 0..300 {
+            let time_s = 0.7 * f64::from(frame);
+            let attitude_s = time_s.floor();
+            tracker
+                .push(Input::Attitude(Attitude {
+                    time_s: attitude_s,
+                    yaw_deg: 90.0,
+                    pitch_deg: tilt_deg,
+                    roll_deg: 0.0,
+                }))
+                .unwrap();
+            tracker.push(height(attitude_s, 120.0)).unwrap();
+            tracker.push(velocity(attitude_s, SPEED_M_S)).unwrap();
+            let Input::Fix(straight) = fix(time_s) else {
+                unreachable!()
+            };
+            let seen = PositionFix {
+                lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
+                ..straight
+            };
+            tracker.push(Input::Fix(seen)).unwrap();
+            let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+            let error_m = error_m(&estimate, time_s);
+            assert!(
+                error_m < most * estimate.radius95_m,
+                "{tilt_deg} degrees, {time_s} s: {error_m} m, {estimate:?}"
+            );
+        }
+    }
+}
+
+/// Nothing reports the height any more, while the camera looks 15 degrees ahead.
+#[test]
+fn where_the_height_is_not_known_any_more_the_image_centre_is_another_point() {
+    let ahead_m = 100.0 * 15f64.to_radians().tan();
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    for frame in 0..=40 {
+        let time_s = f64::from(frame);
+        tracker
+            .push(Input::Attitude(Attitude {
+                time_s,
+                yaw_deg: 90.0,
+                pitch_deg: 15.0,
+                roll_deg: 0.0,
+            }))
+            .unwrap();
+        if frame <= 20 {
+            tracker.push(height(time_s, 100.0)).unwrap();
+        }
+        let Input::Fix(straight) = fix(time_s) else {
+            unreachable!()
+        };
+        let seen = PositionFix {
+            lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
+            ..straight
+        };
+        tracker.push(Input::Fix(seen)).unwrap();
+        let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+        assert!(estimate.is_at_fix(), "{time_s} s: the fix was rejected");
+        let is_of_centre = estimate.position_of == PositionOf::ImageCentre;
+        assert_eq!(is_of_centre, time_s > 20.0 + Height::HOLD_S, "{time_s} s");
+        let ahead_m = if is_of_centre { ahead_m } else { 0.0 };
+        let place = LonLat::new(estimate.lon_deg, estimate.lat_deg);
+        let truth = destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0);
+        let error_m = distance_m(place, truth);
+        assert!(
+            error_m < estimate.radius95_m,
+            "{time_s} s: {error_m} m, {estimate:?}"
         );
     }
 }

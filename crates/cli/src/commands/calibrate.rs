@@ -213,37 +213,33 @@ enum PartChoice {
     Position,
 }
 
-/// The fitted calibration, with the other part of `kept` where only one is wanted.
+/// The fitted calibration, with the other part of `kept` where only one is wanted. Figures of a part that is kept are those of its own
+/// fit, or zero if it was never fitted.
 fn merged(kept: &Calibration, fitted: Calibration, only: Option<PartChoice>) -> Calibration {
+    let kept_on = kept.fitted_on.clone().unwrap_or_default();
     match only {
         None => fitted,
-        Some(PartChoice::Confidence) => {
-            let coverage = kept.fitted_on.as_ref().map(|on| on.held_out_coverage_95);
-            Calibration {
-                position: kept.position,
-                fitted_on: fitted.fitted_on.map(|on| FittedOn {
-                    held_out_coverage_95: coverage.unwrap_or(on.held_out_coverage_95),
-                    ..on
-                }),
-                ..fitted
-            }
-        }
-        Some(PartChoice::Position) => {
-            let kept_on = kept.fitted_on.as_ref();
-            Calibration {
-                confidence: kept.confidence,
-                fitted_on: fitted.fitted_on.map(|on| match kept_on {
-                    Some(kept) => FittedOn {
-                        held_out_availability: kept.held_out_availability,
-                        held_out_elsewhere: kept.held_out_elsewhere,
-                        held_out_elsewhere_answered: kept.held_out_elsewhere_answered,
-                        ..on
-                    },
-                    None => on,
-                }),
-                ..fitted
-            }
-        }
+        Some(PartChoice::Confidence) => Calibration {
+            position: kept.position,
+            fitted_on: fitted.fitted_on.map(|on| FittedOn {
+                data: format!("the confidence alone: {}", on.data),
+                fixes: kept_on.fixes,
+                held_out_coverage_95: kept_on.held_out_coverage_95,
+                ..on
+            }),
+            ..fitted
+        },
+        Some(PartChoice::Position) => Calibration {
+            confidence: kept.confidence,
+            fitted_on: fitted.fitted_on.map(|on| FittedOn {
+                data: format!("the stated radius alone: {}", on.data),
+                held_out_availability: kept_on.held_out_availability,
+                held_out_elsewhere: kept_on.held_out_elsewhere,
+                held_out_elsewhere_answered: kept_on.held_out_elsewhere_answered,
+                ..on
+            }),
+            ..fitted
+        },
     }
 }
 
@@ -503,4 +499,54 @@ fn description(arguments: &CalibrateArgs, made: &[Scene], sets: &[Scene]) -> Str
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use grimnet_net::PositionError;
+
+    use super::*;
+
+    /// A calibration of which every figure of its fit is `figure`.
+    fn calibration(figure: u32) -> Calibration {
+        let (count, share) = (figure as usize, f64::from(figure) / 10.0);
+        Calibration {
+            position: PositionError {
+                inlier_factor: f64::from(figure),
+                shared_px: 1.0,
+            },
+            confidence: None,
+            fitted_on: Some(FittedOn {
+                data: format!("run {figure}"),
+                photos: count,
+                fixes: count,
+                elsewhere: count,
+                held_out_coverage_95: share,
+                held_out_availability: share,
+                held_out_elsewhere: count,
+                held_out_elsewhere_answered: count,
+            }),
+        }
+    }
+
+    #[test]
+    fn a_part_that_is_kept_keeps_the_figures_of_its_fit() {
+        let (kept, fitted) = (calibration(1), || calibration(2));
+        let confidence = merged(&kept, fitted(), Some(PartChoice::Confidence));
+        assert_eq!(confidence.position, kept.position);
+        let on = confidence.fitted_on.unwrap();
+        assert_eq!(on.data, "the confidence alone: run 2");
+        assert_eq!((on.fixes, on.held_out_coverage_95), (1, 0.1));
+        assert_eq!((on.photos, on.held_out_elsewhere), (2, 2));
+
+        let position = merged(&kept, fitted(), Some(PartChoice::Position));
+        let on = position.fitted_on.unwrap();
+        assert_eq!((on.fixes, on.held_out_coverage_95), (2, 0.2));
+        assert_eq!((on.held_out_availability, on.held_out_elsewhere), (0.1, 1));
+
+        let of_none = Calibration::default();
+        let confidence = merged(&of_none, fitted(), Some(PartChoice::Confidence));
+        let on = confidence.fitted_on.unwrap();
+        assert_eq!((on.fixes, on.held_out_coverage_95), (0, 0.0));
+    }
 }

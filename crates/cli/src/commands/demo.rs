@@ -29,7 +29,7 @@ use super::serve;
 use crate::exit::Exit;
 use crate::formats::Format;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
-use crate::procedural_flight::{MAP_GSD_M, make_flight};
+use crate::procedural_flight::{MAP, MAP_GSD_M, make_flight};
 use crate::standard_output::StandardOutput;
 use crate::values;
 use grimnet_answer::printable;
@@ -39,7 +39,7 @@ const PICTURES: usize = 6;
 
 /// Files in the folder, beside the pack.
 const FILES: [&str; 10] = [
-    "map.tif",
+    MAP,
     "truth.csv",
     "fixes.jsonl",
     "fixes_unknown_heading.jsonl",
@@ -101,6 +101,15 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         .overwrite
         .policy()
         .protect_all(&arguments.model.model);
+    if let Some(address) = arguments.serve {
+        // What cannot be served is refused at once, not after the work.
+        serve::check_demo(
+            arguments.model.clone(),
+            &out.join(PACK),
+            &out.join(MAP),
+            address,
+        )?;
+    }
     let folder = OutputFolder::open(out, &policy)?;
     let matches = folder.subfolder("matches")?;
     folder.check(FILES)?;
@@ -186,7 +195,7 @@ fn serve_flight(arguments: &DemoArgs, address: SocketAddr) -> Result<Exit> {
     serve::run_on_demo(
         arguments.model.clone(),
         &out.join(PACK),
-        &out.join("map.tif"),
+        &out.join(MAP),
         address,
     )
 }
@@ -203,7 +212,7 @@ fn draw_some(scene: &Scene, trials: &[Trial], folder: &OutputFolder) -> Result<V
     let chosen = worst
         .iter()
         .take(2)
-        .chain(worst.iter().skip(step).step_by(step))
+        .chain(worst.iter().skip(step.max(2)).step_by(step))
         .take(PICTURES);
     let mut pictures = Vec::new();
     for &i in chosen {

@@ -1,6 +1,7 @@
 //! The flight that ends `grim demo`: over town, fields and water, followed frame by frame.
 
 use anyhow::Result;
+use grimnet_answer::printable;
 use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_geo::Raster;
 use grimnet_locate::{Localizer, Options, Prior};
@@ -73,6 +74,6 @@ pub fn follow_crossing(
     Ok(format!(
         "The flight over {town:.0} % town, {countryside:.0} % fields and {water:.0} % water: {figures}. Its track beside the truth \
          is in {}",
-        folder.path().join("track.html").display()
+        printable(&folder.path().join("track.html").display().to_string())
     ))
 }

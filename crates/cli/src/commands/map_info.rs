@@ -92,7 +92,7 @@ pub fn info(arguments: &InfoArgs) -> Result<Exit> {
         serde_json::to_writer_pretty(&mut out, &info)?;
         writeln!(out)?;
     } else {
-        writeln!(out, "{}", printable_text(&info.to_string()))?;
+        writeln!(out, "{}", printable_text(info.to_string().trim_end()))?;
     }
     Ok(Exit::Done)
 }

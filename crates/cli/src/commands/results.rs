@@ -138,7 +138,13 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
     let row = |name: &str, cell: &dyn Fn(&RetrievalSummary) -> f64| {
         line(name, runs.iter().map(|run| percent(cell(run))))
     };
-    for (i, k) in RECALL_AT.iter().enumerate() {
+    // Paper mode takes five tiles: recall among more is not known.
+    let retrieved = runs.iter().map(|run| run.retrieved).max().unwrap_or(0);
+    let ranks = || {
+        let all = RECALL_AT.iter().enumerate();
+        all.filter(|&(i, &k)| i == 0 || k <= retrieved)
+    };
+    for (i, k) in ranks() {
         row(&format!("R@{k} by descriptor"), &|r| {
             r.covers.by_descriptor[i]
         })?;
@@ -148,16 +154,16 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
         .iter()
         .any(|run| run.covers.by_search != run.covers.by_descriptor)
     {
-        for (i, k) in RECALL_AT.iter().enumerate() {
+        for (i, k) in ranks() {
             row(&format!("R@{k} with map votes"), &|r| r.covers.by_search[i])?;
         }
     }
-    for (i, k) in RECALL_AT.iter().enumerate() {
+    for (i, k) in ranks() {
         row(&format!("R@{k} after the vote"), &|r| r.covers.by_vote[i])?;
     }
     row("a right tile was matched", &|r| r.covers.matched)?;
     let index = |k: usize| RECALL_AT.iter().position(|&at| at == k).unwrap_or(0);
-    for k in DISTANCE_AT {
+    for k in DISTANCE_AT.into_iter().filter(|&k| k <= retrieved) {
         row(&format!("SDM@{k} by descriptor"), &|r| {
             r.distance.sdm_by_descriptor[index(k)]
         })?;

@@ -29,6 +29,34 @@ pub fn run_on_demo(
     session::run(&ServeArgs::of_demo(model, pack, map, address))
 }
 
+/// Checks that [`run_on_demo`] could listen now.
+///
+/// # Errors
+/// The address cannot be listened on, or other machines could reach it.
+#[cfg(feature = "serve")]
+pub fn check_demo(
+    model: super::ModelChoice,
+    pack: &std::path::Path,
+    map: &std::path::Path,
+    address: std::net::SocketAddr,
+) -> anyhow::Result<()> {
+    session::check_address(&ServeArgs::of_demo(model, pack, map, address))
+}
+
+/// Says how to get the service.
+///
+/// # Errors
+/// Always: this build has none.
+#[cfg(not(feature = "serve"))]
+pub fn check_demo(
+    _: super::ModelChoice,
+    _: &std::path::Path,
+    _: &std::path::Path,
+    _: std::net::SocketAddr,
+) -> anyhow::Result<()> {
+    anyhow::bail!(super::absent::message("grim demo --serve", "serve"))
+}
+
 /// Says how to get the service.
 ///
 /// # Errors

@@ -309,9 +309,16 @@ fn write_track(
     if smooth {
         let options = followed.session.flight().tracker().options();
         let inputs = followed.session.inputs();
-        for line in smoothed_lines(&followed.lines, &inputs, frames.epoch(), options)? {
-            rows.write(|rows| rows.write(&line))?;
+        let lines = smoothed_lines(&followed.lines, &inputs, frames.epoch(), options)?;
+        for (_, line) in &lines {
+            rows.write(|rows| rows.write(line))?;
         }
+        // The figures and the report are of the track that is written.
+        let truth = followed.truth.as_ref();
+        let scored = followed.lines.iter();
+        followed.scored = scored
+            .map(|frame| Scored::of_smoothed(frame, &lines, truth))
+            .collect();
     }
     rows.finish(RowOutput::finish)?;
     Ok(interrupted)

@@ -9,7 +9,7 @@ use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::Pack;
 
 use super::map_place::MapPlace;
-use crate::tracking::line::FrameResult;
+use crate::tracking::line::{FrameResult, TrackLine};
 use crate::tracking::session::Tracked;
 use crate::tracking::truth::{Compared, Truth, summary};
 
@@ -29,18 +29,41 @@ impl Scored {
         let line = &tracked.line;
         let compared = truth
             .and_then(|truth| truth.compare(line.photo(), tracked.time_s, tracked.point.as_ref()));
-        let place = line.lon_lat_deg().map(|[lon, lat]| LonLat::new(lon, lat));
-        let is_fix = line
-            .note
-            .as_ref()
-            .is_some_and(|note| note.frame == FrameResult::Fix);
+        Self::new(line, Some(line), tracked.time_s, compared)
+    }
+
+    /// Of a frame in a smoothed track, which may have no line for it, with its truth if that is known.
+    pub fn of_smoothed(
+        (time_s, frame): &(f64, TrackLine),
+        smoothed: &[(f64, TrackLine)],
+        truth: Option<&Truth>,
+    ) -> Self {
+        let line = smoothed
+            .iter()
+            .find(|(smoothed_s, _)| smoothed_s == time_s)
+            .map(|(_, line)| line);
+        let compared = truth.and_then(|truth| truth.compare_smoothed(frame.photo(), *time_s, line));
+        Self::new(frame, line, *time_s, compared)
+    }
+
+    /// Of a frame, where `track` has its position.
+    fn new(
+        frame: &TrackLine,
+        track: Option<&TrackLine>,
+        time_s: f64,
+        compared: Option<Compared>,
+    ) -> Self {
+        let place = track.and_then(TrackLine::lon_lat_deg);
+        let note = frame.note.as_ref();
         Self {
             mark: TrackMark {
-                time_s: tracked.time_s,
-                place,
-                covariance_en_m2: line.covariance_en_m2.unwrap_or_default(),
-                radius95_m: line.radius95_m.unwrap_or_default(),
-                is_fix,
+                time_s,
+                place: place.map(|[lon, lat]| LonLat::new(lon, lat)),
+                covariance_en_m2: track
+                    .and_then(|line| line.covariance_en_m2)
+                    .unwrap_or_default(),
+                radius95_m: track.and_then(|line| line.radius95_m).unwrap_or_default(),
+                is_fix: note.is_some_and(|note| note.frame == FrameResult::Fix),
                 truth: compared.map(|compared| compared.truth),
             },
             compared,

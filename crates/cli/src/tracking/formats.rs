@@ -82,7 +82,7 @@ impl TrackFormat {
 
 #[cfg(test)]
 mod tests {
-    use grimnet_track::TrackState;
+    use grimnet_track::{PositionOf, TrackState};
 
     use super::super::frame_time::Epoch;
     use super::super::line::{FrameNote, FrameResult};
@@ -112,6 +112,7 @@ mod tests {
             covariance_en_m2: place.map(|_| [1.0, 0.1, 1.2]),
             age_of_last_fix_s: Some(0.0),
             altitude_amsl_m: place.map(|_| 160.0),
+            position_of: place.map(|_| PositionOf::AircraftWithoutAttitude),
             ..TrackLine::new(1_782_036_000.0 + second, Epoch::Unix, None, Some(note))
         }
     }

@@ -216,3 +216,12 @@ pub fn state_text(state: TrackState) -> &'static str {
         _ => "searching",
     }
 }
+
+/// `aircraft` and so on, as JSON has it.
+pub fn position_of_text(position_of: PositionOf) -> &'static str {
+    match position_of {
+        PositionOf::Aircraft => "aircraft",
+        PositionOf::AircraftWithoutAttitude => "aircraft_without_attitude",
+        _ => "image_centre",
+    }
+}

@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Result, bail};
 use grimnet_answer::printable_text;
+use grimnet_geo::turn_deg;
 use grimnet_link::{TelemetryClock, read_telemetry};
-use grimnet_track::Input;
+use grimnet_track::{Attitude, Input};
 
 use super::frame_time::Epoch;
 use super::video::has_ending;
 
-/// What was recorded within so many seconds after a frame is given with it, so that its attitude is interpolated.
+/// What was recorded within so many seconds after a frame is given with it: its search and its motion take the nearest attitude.
 const AHEAD_S: f64 = 0.25;
 /// Telemetry that begins or ends so much later or earlier than a video does not fit it. Old drones write it once a second.
 const LONGEST_GAP_S: f64 = 2.0;
@@ -25,6 +26,8 @@ pub struct RecordedTelemetry {
     clock: TelemetryClock,
     /// In order of time.
     inputs: VecDeque<Input>,
+    /// In order of time.
+    attitudes: Vec<Attitude>,
     is_checked: bool,
     /// Time of the latest input that was given, seconds.
     latest_s: Option<f64>,
@@ -56,14 +59,20 @@ impl RecordedTelemetry {
                 printable_text(&telemetry.unread_columns.join(", "))
             );
         }
+        let inputs: VecDeque<Input> = telemetry
+            .inputs
+            .iter()
+            .map(|input| input.moved_in_time(-delay_s))
+            .collect();
+        let attitude_of = |input: &Input| match input {
+            Input::Attitude(attitude) => Some(*attitude),
+            _ => None,
+        };
         Ok(Self {
             path: path.to_owned(),
             clock: telemetry.clock,
-            inputs: telemetry
-                .inputs
-                .iter()
-                .map(|input| input.moved_in_time(-delay_s))
-                .collect(),
+            attitudes: inputs.iter().filter_map(attitude_of).collect(),
+            inputs,
             is_checked: false,
             latest_s: None,
             warned_of_gap: false,
@@ -96,11 +105,32 @@ impl RecordedTelemetry {
         if !std::mem::replace(&mut self.is_checked, true) {
             self.check(frame_s, epoch)?;
         }
-        let (given, gap) = self.take(frame_s);
+        let (mut given, gap) = self.take(frame_s);
         if let Some(gap) = gap {
             tracing::warn!("{}: {gap}", self.path.display());
         }
+        given.extend(self.interpolated(frame_s).map(Input::Attitude));
         Ok(given)
+    }
+
+    /// The attitude of a frame between two that are so far apart that neither says anything of it: the filter takes none that is older
+    /// than [`Attitude::HOLD_S`], nor a later one. Without it the camera would look straight down at some frames and ahead at others.
+    fn interpolated(&self, frame_s: f64) -> Option<Attitude> {
+        let next = self
+            .attitudes
+            .partition_point(|attitude| attitude.time_s <= frame_s);
+        let before = self.attitudes.get(next.checked_sub(1)?)?;
+        let after = self.attitudes.get(next)?;
+        let (age_s, interval_s) = (frame_s - before.time_s, after.time_s - before.time_s);
+        let between = |from_deg: f64, to_deg: f64| {
+            from_deg + turn_deg(from_deg, to_deg) * (age_s / interval_s)
+        };
+        (age_s > Attitude::HOLD_S && interval_s <= LONGEST_GAP_S).then(|| Attitude {
+            time_s: frame_s,
+            yaw_deg: between(before.yaw_deg, after.yaw_deg),
+            pitch_deg: between(before.pitch_deg, after.pitch_deg),
+            roll_deg: between(before.roll_deg, after.roll_deg),
+        })
     }
 
     /// The next inputs up to a frame, and the line on a gap that begins before it.
@@ -219,6 +249,26 @@ mod tests {
         assert_eq!(telemetry.until(1.1, Epoch::Start).unwrap().len(), 0);
         assert_eq!(telemetry.until(1.9, Epoch::Start).unwrap().len(), 1);
         assert_eq!(telemetry.until(99.0, Epoch::Start).unwrap().len(), 1);
+    }
+
+    #[test]
+    fn a_frame_between_attitudes_that_are_far_apart_gets_one_of_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.csv");
+        let text = "time,yaw_deg,pitch_deg,roll_deg\n0,350,10,0\n1,10,20,-5\n9,10,20,-5\n";
+        fs_err::write(&path, text).unwrap();
+        let telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
+        // The one before counts, none is before or after, and a gap.
+        for frame_s in [0.0, 0.4, -0.3, 9.7, 5.0] {
+            assert_eq!(telemetry.interpolated(frame_s), None, "{frame_s}");
+        }
+        let attitude = telemetry.interpolated(0.75).unwrap();
+        let off_deg = [
+            turn_deg(5.0, attitude.yaw_deg),
+            attitude.pitch_deg - 17.5,
+            attitude.roll_deg + 3.75,
+        ];
+        assert!(off_deg.iter().all(|off| off.abs() < 1e-9), "{attitude:?}");
     }
 
     #[test]

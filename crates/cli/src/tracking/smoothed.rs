@@ -9,6 +9,7 @@ use grimnet_answer::rounded;
 
 /// A line for each instant that was smoothed: each fix that turned out to be right, each velocity and motion. What smoothing does not
 /// tell (heading, height, photo) is taken from the frame of that time. Where the track is interrupted, there is a line without a position.
+/// Each with its time, seconds.
 ///
 /// # Errors
 /// An option of the filter is out of range.
@@ -17,7 +18,7 @@ pub fn smoothed_lines(
     inputs: &[Input],
     epoch: Epoch,
     options: &TrackOptions,
-) -> Result<Vec<TrackLine>> {
+) -> Result<Vec<(f64, TrackLine)>> {
     let points = smooth(inputs, options)?;
     let mut last_fix_s: Option<f64> = None;
     // Before the first frame whose position was known, it is taken to be that of this frame.
@@ -40,7 +41,7 @@ pub fn smoothed_lines(
         }
         position_of = frame.and_then(|line| line.position_of).or(position_of);
         let of = (last_fix_s, position_of);
-        lines.push(line(point, frame, of, epoch, options));
+        lines.push((point.time_s, line(point, frame, of, epoch, options)));
     }
     Ok(lines)
 }
@@ -53,7 +54,7 @@ fn interruption(
     frames: &[(f64, TrackLine)],
     epoch: Epoch,
     options: &TrackOptions,
-) -> Option<TrackLine> {
+) -> Option<(f64, TrackLine)> {
     let is_one_piece = before.piece == after.piece;
     if is_one_piece && after.time_s - before.time_s <= options.coasting_after_s {
         return None;
@@ -63,14 +64,15 @@ fn interruption(
         .iter()
         .find(|(time_s, line)| is_between(*time_s) && line.lat_deg.is_none());
     match unknown {
-        Some((_, line)) => Some(line.clone()),
+        Some(frame) => Some(frame.clone()),
         None if is_one_piece => None,
         None => {
             let time_s = 0.5 * (before.time_s + after.time_s);
-            Some(TrackLine {
+            let line = TrackLine {
                 state: TrackState::Ambiguous,
                 ..TrackLine::new(time_s, epoch, None, None)
-            })
+            };
+            Some((time_s, line))
         }
     }
 }
@@ -152,7 +154,8 @@ mod tests {
     }
 
     fn smoothed(frames: &[(f64, TrackLine)], inputs: &[Input]) -> Vec<TrackLine> {
-        smoothed_lines(frames, inputs, Epoch::Start, &TrackOptions::default()).unwrap()
+        let lines = smoothed_lines(frames, inputs, Epoch::Start, &TrackOptions::default()).unwrap();
+        lines.into_iter().map(|(_, line)| line).collect()
     }
 
     /// The segments of a GPX file and the lines of a KML file.

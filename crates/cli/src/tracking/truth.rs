@@ -6,10 +6,12 @@ use std::path::{Path, PathBuf};
 use anyhow::{Result, bail};
 use grimnet_answer::printable;
 use grimnet_eval::datasets::truth::{self, TruthFrame};
-use grimnet_geo::LonLat;
+use grimnet_geo::{LonLat, offset_en_m};
 use grimnet_locate::{Localizer, Near};
-use grimnet_track::measure::{Instant, Measure, TrackSummary};
+use grimnet_track::measure::{Answer, Instant, Measure, TrackSummary};
 use grimnet_track::{PositionOf, TrackPoint};
+
+use super::line::TrackLine;
 
 /// A true position within this distance of a tile is plausible, metres.
 const NEAR_THE_MAP_M: f64 = 10_000.0;
@@ -110,20 +112,47 @@ impl Truth {
         time_s: f64,
         point: Option<&TrackPoint>,
     ) -> Option<Compared> {
-        let frame = self.frame(photo)?;
         let estimate = point.and_then(|point| point.estimate.as_ref());
-        let of_centre = estimate.is_some_and(|e| e.position_of == PositionOf::ImageCentre);
-        let truth = if of_centre {
+        let truth = self.of(photo, estimate.map(|estimate| estimate.position_of))?;
+        Some(Compared {
+            truth,
+            instant: Instant::of(point, time_s, truth),
+        })
+    }
+
+    /// The same of a smoothed track, which has no line for a frame where it has no position.
+    pub fn compare_smoothed(
+        &self,
+        photo: &str,
+        time_s: f64,
+        line: Option<&TrackLine>,
+    ) -> Option<Compared> {
+        let truth = self.of(photo, line.and_then(|line| line.position_of))?;
+        let answer = line.and_then(|line| {
+            let [lon_deg, lat_deg] = line.lon_lat_deg()?;
+            let (east_m, north_m) = offset_en_m(truth, LonLat::new(lon_deg, lat_deg));
+            Some(Answer {
+                error_en_m: [east_m, north_m],
+                covariance_en_m2: line.covariance_en_m2?,
+                radius95_m: line.radius95_m?,
+            })
+        });
+        Some(Compared {
+            truth,
+            instant: Instant { time_s, answer },
+        })
+    }
+
+    /// The true position of the point of a photo that the track is of.
+    fn of(&self, photo: &str, position_of: Option<PositionOf>) -> Option<LonLat> {
+        let frame = self.frame(photo)?;
+        if position_of == Some(PositionOf::ImageCentre) {
             frame
                 .centre_lat_lon_deg
                 .map(|(lat_deg, lon_deg)| LonLat::new(lon_deg, lat_deg))
         } else {
             frame.receiver().or_else(|| frame.position())
-        }?;
-        Some(Compared {
-            truth,
-            instant: Instant::of(point, time_s, truth),
-        })
+        }
     }
 }
 
@@ -139,6 +168,7 @@ pub fn summary(compared: &[Compared]) -> TrackSummary {
 pub(super) mod tests {
     use grimnet_track::{Input, PositionFix, TrackOptions, Tracker};
 
+    use super::super::frame_time::Epoch;
     use super::*;
 
     /// The track of a camera that is found at one place at these times, seconds.
@@ -182,6 +212,26 @@ pub(super) mod tests {
         );
         let answer = of_both.unwrap().instant.answer.unwrap();
         assert!(answer.error_m() < 0.5, "{answer:?}");
+    }
+
+    #[test]
+    fn a_smoothed_position_is_compared_and_a_frame_without_one_is_no_answer() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("truth.csv");
+        fs_err::write(&path, "photo,gps_lat,gps_lon\na.jpg,24.25,120.5\n").unwrap();
+        let truth = Truth::read(&path).unwrap();
+        let line = TrackLine {
+            lat_deg: Some(24.2502),
+            lon_deg: Some(120.5),
+            radius95_m: Some(3.0),
+            covariance_en_m2: Some([1.0, 0.0, 1.0]),
+            position_of: Some(PositionOf::Aircraft),
+            ..TrackLine::new(7.0, Epoch::Start, None, None)
+        };
+        let compared = |line| truth.compare_smoothed("flight/a.jpg", 7.0, line);
+        let answer = compared(Some(&line)).unwrap().instant.answer.unwrap();
+        assert!((answer.error_m() - 22.15).abs() < 0.1, "{answer:?}");
+        assert!(compared(None).unwrap().instant.answer.is_none());
     }
 
     #[test]

@@ -5,8 +5,11 @@ use std::fs;
 use std::io::{BufRead as _, BufReader, Read as _, Write as _};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
+use std::time::Duration;
 
-use super::{demo, pack};
+use predicates::str::contains;
+
+use super::{demo, grim, pack};
 
 /// A service on a free port, which ends with the test.
 pub struct Service {
@@ -53,6 +56,29 @@ impl Drop for Service {
     fn drop(&mut self) {
         let _ = self.program.kill();
         let _ = self.program.wait();
+    }
+}
+
+/// Not after a minute of work.
+#[test]
+fn a_demo_that_cannot_be_served_is_refused_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("demo");
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let taken = taken.local_addr().unwrap().to_string();
+    for (address, said) in [
+        (taken.as_str(), "choose another address or port"),
+        ("0.0.0.0:0", "can be reached from other machines"),
+    ] {
+        grim()
+            .args(["demo", "--serve", address, "--out"])
+            .arg(&out)
+            .env_remove("GRIM_TOKEN")
+            .timeout(Duration::from_secs(60))
+            .assert()
+            .code(2)
+            .stderr(contains(said));
+        assert!(!out.exists());
     }
 }
 

@@ -417,6 +417,17 @@ fn nothing_from_a_file_name_steers_the_terminal() {
         .unwrap();
     assert_eq!(output.status.code(), Some(2));
     assert!(!output.stderr.contains(&0x1b));
+    // A warning names the map beside its message.
+    let map = folder.path().join("m\x1b[31m.tif");
+    fs::copy(demo().join("map.tif"), &map).unwrap();
+    let output = grim()
+        .args(["map", "check", "--crs", "EPSG:25833"])
+        .arg(&map)
+        .output()
+        .unwrap();
+    let errors = String::from_utf8(output.stderr).unwrap();
+    assert!(errors.contains("\\u{1b}[31m.tif"), "{errors:?}");
+    assert!(!errors.contains('\x1b'), "{errors:?}");
 }
 
 #[test]

@@ -25,6 +25,9 @@ const MIN_TAIL: usize = 60;
 /// then has no maximum.
 const RIDGE: f64 = 1.0;
 
+/// A step of the fit that is smaller ends it.
+const SMALLEST_STEP: f64 = 1e-10;
+
 /// Intercept and five weights.
 const TERMS: usize = 6;
 type Terms = SVector<f64, TERMS>;
@@ -101,10 +104,15 @@ pub fn fit(
         held_back,
         needed: 0.0,
     };
-    let elsewhere: Vec<&Observation> = observations
-        .iter()
-        .filter(|o| limiting.includes(o))
-        .collect();
+    let taken = |limiting: Limiting| -> Vec<&Observation> {
+        let elsewhere = observations.iter();
+        elsewhere.filter(|o| limiting.includes(o)).collect()
+    };
+    // A half of the scenes may have none of the real ones, as where all are of one folder.
+    let elsewhere = match taken(limiting) {
+        named if named.is_empty() => taken(Limiting::All),
+        named => named,
+    };
     let log_odds: Vec<f64> = elsewhere
         .iter()
         .filter_map(|o| Some(log_odds(o.answer?.support.confidence(&model))))
@@ -144,7 +152,8 @@ fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     seen.map_or(extrapolated, |seen| extrapolated.max(seen.next_up()))
 }
 
-/// Newton's method on the standardised evidence; returns the weights of the unscaled evidence.
+/// Newton's method on the standardised evidence, each step halved until it is no loss: full steps go round in circles where some of the
+/// evidence lies far out. Returns the weights of the unscaled evidence.
 fn logistic(answers: &[([f64; TERMS - 1], bool)]) -> Terms {
     let count = answers.len() as f64;
     let mut mean = [0.0; TERMS - 1];
@@ -169,7 +178,16 @@ fn logistic(answers: &[([f64; TERMS - 1], bool)]) -> Terms {
         .collect();
     let mut ridge = SMatrix::<f64, TERMS, TERMS>::identity() * RIDGE;
     ridge[(0, 0)] = 1e-9;
+    // The negative logarithm of the posterior.
+    let cost = |weights: &Terms| -> f64 {
+        let misfit = |(row, target): &(Terms, f64)| {
+            let margin = (2.0 * target - 1.0) * row.dot(weights);
+            (-margin).max(0.0) + (-margin.abs()).exp().ln_1p()
+        };
+        0.5 * weights.dot(&(ridge * weights)) + rows.iter().map(misfit).sum::<f64>()
+    };
     let mut weights = Terms::zeros();
+    let mut reached = cost(&weights);
     for _ in 0..60 {
         let mut gradient = ridge * -weights;
         let mut hessian = ridge;
@@ -181,9 +199,17 @@ fn logistic(answers: &[([f64; TERMS - 1], bool)]) -> Terms {
         let Some(factor) = hessian.cholesky() else {
             break;
         };
-        let step = factor.solve(&gradient);
-        weights += step;
-        if step.norm() < 1e-10 {
+        let mut step = factor.solve(&gradient);
+        let mut next = cost(&(weights + step));
+        while next > reached && step.norm() >= SMALLEST_STEP {
+            step *= 0.5;
+            next = cost(&(weights + step));
+        }
+        if next <= reached {
+            weights += step;
+            reached = next;
+        }
+        if step.norm() < SMALLEST_STEP {
             break;
         }
     }
@@ -209,6 +235,39 @@ mod tests {
         // One in a hundred: far below all three.
         let limit = tail_limit(values, 2000, 1e-2);
         assert!(limit < -9.0, "{limit}");
+    }
+
+    #[test]
+    fn evidence_that_lies_far_out_does_not_keep_the_fit_from_its_maximum() {
+        // Newton's full steps have no end with these.
+        let mut state = 9_u32;
+        let mut uniform = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state) / 4_294_967_296.0
+        };
+        let answers: Vec<([f64; TERMS - 1], bool)> = (0..200)
+            .map(|i| {
+                let right = i % 2 == 1;
+                let mut evidence = [0.0; TERMS - 1];
+                for (j, value) in (1..).zip(&mut evidence) {
+                    let shift = if right { 6.0 * f64::from(j) / 5.0 } else { 0.0 };
+                    *value = 2.0 * uniform() - 1.0 + shift;
+                    if uniform() < 0.02 {
+                        *value += 160.0 * uniform() - 80.0;
+                    }
+                }
+                (evidence, right)
+            })
+            .collect();
+        let weights = logistic(&answers);
+        // At the maximum as many are right as the probabilities add up to.
+        let residual = |(evidence, right): &([f64; TERMS - 1], bool)| {
+            let weighted = (0..TERMS - 1).map(|i| weights[i + 1] * evidence[i]);
+            let log_odds = weights[0] + weighted.sum::<f64>();
+            f64::from(u8::from(*right)) - 1.0 / (1.0 + (-log_odds).exp())
+        };
+        let sum: f64 = answers.iter().map(residual).sum();
+        assert!(sum.abs() < 1e-5, "{sum}");
     }
 
     #[test]

@@ -15,7 +15,7 @@ const MIN_FIXES: usize = 40;
 /// and a few large ones must not determine the shape (Lange, Little & Taylor 1989 recommend 4).
 const STUDENT_FREEDOM: f64 = 4.0;
 
-/// Search ranges: far beyond the values of any model so far.
+/// Ranges of the first grid; its refinements may go a little beyond, as they did for the bundled model (0.05 px).
 const INLIER_FACTOR_RANGE: (f64, f64) = (0.05, 400.0);
 const SHARED_PX_RANGE: (f64, f64) = (0.05, 20.0);
 

@@ -128,7 +128,8 @@ fn world_shot(
 }
 
 /// The pictures of a folder side by side as one map, and `photos` photos cut from them under a homography and a change of light.
-/// Their ground resolution is assumed to be `gsd_m` metres per pixel: only the unit of length depends on it.
+/// Their ground resolution is assumed to be `gsd_m` metres per pixel: the unit of length depends on it, and with that which answers are
+/// right.
 ///
 /// # Errors
 /// The folder has no pictures, one cannot be decoded, or the map cannot be written into `folder_out`.

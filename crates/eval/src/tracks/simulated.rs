@@ -71,7 +71,7 @@ impl FixStatistics {
 }
 
 /// The options of simulated flight `index`: vehicles, cameras, frame rates, shares of aliases (10-40 %) and delays take turns;
-/// every other flight has fixes drawn from `measured`.
+/// fixes are drawn from `measured`, if that is given.
 fn flight_options(index: u64, measured: Option<&FixStatistics>) -> FlightOptions {
     let base = FlightOptions::default();
     let vehicle = if index.is_multiple_of(2) {

@@ -79,6 +79,11 @@ fn an_unknown_crs_is_refused() {
     write_map(&path, (20, 10), geo_tags(9999), colours);
     let error = refused(open(&path), &path, &["EPSG:9999", "EPSG:CODE", "gdalwarp"]);
     assert!(matches!(error, GeoError::UnsupportedCrs { .. }));
+    // NAD 27, whose shift is a grid: no other code is right.
+    write_map(&path, (20, 10), geo_tags(26711), colours);
+    let text = refused(open(&path), &path, &["EPSG:26711", "gdalwarp"]).to_string();
+    assert!(!text.contains("EPSG:CODE"), "{text}");
+    assert_eq!(text.matches("gdalwarp").count(), 1, "{text}");
     for crs in [
         "EPSG:9999",
         "EPSG:999999",

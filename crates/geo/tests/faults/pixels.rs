@@ -81,6 +81,28 @@ fn truncated_files_are_refused_when_they_are_opened() {
     }
 }
 
+/// As many programs write maps.
+#[test]
+fn a_truncated_map_of_one_uncompressed_strip_is_refused_when_it_is_opened() {
+    let dir = folder();
+    let path = dir.path().join("map.tif");
+    write_map(&path, (80, 60), geo_tags(32651), colours);
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() - 1]).unwrap();
+    let error = refused(open(&path), &path, &[]);
+    assert!(matches!(error, GeoError::Truncated { .. }), "{error:?}");
+    // Two strips are declared full, of which the second holds 20 rows of 40.
+    let mut tags = rgb_tags(80, 60);
+    tags.extend(geo_tags(32651));
+    tags.extend([
+        long8(273, &[4096, 4096 + 40 * 240]),
+        long(278, &[40]),
+        long8(279, &[40 * 240, 40 * 240]),
+    ]);
+    write_bigtiff(&path, tags, 4096 + 60 * 240);
+    open(&path).unwrap();
+}
+
 #[test]
 fn damaged_blocks_are_an_error_that_names_the_file() {
     let dir = folder();
@@ -374,4 +396,16 @@ fn reads_are_the_same_on_any_number_of_threads_and_with_any_cache() {
     let one = read(1, 0);
     assert_eq!(one, read(4, 0));
     assert_eq!(one, read(3, 1 << 20));
+}
+
+#[test]
+fn what_a_truncated_map_needs_and_has_are_bytes_of_the_file() {
+    let dir = folder();
+    let path = dir.path().join("map.tif");
+    // Its directory stands behind its pixels, as many programs write it.
+    let mut bytes = b"II*\0".to_vec();
+    bytes.extend(60_000u32.to_le_bytes());
+    bytes.resize(1000, 0);
+    std::fs::write(&path, &bytes).unwrap();
+    refused(open(&path), &path, &["needs 60002 bytes", "has 1000;"]);
 }

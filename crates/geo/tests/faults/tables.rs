@@ -45,6 +45,23 @@ fn tables_are_checked_line_by_line() {
 }
 
 #[test]
+fn a_table_takes_no_other_place() {
+    let dir = folder();
+    picture(&dir.path().join("a.png"), 147, 127);
+    let path = table(
+        dir.path(),
+        "filename,LL_lon,LL_lat,UR_lon,UR_lat\na.png,22.460441,60.402409,22.464059,60.403962\n",
+    );
+    refused(with_crs(&path, "EPSG:4230"), &path, &["WGS 84"]);
+    let corners = [22.460441, 60.402409, 22.464059, 60.403962];
+    refused(
+        with_corners(&path, corners),
+        &path,
+        &["already has corners"],
+    );
+}
+
+#[test]
 fn tables_in_the_papers_words_are_read_too() {
     let dir = folder();
     picture(&dir.path().join("a.png"), 147, 127);
@@ -54,6 +71,16 @@ fn tables_in_the_papers_words_are_read_too() {
     );
     let map = open(&path).unwrap();
     assert_eq!(map.size_px(), (147, 127));
+    let description = map.describe();
+    for part in [
+        "map.csv",
+        "147 x 127 pixels",
+        "EPSG:4326",
+        "m per pixel",
+        "table of 1 picture",
+    ] {
+        assert!(description.contains(part), "{part}: {description}");
+    }
     let corner = map
         .georeference()
         .lonlat_from_map_px(MapPx::new(0.0, 0.0))

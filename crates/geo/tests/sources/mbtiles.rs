@@ -112,3 +112,46 @@ fn rows_that_are_said_to_be_counted_from_the_north_are_if_the_bounds_agree() {
         "{caveats}"
     );
 }
+
+/// A map of one column of tiles at zoom 10, in these rows counted from the north, that states `scheme` `xyz` and these bounds.
+fn xyz_rows(rows: std::ops::Range<u32>, bounds: &str) -> (f64, String) {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("rows.mbtiles");
+    let base = rusqlite::Connection::open(&path).unwrap();
+    base.execute_batch(&format!(
+        "CREATE TABLE metadata (name TEXT, value TEXT);
+         CREATE TABLE tiles (zoom_level INTEGER, tile_column INTEGER, tile_row INTEGER, tile_data BLOB);
+         {STATE_XYZ} INSERT INTO metadata VALUES ('bounds', '{bounds}');"
+    ))
+    .unwrap();
+    let mut tile = std::io::Cursor::new(Vec::new());
+    image::RgbImage::from_pixel(256, 256, image::Rgb([90, 80, 70]))
+        .write_to(&mut tile, image::ImageFormat::Png)
+        .unwrap();
+    for row in rows {
+        base.execute(
+            "INSERT INTO tiles VALUES (10, 289, ?1, ?2)",
+            rusqlite::params![row, tile.get_ref()],
+        )
+        .unwrap();
+    }
+    drop(base);
+    let map = open_map(&path, &MapOptions::default()).unwrap();
+    let [_, south, _, _] = map.georeference().bounds_deg().unwrap();
+    (south, map.caveats().join("\n"))
+}
+
+/// Quito: a tile of zoom 10 has 0.3516 degrees there.
+#[test]
+fn bounds_of_a_map_across_the_equator_show_the_rows_too() {
+    let (south, caveats) = xyz_rows(511..514, "-78.4,-0.7031,-78.0,0.3516");
+    assert!((south + 0.7031).abs() < 1e-3, "{south}");
+    assert_eq!(caveats, "");
+    // Those of the whole world show nothing.
+    let (south, caveats) = xyz_rows(511..514, "-180,-85,180,85");
+    assert!((south + 0.3516).abs() < 1e-3, "{south}");
+    assert!(
+        caveats.contains("read as counted from the south"),
+        "{caveats}"
+    );
+}

@@ -29,6 +29,10 @@ fn lists_and_folders_of_geotiffs_are_the_vrt_of_them() {
     let dir = parts();
     let map = open_map(dir.path(), &MapOptions::default()).unwrap();
     check("folder", map.as_ref(), "parts.vrt");
+    // What macOS leaves on disks of other systems.
+    std::fs::write(dir.path().join("._part_0.tif"), b"\0\x05\x16\x07").unwrap();
+    let map = open_map(dir.path(), &MapOptions::default()).unwrap();
+    check("folder with AppleDouble", map.as_ref(), "parts.vrt");
     // The order matters, and each file's bytes.
     let hash = |path: &Path| {
         let map = open_map(path, &MapOptions::default()).unwrap();

@@ -14,6 +14,16 @@ const EKF: [Rule; 2] = [
     Rule::value(&["EK3_ENABLE"], 1.0, "EKF3 has to run"),
 ];
 
+/// The noise that EKF3 assumes at least, for positions of GNSS and, while a receiver states its accuracy, for `ODOMETRY` too.
+const LEAST_NOISE: Rule = Rule::within(
+    &["EK3_POSNE_M_NSE"],
+    MIN_NOISE_M,
+    MAX_NOISE_M,
+    USUAL_NOISE_M,
+    NOISE_REASON,
+)
+.advice();
+
 const ODOMETRY: [Rule; 5] = [
     Rule::value(
         &["VISO_TYPE"],
@@ -152,6 +162,7 @@ pub(crate) fn rules(output: Output, version: Option<Version>) -> Result<Vec<Rule
     match output {
         Output::Odometry => {
             rules.extend(ODOMETRY);
+            rules.push(LEAST_NOISE);
             rules.extend([SET_1, SET_2, SET_3].concat());
         }
         Output::PositionEstimate => {
@@ -159,7 +170,10 @@ pub(crate) fn rules(output: Output, version: Option<Version>) -> Result<Vec<Rule
                 return Err("MAV_CMD_EXTERNAL_POSITION_ESTIMATE needs ArduPilot 4.5 or later");
             }
         }
-        Output::GpsInput => rules.extend(GPS_INPUT),
+        Output::GpsInput => {
+            rules.extend(GPS_INPUT);
+            rules.push(LEAST_NOISE);
+        }
         Output::GlobalPositionSensor => {
             return Err("ArduPilot does not read GLOBAL_POSITION_SENSOR; use ODOMETRY");
         }

@@ -1,5 +1,5 @@
 //! The paper's refinement: the transform of least reprojection error, each pair weighted by its keypoint's probability P
-//! (section 3.5.3, "H* = argmin sum P ||pi(H C) - C'||^2"), by Levenberg-Marquardt in normalised coordinates.
+//! (eq. 19, "H* = argmin sum P ||pi(H C) - C'||^2"), by Levenberg-Marquardt in normalised coordinates.
 
 use nalgebra::{SMatrix, SVector};
 

@@ -1,7 +1,8 @@
 //! The paper's equations from tiles to coordinates, linear between two corners of the map.
 //!
-//! Linear interpolation of longitude and latitude is wrong by 0.7 m over 5 km and 24 m over 30 km on a Web Mercator map, so
-//! default mode uses [`grimnet_geo::Georeference`].
+//! Linear interpolation of longitude and latitude is wrong by 0.7 m over 5 km and 24 m over 30 km on a Web Mercator map, and by far more
+//! on a grid whose north is not that of the meridian: by 22 m over 700 m in UTM where the two are 1.3 degrees apart. So default mode uses
+//! [`grimnet_geo::Georeference`], and building a paper mode pack of such a map says how wrong it will be.
 
 use grimnet_geo::LonLat;
 
@@ -28,7 +29,7 @@ pub struct TileIndex {
 }
 
 impl MapCorners {
-    /// Equations (2a) and (2b): longitude and latitude of a tile's centre, for tiles of side
+    /// Eq. 2a and 2b: longitude and latitude of a tile's centre, for tiles of side
     /// `tile_px` (S_p) at stride `stride_px`.
     pub fn tile_centre(&self, tile: TileIndex, tile_px: f64, stride_px: f64) -> LonLat {
         let (ll, ur) = (self.lower_left, self.upper_right);
@@ -40,7 +41,7 @@ impl MapCorners {
         )
     }
 
-    /// Equation (22): a point at the processing resolution `width_px` x `height_px` in pixels of
+    /// Eq. 22: a point at the processing resolution `width_px` x `height_px` in pixels of
     /// the tile of side `tile_px`.
     pub fn tile_px_from_processing_px(
         point_px: (f64, f64),
@@ -54,7 +55,7 @@ impl MapCorners {
         )
     }
 
-    /// Equation (23): longitude and latitude of a point of a tile, in pixels of the tile.
+    /// Eq. 23: longitude and latitude of a point of a tile, in pixels of the tile.
     pub fn lonlat_from_tile_px(
         &self,
         tile_centre: LonLat,

@@ -1,5 +1,5 @@
 //! The paper's procedure: the whole photo at the network's resolution, K tiles by descriptor, the largest inliers / (matches + 1),
-//! and linear coordinates (equations 22 and 23). It always answers: where no tile has a homography, with the centre of the most similar
+//! and linear coordinates (eq. 22 and eq. 23). It always answers: where no tile has a homography, with the centre of the most similar
 //! tile, and where the winning one leads off the Earth, with the centre of its tile (the paper says nothing of such frames).
 
 use std::time::Instant;
@@ -298,7 +298,7 @@ fn mapped_centre(
     Ok(centre.filter(LonLat::is_valid))
 }
 
-/// The photo's centre by equations 22 and 23; `None` without a transform.
+/// The photo's centre through the transform (eq. 21), in pixels of the tile (eq. 22), in degrees (eq. 23); `None` without a transform.
 fn centre_by_equations(
     level: &Level,
     query: &QueryFeatures,

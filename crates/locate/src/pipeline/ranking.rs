@@ -176,7 +176,8 @@ pub(crate) fn best_candidate<'a>(
     Some((best, most_inliers(others)))
 }
 
-/// The best candidate. Those that pass the gates come first; of equal ones the first, which the vote ranks higher.
+/// The best candidate, by inliers or by the paper's eq. 20. Those that pass the gates come first; of equal ones the first, which the vote
+/// ranks higher.
 fn best_of<'a>(
     verified: impl Iterator<Item = &'a VerifiedCandidate>,
     options: &Options,

@@ -7,7 +7,7 @@ use nalgebra::Point2;
 use crate::{
     context::{Context, TimeBudget},
     error::Result,
-    frame_features::FrameFeatures,
+    frame_features::{FrameFeatures, scale_at},
     outcome::{EvidenceUsed, Outcome, Reason, TimeMs},
     pipeline::{
         answer::{no_fix, outcome},
@@ -247,6 +247,9 @@ fn features_of(
 /// A photo of fewer pixels at the map's resolution shows nothing, however much texture it has: a few cells of the keypoint detector.
 const MIN_VISIBLE_SIDE_PX: f64 = 64.0;
 
+/// A photo of which one pixel covers more of the map's is so blurred at their resolution that no keypoint is found, however sharp it is.
+const MAX_ACROSS_PX: f64 = 8.0;
+
 /// Why no candidate was matched: too few keypoints under every hypothesis, or no tile.
 fn reason_without_candidates(results: &[RoundResult]) -> Reason {
     let queries = || results.iter().flat_map(|result| result.queries.iter());
@@ -254,10 +257,15 @@ fn reason_without_candidates(results: &[RoundResult]) -> Reason {
     let side_px = queries()
         .map(|query| 2.0 * query.half_side_px)
         .fold(0.0, f64::max);
+    let across_px = queries()
+        .map(|query| 1.0 / scale_at(&query.photo_px_from_query_px, query))
+        .fold(f64::INFINITY, f64::min);
     if found >= MIN_KEYPOINTS {
         Reason::NoTiles
     } else if side_px < MIN_VISIBLE_SIDE_PX {
         Reason::TooFewPixels { side_px }
+    } else if across_px.is_finite() && across_px > MAX_ACROSS_PX {
+        Reason::TooMuchGround { across_px }
     } else {
         Reason::TooFewKeypoints { found }
     }

@@ -1,4 +1,4 @@
-//! Mutual nearest neighbours with Lowe's ratio test (Lowe 2004; the paper's section 3.5.2) through one matrix product.
+//! Mutual nearest neighbours with Lowe's ratio test (Lowe 2004; paper, eq. 18) through one matrix product.
 
 use std::sync::{Mutex, PoisonError};
 

@@ -137,6 +137,15 @@ fn other_places_and_empty_photos_have_no_fix() {
         matches!(no_fix.reason, Reason::TooFewPixels { side_px } if side_px < 64.0),
         "{no_fix}"
     );
+    // As if centimetres had been given for metres.
+    let far = Prior::none().with_gsd_m(PHOTO_GSD_M * 1000.0);
+    let Outcome::NoFix(no_fix) = localizer.locate(&sharp, &far).unwrap() else {
+        panic!("a photo of a whole country was found")
+    };
+    assert!(
+        matches!(no_fix.reason, Reason::TooMuchGround { across_px } if across_px > 8.0),
+        "{no_fix}"
+    );
     let tiny = Photo::from_image(RgbImage::new(1, 1), Metadata::default());
     assert!(localizer.locate(&tiny, &prior).unwrap().fix().is_none());
 }

@@ -237,6 +237,24 @@ fn unusable_files_are_refused_with_their_name() {
 }
 
 #[test]
+fn a_file_beyond_the_limit_is_not_read() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("large.safetensors");
+    // All of it is a hole: it takes no disk.
+    let file = std::fs::File::create(&path).unwrap();
+    file.set_len(1 << 40).unwrap();
+    let error = Model::open(&path).unwrap_err();
+    assert!(matches!(
+        error,
+        NetError::ModelFile {
+            reason: ModelFileError::TooLarge { .. },
+            ..
+        }
+    ));
+    assert!(error.to_string().contains("large.safetensors"), "{error}");
+}
+
+#[test]
 fn int8_whitening_without_rows_is_refused() {
     let good = bytes_of(&small().with_whitening_precision(DataType::I8).unwrap());
     let (header_len, _) = SafeTensors::read_metadata(&good).unwrap();

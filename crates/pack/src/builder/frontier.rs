@@ -1,6 +1,6 @@
 //! Tile descriptors from cells, while blocks are computed row by row.
 //!
-//! NetVLAD is a sum over positions (equation 5), so the sum of a tile is that of its four cells before normalisation.
+//! NetVLAD is a sum over positions (paper, eq. 6), so the sum of a tile is that of its four cells before normalisation.
 //! Only cells at the lower and right border of the finished part can belong to a further tile: memory is one row of
 //! cells.
 

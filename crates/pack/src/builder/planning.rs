@@ -6,6 +6,7 @@ use grimnet_net::NetSpec;
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
+use crate::manifest_check::MAX_LEVELS;
 use crate::options::{BuildOptions, Levels};
 
 /// Largest side of the image that paper mode resizes a tile to: positions are stored in 16 bits.
@@ -50,6 +51,12 @@ pub fn plan_levels(
     if frames.len() > recipe.most_levels() {
         return Err(PackError::Options(format!(
             "{} ground resolutions; a pack of paper mode has one, because the paper does not choose among several",
+            frames.len()
+        )));
+    }
+    if frames.len() > MAX_LEVELS {
+        return Err(PackError::Options(format!(
+            "{} ground resolutions; a pack has at most {MAX_LEVELS}",
             frames.len()
         )));
     }
@@ -190,6 +197,18 @@ mod tests {
             levels: Levels::Gsd(vec![1e-9]),
             ..standard()
         }));
+        // More levels than a pack is opened with.
+        let many = |count: u32| Levels::Gsd((0..count).map(|i| 0.3 + f64::from(i)).collect());
+        for (count, is_refused) in [(64, false), (65, true)] {
+            let levels = many(count);
+            assert_eq!(
+                refused(BuildOptions {
+                    levels,
+                    ..standard()
+                }),
+                is_refused
+            );
+        }
         assert!(refused(BuildOptions {
             resolution: 300,
             ..standard()

@@ -1,4 +1,4 @@
-//! The paper's tile grid, equation (1).
+//! The paper's tile grid (eq. 1).
 
 /// Columns and rows of tiles of side `tile_px` at stride `stride_px` on a level of `size_px`: i in {0, ..., (H - Sp) /
 /// stride}, where they fit. What remains at the right and lower edge is not covered, and a map smaller than a tile has

@@ -115,6 +115,26 @@ fn image_direction_is_the_last_resort() {
     assert!(resolve(&absurd).heading.is_none());
 }
 
+/// Whatever takes its place.
+#[rstest]
+#[case::the_caller(HeadingPrior::Known { heading_deg: 80.0, sigma_deg: 5.0 }, "overridden")]
+#[case::a_search(HeadingPrior::Unknown, "treat the heading as unknown")]
+#[case::a_yaw(HeadingPrior::FromMetadata, "a yaw is recorded")]
+fn an_image_direction_that_is_not_used_is_set_aside(
+    #[case] heading: HeadingPrior,
+    #[case] words: &str,
+) {
+    let mut metadata = read_exif(&[(Tag::GPSImgDirection, rationals(&[(850, 10)]))]);
+    metadata.flight_yaw_deg = Some(84.0);
+    let prior = ViewPrior {
+        heading,
+        ..ViewPrior::default()
+    };
+    let view = View::resolve(&metadata, (4000, 3000), &prior);
+    assert!(!used(&view, "GPSImgDirection") && aside(&view, "GPSImgDirection", words));
+    assert!(used(&view, "flight yaw") == (heading == HeadingPrior::FromMetadata));
+}
+
 /// A telephone held upright: its orientation makes the direction it looks in up, however the sensor's rows are stored.
 #[rstest]
 fn the_image_direction_does_not_turn_with_the_stored_picture(

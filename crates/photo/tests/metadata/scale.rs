@@ -121,3 +121,50 @@ fn a_tilt_lengthens_the_way_to_the_ground() {
     let slant = 100.0 / 30f64.to_radians().cos();
     assert!((view.footprint.unwrap().width_m - slant).abs() < 1e-9);
 }
+
+/// 13.2 mm for 5472 px, stated for the inch or for a millimetre without saying so.
+#[rstest]
+#[case::per_centimetre(Some(3), (41_455, 10), true)]
+#[case::per_millimetre_without_unit(None, (41_455, 100), false)]
+fn a_pixel_density_of_another_unit_is_implausible(
+    #[case] unit: Option<u16>,
+    #[case] per_unit: (u32, u32),
+    #[case] is_plausible: bool,
+) {
+    let mut fields = vec![
+        (Tag::FocalLength, rationals(&[(88, 10)])),
+        (Tag::FocalPlaneXResolution, rationals(&[per_unit])),
+    ];
+    fields.extend(unit.map(|unit| (Tag::FocalPlaneResolutionUnit, short(unit))));
+    let view = View::resolve(&read_exif(&fields), (5472, 3648), &ViewPrior::default());
+    assert_eq!(used(&view, "FocalPlaneXResolution"), is_plausible);
+    assert_eq!(view.hfov_deg.is_some(), is_plausible);
+    assert!(is_plausible || aside(&view, "FocalPlaneXResolution", "implausible"));
+}
+
+#[test]
+fn what_the_caller_overrides_is_set_aside() {
+    let mut metadata = read_xmp(&dji_elements(&[
+        ("RelativeAltitude", "100"),
+        ("CalibratedFocalLength", "4000"),
+    ]));
+    metadata.above_ground_m = Some(95.0);
+    let with = |prior| View::resolve(&metadata, (4000, 3000), &prior);
+    let view = with(ViewPrior {
+        gsd_m: Some(0.05),
+        height_agl_m: Some(90.0),
+        ..ViewPrior::default()
+    });
+    for field in [
+        "height above ground",
+        "AboveGroundAltitude",
+        "RelativeAltitude",
+    ] {
+        assert!(aside(&view, field, "ground resolution"), "{field}");
+    }
+    let view = with(ViewPrior {
+        hfov_deg: Some(60.0),
+        ..ViewPrior::default()
+    });
+    assert!(aside(&view, "CalibratedFocalLength", "overridden"));
+}

@@ -102,11 +102,13 @@ fn a_bank_under_pix4d_names_tilts_the_camera_and_does_not_turn_the_picture() {
         .to_degrees();
     let attitude = view.attitude.unwrap();
     assert!((attitude.pitch_from_nadir_deg - from_nadir_deg).abs() < 1e-9);
-    assert!(
-        view.used
-            .iter()
-            .any(|e| e.field == "gimbal pitch" && e.reason.contains("15.3 degrees"))
-    );
+    // Without a field of view nothing is rectified.
+    assert!(view.tilt.is_none() && !used(&view, "gimbal pitch"));
+    assert!(aside(
+        &view,
+        "gimbal pitch",
+        "15.3 degrees from nadir; not rectified"
+    ));
 }
 
 #[test]

@@ -73,6 +73,9 @@ fn other_sites_and_other_names_are_refused() {
         &[],
     );
     cross.problem(403, "origin");
+    // A picture on a page of another site, which has no Origin.
+    let picture = ["sec-fetch-site: cross-site", "sec-fetch-mode: no-cors"];
+    send(shared(), "GET /v1/maps", &picture, &[]).problem(403, "origin");
     let own = format!("origin: http://{}", shared());
     assert_eq!(send(shared(), "GET /v1/maps", &[&own], &[]).status, 200);
 }

@@ -242,6 +242,17 @@ fn an_ended_track_ends_its_events() {
 }
 
 #[test]
+fn proxies_are_asked_to_pass_events_on_as_they_come() {
+    let id = begin(shared());
+    let mut stream = follow(shared(), &id, "");
+    let mut head = String::new();
+    while !head.ends_with("\r\n\r\n") {
+        assert!(stream.read_line(&mut head).unwrap() > 0, "{head}");
+    }
+    assert!(head.contains("x-accel-buffering: no\r\n"), "{head}");
+}
+
+#[test]
 fn events_come_live_and_resume() {
     let mut running = Running::on_area(Limits::default());
     let address = running.address;

@@ -10,7 +10,7 @@ pub enum WhiteningChoice {
     /// The one with the highest recall on the held-out pairs, which may be none.
     #[default]
     Measured,
-    /// PCA whitening (the paper's equation 8), whatever it measures.
+    /// PCA whitening (paper, eq. 8), whatever it measures.
     Pca,
 }
 

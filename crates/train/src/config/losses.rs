@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-/// Weights of the losses in the total loss (paper, section 3.6).
+/// Weights of the losses in the total loss (paper, eq. 25 and table 1).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Weights {

@@ -11,7 +11,8 @@ use crate::run::optimiser::AdamOptions;
 const SIDE_PX: u32 = 320;
 /// Positions sampled for the descriptor hinge. Equations 16-17 average over all pairs of positions, which are 10^10; this
 /// estimate has 400 corresponding pairs among 160,000, a share of 1/400. Read literally the equation has a share of 1/102,400;
-/// SuperPoint, whose loss the paper says it uses, has one of 1/6.4 by its weight of 250.
+/// SuperPoint, whose loss the paper says it uses, has one of about 1/2 by its weight of 250 and its radius of 8 px, within which three of
+/// the 1,600 cells of such a picture lie.
 const HINGE_POSITIONS: usize = 400;
 /// Range of rotations either way, degrees. The paper says that "the strategy is the same as that of SuperPoint", which gives no
 /// number; this is the range of the common reimplementation of SuperPoint.
@@ -95,23 +96,23 @@ mod tests {
     #[test]
     fn the_recipe_has_the_papers_values() {
         let recipe = TrainConfig::paper();
-        // Section 3.6 and table 1.
+        // Eq. 25 and table 1.
         assert_eq!(recipe.weights.global, 1.0, "alpha");
         assert_eq!(recipe.weights.keypoint, 0.5, "beta 1");
         assert_eq!(recipe.weights.descriptor, 0.5, "beta 2");
         assert_eq!(recipe.weights.homography, 0.3, "gamma");
         assert_eq!(recipe.encoder_rate, 0.1, "1/10 of that of other modules");
-        // Equation 9.
+        // Eq. 9.
         assert_eq!(recipe.global_loss, GlobalLoss::Triplet);
         assert_eq!(recipe.triplet.margin, 0.5);
-        // Equation 13: every cell counts alike.
+        // Eq. 13: every cell counts alike.
         assert_eq!(recipe.weights.dustbin, 1.0);
-        // Equation 17.
+        // Eq. 17.
         assert_eq!(recipe.descriptor_loss, DescriptorLoss::Hinge);
         assert_eq!(recipe.hinge.positive_margin, 0.9);
         assert_eq!(recipe.hinge.negative_margin, 0.2);
         assert_eq!(recipe.hinge.positive_weight, 1.0);
-        // Equation 24: pixels.
+        // Eq. 24: pixels.
         assert_eq!(recipe.homography.unit_px, 1.0);
         // Section 4.3.
         assert_eq!(recipe.pairs.side_px, 320);
@@ -139,7 +140,7 @@ mod tests {
         assert_eq!(network.descriptor_dim, 256);
         assert_eq!(network.vlad.input, VladInput::DeepestUnscaled);
         assert_eq!((network.vlad.clusters, network.global_dim), (64, 512));
-        // Equation 8: a PCA whitening matrix, whatever it measures, fitted to descriptors of the resolution of section 4.3.
+        // Eq. 8: a PCA whitening matrix, whatever it measures, fitted to descriptors of the resolution of section 4.3.
         assert_eq!(recipe.export.whitening, WhiteningChoice::Pca);
         assert_eq!(validation_options(&recipe.pairs).side_px, 320);
     }

@@ -1,4 +1,4 @@
-//! The total loss of a step (paper, section 3.6).
+//! The total loss of a step (paper, eq. 25).
 
 use super::batch_targets::{
     cell_weights, correspondences_of, labels_of, points_of, same_places, scenes_of, seen_of,

@@ -10,7 +10,7 @@ use grimnet_geo::{Raster, open_map};
 use grimnet_locate::{Localizer, Options};
 use grimnet_net::Model;
 use grimnet_pack::Pack;
-use grimnet_serve::{Access, Limits, ServedMap, Service, Token};
+use grimnet_serve::{Access, Limits, ServeError, ServedMap, Service, Token};
 
 use super::ServeArgs;
 use crate::commands::map_place::is_built_from;
@@ -44,6 +44,18 @@ pub fn run(arguments: &ServeArgs) -> Result<Exit> {
     announce(&service)?;
     service.run(true)?;
     Ok(Exit::Done)
+}
+
+/// Checks that the address may be listened on, and is free.
+///
+/// # Errors
+/// It may not, or cannot.
+pub fn check_address(arguments: &ServeArgs) -> Result<()> {
+    access(arguments)?;
+    let address = arguments.listen;
+    std::net::TcpListener::bind(address)
+        .map_err(|source| ServeError::Listen { address, source })?;
+    Ok(())
 }
 
 /// Prints where the service is.

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use grimnet_answer::printable_text;
 
-use super::super::line::{TrackLine, state_text};
+use super::super::line::{TrackLine, position_of_text, state_text};
 use crate::formats::TextFormat;
 
 const HEADER: &[&str] = &[
@@ -22,6 +22,7 @@ const HEADER: &[&str] = &[
     "velocity_north_m_s",
     "frame",
     "reason",
+    "position_of",
 ];
 
 pub struct Csv;
@@ -56,6 +57,7 @@ impl TextFormat<TrackLine> for Csv {
             frame.to_owned(),
             note.and_then(|note| note.reason.as_deref())
                 .map_or_else(String::new, |reason| printable_text(reason).into_owned()),
+            line.position_of.map_or("", position_of_text).to_owned(),
         ])?;
         Ok(String::from_utf8(writer.into_inner()?)?)
     }

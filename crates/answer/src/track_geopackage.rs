@@ -32,6 +32,7 @@ static LAYERS: [Layer; 3] = [
             ("altitude_amsl_m", "DOUBLE"),
             ("age_of_last_fix_s", "DOUBLE"),
             ("reason", "TEXT"),
+            ("position_of", "TEXT"),
         ],
     },
     Layer {
@@ -78,6 +79,8 @@ pub struct TrackRecord<'a> {
     pub age_of_last_fix_s: Option<f64>,
     /// Why the photo has no fix.
     pub reason: Option<&'a str>,
+    /// What point the position is of: `aircraft`, `aircraft_without_attitude` or `image_centre`.
+    pub position_of: Option<&'a str>,
 }
 
 /// A track as the bytes of a GeoPackage with the layers `positions`, `track` and `ellipses95`, in EPSG:4326.
@@ -120,6 +123,7 @@ fn add(file: &mut GeoPackage, record: &TrackRecord<'_>) -> Result<()> {
             &record.place.and_then(|place| place.altitude_amsl_m),
             &record.age_of_last_fix_s,
             &record.reason,
+            &record.position_of,
         ],
     )?;
     if let (Some(position), Some(covariance)) = (position, covariance) {
@@ -166,6 +170,7 @@ mod tests {
             }),
             covariance_en_m2: place.map(|_| [1.0, 0.25, 1.0]),
             radius95_m: place.map(|_| 2.5),
+            position_of: place.map(|_| "image_centre"),
             ..TrackRecord::default()
         }
     }
@@ -254,6 +259,7 @@ mod tests {
             "LINESTRING (120.5 24.5,120.75 24.5)",
             "state (String) = tracking",
             "altitude_amsl_m (Real) = 160.5",
+            "position_of (String) = image_centre",
             "Extent: (120.500000, 24.000000) - (121.250000, 24.500000)",
         ] {
             assert!(text.contains(words), "{words} is not in\n{text}");

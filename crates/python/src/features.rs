@@ -87,7 +87,7 @@ impl FeatureExtractor {
         }
         let options = ExtractOptions {
             threshold,
-            max_keypoints: whole_number("max_keypoints", max_keypoints, u32::MAX)? as usize,
+            max_keypoints: whole_number("max_keypoints", max_keypoints, usize::MAX)?,
             nms_radius_px: whole_number("nms_radius_px", nms_radius_px, u32::MAX)?,
         };
         let (photo, found) = detached(py, || {

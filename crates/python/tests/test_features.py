@@ -1,5 +1,7 @@
 """`features` and `match` against numpy."""
 
+import sys
+
 import grimnet
 import numpy as np
 import pytest
@@ -89,10 +91,11 @@ def test_wrong_input(pair, photos):
         grimnet.FeatureExtractor(domain="map")
     with pytest.raises(grimnet.InvalidValueError, match="threshold"):
         grimnet.features(photos[0], threshold=2.0)
-    for name in ("max_keypoints", "nms_radius_px", "max_side_px"):
-        for bad in (-1, 2**32):
-            with pytest.raises(grimnet.InvalidValueError, match=f"{name} is {bad}; expected a whole number"):
-                grimnet.features(photos[0], **{name: bad})
+    for name, bad in [("max_keypoints", -1), *((name, bad) for name in ("nms_radius_px", "max_side_px") for bad in (-1, 2**32))]:
+        with pytest.raises(grimnet.InvalidValueError, match=f"{name} is {bad}; expected a whole number"):
+            grimnet.features(photos[0], **{name: bad})
+    # As many as there are.
+    assert len(grimnet.features(photos[0], max_keypoints=sys.maxsize)) > 0
     with pytest.raises(grimnet.InvalidValueError, match="max_side_px is -1"):
         grimnet.read_photo(photos[0], max_side_px=-1)
     empty = np.zeros((0, pair[0].descriptors.shape[1]), np.float32)

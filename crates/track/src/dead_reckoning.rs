@@ -189,11 +189,14 @@ impl Hypothesis {
     }
 
     /// Carries the position as photos see it to the time of the second one. Gives what the variance per axis does not hold yet.
+    ///
+    /// Where the two views are of two kinds, the motion is that of the aircraft or that of the image centre, and not from the one to the
+    /// other: the unknown tilt itself is not in it, but how it changed.
     fn carry_as_seen(&mut self, time_s: f64, views: [View; 2], options: &TrackOptions) -> f64 {
         let interval_s = time_s - self.time_s;
+        let [first, second] = views.map(position_of);
         let is_of_centre = |position_of| position_of == PositionOf::ImageCentre;
-        if views.map(|view| is_of_centre(position_of(view))) != [is_of_centre(self.position_of); 2]
-        {
+        if first != second || is_of_centre(first) != is_of_centre(self.position_of) {
             self.step(time_s, options);
             return self.lean_change_m2(interval_s, views, options);
         }

@@ -105,10 +105,11 @@ impl Hypothesis {
         let mut new = Self::unplaced(id, fix.time_s, options);
         new.know_map_error(fix);
         new.know_yaw(sensors, options);
-        new.take_heading_and_gsd(fix, options);
         let view = sensors.view_of(fix, options);
         new.look(view);
         let (predicted_m, observation, noise) = new.measurement(fix, view, options);
+        // Not before: the heading of the fix is part of its view, and counts once.
+        new.take_heading_and_gsd(fix, options);
         // The position's own column is the identity, so position = measured - (everything else) - noise.
         let mut others = -observation;
         others.fixed_columns_mut::<2>(POSITION).fill(0.0);
@@ -305,5 +306,52 @@ impl Hypothesis {
         let dt_s = (time_s - self.heading_time_s).max(0.0);
         heading.turn(0.0, HEADING_SPREAD_DEG * dt_s.sqrt());
         Some(heading)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{
+        attitude::Attitude,
+        input::{Height, Input, tests::fix},
+    };
+
+    #[test]
+    fn the_heading_of_the_first_fix_counts_once() {
+        let east_m2 = |heading_sigma_deg: f64| {
+            let options = TrackOptions {
+                heading_sigma_deg,
+                ..TrackOptions::default()
+            };
+            let first = PositionFix {
+                heading_deg: Some(0.0),
+                ..fix()
+            };
+            let mut sensors = Sensors::default();
+            sensors.take(&Input::Attitude(Attitude {
+                time_s: first.time_s,
+                yaw_deg: 0.0,
+                pitch_deg: 20.0,
+                roll_deg: 0.0,
+            }));
+            sensors.take(&Input::Height(Height {
+                time_s: first.time_s,
+                agl_m: 100.0,
+                amsl_m: None,
+            }));
+            let founded = Hypothesis::from_fix(0, &first, Vector2::zeros(), &sensors, &options);
+            founded.position_covariance_m2()[(0, 0)]
+        };
+        let compass_deg = TrackOptions::default().compass_sigma_deg;
+        let by_heading_m2 = east_m2(1.5) - east_m2(1e-6);
+        // Of the compass and the fix together.
+        let sigma_deg = (compass_deg.powi(-2) + 1.5f64.powi(-2)).sqrt().recip();
+        let ahead_m = 100.0 * 20f64.to_radians().tan();
+        let expected_m2 = (ahead_m * sigma_deg.to_radians()).powi(2);
+        assert!(
+            (by_heading_m2 / expected_m2 - 1.0).abs() < 1e-6,
+            "{by_heading_m2} {expected_m2}"
+        );
     }
 }

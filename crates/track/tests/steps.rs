@@ -346,6 +346,64 @@ fn a_tilt_that_is_known_now_and_then_does_not_average_away() {
     }
 }
 
+/// The camera looks ahead by the same angle all the time. Motion between two frames is that of the aircraft, or that of the image centre.
+#[test]
+fn motion_to_a_view_of_another_kind_does_not_contradict_the_fix_in_it() {
+    let is_known: [fn(u32) -> bool; 4] = [
+        |frame| frame >= 12,
+        |frame| frame < 12,
+        |frame| frame.is_multiple_of(2),
+        |frame| frame % 3 != 2,
+    ];
+    for (case, is_known) in is_known.into_iter().enumerate() {
+        for tilt_deg in [5.0f64, 10.0, 15.0] {
+            let ahead_m = 100.0 * tilt_deg.to_radians().tan();
+            let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+            for frame in 0..40 {
+                // Further apart than an attitude counts.
+                let time_s = f64::from(frame);
+                tracker.push(height(time_s, 100.0)).unwrap();
+                if is_known(frame) {
+                    tracker
+                        .push(Input::Attitude(Attitude {
+                            time_s,
+                            yaw_deg: 90.0,
+                            pitch_deg: tilt_deg,
+                            roll_deg: 0.0,
+                        }))
+                        .unwrap();
+                }
+                if frame > 0 {
+                    let motion = RelativeMotion {
+                        from_time_s: time_s - 1.0,
+                        time_s,
+                        forward_px: SPEED_M_S / GSD_M,
+                        right_px: 0.0,
+                        turn_deg: 0.0,
+                        sigma_px: 0.5,
+                        surface_sigma_px: Some(0.0),
+                    };
+                    tracker.push(Input::Motion(motion)).unwrap();
+                }
+                let Input::Fix(straight) = fix(time_s) else {
+                    unreachable!()
+                };
+                let seen = PositionFix {
+                    lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
+                    ..straight
+                };
+                tracker.push(Input::Fix(seen)).unwrap();
+                let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
+                let error_m = error_m(&estimate, time_s);
+                assert!(
+                    estimate.is_at_fix() && error_m < estimate.radius95_m,
+                    "case {case}, {tilt_deg} degrees, {time_s} s: {error_m} m, {estimate:?}"
+                );
+            }
+        }
+    }
+}
+
 /// Nothing reports the height any more, while the camera looks 15 degrees ahead.
 #[test]
 fn where_the_height_is_not_known_any_more_the_image_centre_is_another_point() {

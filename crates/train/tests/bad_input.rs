@@ -143,6 +143,10 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
         ("learning_rate = nan\n", "learning_rate"),
         ("steps = 0\n", "steps"),
         ("[weights]\nkeypoint = -1.0\n", "weights.keypoint"),
+        (
+            "world_share = 1\n[weights]\nkeypoint = 0\ndescriptor = 0\nglobal = 0\n",
+            "all `weights` are 0",
+        ),
         ("[triplet]\nhardest = 0\n", "triplet.hardest"),
         ("[pairs.look]\nseason = 1.5\n", "pairs.look.season"),
         ("[[data]]\npath = \".\"\nrepeat = 0\n", "data[0].repeat"),
@@ -199,6 +203,11 @@ fn a_picture_belongs_to_one_folder() {
         );
     }
     let by_task = [Serves::Retrieval, Serves::Matching].map(|serves| at(path, serves));
+    // In two layouts other pictures are held out.
+    let mut in_two_layouts = by_task.clone();
+    in_two_layouts[0].layout = Layout::Vtrn;
+    let error = opened(in_two_layouts).err().unwrap().to_string();
+    assert!(error.contains("`layout`"), "{error}");
     assert!(opened(by_task).is_ok());
 }
 

@@ -273,12 +273,20 @@ fn a_detector_labels_pictures_for_the_joint_stage() {
     let nothing = TrainConfig {
         labels: joint.labels.clone().map(|labels| LabelOptions {
             threshold: 0.99,
+            folder: folder.path().join("refused"),
             ..labels
         }),
         ..joint.clone()
     };
     let error = label_pictures(&nothing, &device, &mut |_| true).unwrap_err();
     assert!(error.to_string().contains("threshold"), "{error}");
+    let inside = |path: &Path| -> Vec<_> {
+        let entries = std::fs::read_dir(path).unwrap();
+        entries.map(|entry| entry.unwrap().path()).collect()
+    };
+    let left = inside(&folder.path().join("refused"));
+    let left: Vec<_> = left.iter().flat_map(|path| inside(path)).collect();
+    assert!(left.is_empty(), "a training run would take them: {left:?}");
 
     let more = TrainConfig {
         labels: joint.labels.clone().map(|labels| LabelOptions {

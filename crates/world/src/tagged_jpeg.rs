@@ -21,11 +21,11 @@ pub struct PhotoTags {
     pub gps_altitude_m: f64,
     /// Height above the take-off point, metres.
     pub relative_altitude_m: f64,
-    /// Where the top of a nadir photo points, degrees clockwise from true north, -180 to 180.
+    /// Where the top of a nadir photo points before its roll, degrees clockwise from true north, -180 to 180.
     pub gimbal_yaw_deg: f64,
     /// -90 is straight down.
     pub gimbal_pitch_deg: f64,
-    /// Positive: the camera's right side down.
+    /// Turn about the optical axis; positive: the right side of a camera that looks ahead is down.
     pub gimbal_roll_deg: f64,
     /// Direction of the aircraft's nose, degrees clockwise from true north, -180 to 180.
     pub flight_yaw_deg: f64,
@@ -48,6 +48,28 @@ fn signed_deg(angle_deg: f64) -> f64 {
     (angle_deg + 180.0).rem_euclid(360.0) - 180.0
 }
 
+/// Yaw from the heading, pitch and roll of a gimbal, degrees, that holds the camera at a pose.
+///
+/// A gimbal tilts the camera along its own yaw and then turns it about the optical axis; [`Pose::roll_deg`] tilts it to the side.
+fn gimbal_deg(pose: &Pose) -> [f64; 3] {
+    let (sin_pitch, cos_pitch) = pose.pitch_off_nadir_deg.to_radians().sin_cos();
+    let (sin_roll, cos_roll) = pose.roll_deg.to_radians().sin_cos();
+    // The optical axis: ahead, to the right, and down.
+    let (ahead, right) = (sin_pitch * cos_roll, sin_roll);
+    let down = cos_pitch * cos_roll;
+    // Of the two tilts along one line the one that looks ahead if the pose does, so that without roll nothing changes.
+    let sign = if ahead < 0.0 { -1.0 } else { 1.0 };
+    let tilt = sign * ahead.hypot(right).atan2(down);
+    let yaw = (sign * right).atan2(sign * ahead);
+    // The picture's top, along the right and the top of the camera that is tilted and not turned about its axis.
+    let (sin_tilt, cos_tilt) = tilt.sin_cos();
+    let along_right = -cos_pitch * yaw.sin();
+    let along_top = cos_pitch * yaw.cos() * cos_tilt + sin_pitch * sin_tilt;
+    // No negative zero, which would be written with its sign.
+    let turn = along_right.atan2(along_top) + 0.0;
+    [yaw, tilt - std::f64::consts::FRAC_PI_2, turn].map(f64::to_degrees)
+}
+
 impl PhotoTags {
     /// The metadata for a reported `pose` (which may differ from the true one) over ground at `ground_altitude_m` above sea
     /// level.
@@ -62,7 +84,8 @@ impl PhotoTags {
     ) -> Result<Self, WorldError> {
         let at = [pose.x_m, pose.y_m];
         let [lon_deg, lat_deg] = placement.lonlat_from_world(at)?;
-        let yaw = signed_deg(pose.heading_deg + placement.grid_north_deg(at)?);
+        let heading_deg = pose.heading_deg + placement.grid_north_deg(at)?;
+        let [yaw_deg, gimbal_pitch_deg, gimbal_roll_deg] = gimbal_deg(pose);
         // A 1/2.3 inch sensor, 6.3 mm wide.
         const SENSOR_WIDTH_MM: f64 = 6.3;
         Ok(Self {
@@ -70,10 +93,10 @@ impl PhotoTags {
             lon_deg,
             gps_altitude_m: ground_altitude_m + pose.height_agl_m,
             relative_altitude_m: pose.height_agl_m,
-            gimbal_yaw_deg: yaw,
-            gimbal_pitch_deg: -90.0 + pose.pitch_off_nadir_deg,
-            gimbal_roll_deg: pose.roll_deg,
-            flight_yaw_deg: yaw,
+            gimbal_yaw_deg: signed_deg(heading_deg + yaw_deg),
+            gimbal_pitch_deg,
+            gimbal_roll_deg,
+            flight_yaw_deg: signed_deg(heading_deg),
             focal_length_mm: camera.focal_35mm() * SENSOR_WIDTH_MM / 36.0,
             focal_35mm: camera.focal_35mm(),
             calibrated_focal_px: camera.focal_px(),
@@ -317,4 +340,57 @@ pub fn write_jpeg_with_exif(
         jpeg.segments_mut().insert(at, segment);
     }
     Ok(write_bytes_atomic(path, &jpeg.encoder().bytes())?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::camera::View;
+    use approx::assert_relative_eq;
+    use nalgebra::{Rotation3, Vector3};
+
+    /// East, north and up of the rays through the picture's centre and just above it, with the gimbal's rotations one by one.
+    #[test]
+    fn the_gimbals_angles_give_the_pose() {
+        let camera = Camera {
+            hfov_deg: 60.0,
+            width_px: 400,
+            height_px: 300,
+        };
+        for (pitch, roll) in [
+            (0.0, 0.0),
+            (10.0, 0.0),
+            (-8.0, 0.0),
+            (0.0, 5.0),
+            (10.0, 5.0),
+            (-6.0, -4.0),
+        ] {
+            let pose = Pose {
+                pitch_off_nadir_deg: pitch,
+                roll_deg: roll,
+                ..Pose::default()
+            };
+            let [yaw, gimbal_pitch, turn] = gimbal_deg(&pose).map(f64::to_radians);
+            if roll == 0.0 {
+                assert_relative_eq!(gimbal_pitch.to_degrees(), pitch - 90.0, epsilon = 1e-9);
+                assert_relative_eq!(yaw, 0.0, epsilon = 1e-9);
+            }
+            // Camera axes: right, top, towards the camera's back. Clockwise turns seen from above are negative about `up`.
+            let gimbal = Rotation3::from_axis_angle(&Vector3::z_axis(), -yaw)
+                * Rotation3::from_axis_angle(
+                    &Vector3::x_axis(),
+                    gimbal_pitch + std::f64::consts::FRAC_PI_2,
+                )
+                * Rotation3::from_axis_angle(&Vector3::z_axis(), -turn);
+            let view = View::new(&pose, &camera);
+            let f = camera.focal_px();
+            for (pixel, ray) in [
+                ([200.0, 150.0], Vector3::new(0.0, 0.0, -1.0)),
+                ([200.0, 100.0], Vector3::new(0.0, 50.0 / f, -1.0)),
+            ] {
+                let expected = Vector3::from(view.ray(pixel));
+                assert!((gimbal * ray - expected).norm() < 1e-9, "{pitch} {roll}");
+            }
+        }
+    }
 }

@@ -7,9 +7,10 @@ use grimnet_eval::report::track_page::{TrackMark, TrackPage};
 use grimnet_geo::{LonLat, Raster};
 use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::Pack;
+use grimnet_track::Source;
 
 use super::map_place::MapPlace;
-use crate::tracking::line::{FrameResult, TrackLine};
+use crate::tracking::line::TrackLine;
 use crate::tracking::session::Tracked;
 use crate::tracking::truth::{Compared, Truth, summary};
 
@@ -29,7 +30,7 @@ impl Scored {
         let line = &tracked.line;
         let compared = truth
             .and_then(|truth| truth.compare(line.photo(), tracked.time_s, tracked.point.as_ref()));
-        Self::new(line, Some(line), tracked.time_s, compared)
+        Self::new(Some(line), tracked.time_s, compared)
     }
 
     /// Of a frame in a smoothed track, which may have no line for it, with its truth if that is known.
@@ -43,18 +44,12 @@ impl Scored {
             .find(|(smoothed_s, _)| smoothed_s == time_s)
             .map(|(_, line)| line);
         let compared = truth.and_then(|truth| truth.compare_smoothed(frame.photo(), *time_s, line));
-        Self::new(frame, line, *time_s, compared)
+        Self::new(line, *time_s, compared)
     }
 
     /// Of a frame, where `track` has its position.
-    fn new(
-        frame: &TrackLine,
-        track: Option<&TrackLine>,
-        time_s: f64,
-        compared: Option<Compared>,
-    ) -> Self {
+    fn new(track: Option<&TrackLine>, time_s: f64, compared: Option<Compared>) -> Self {
         let place = track.and_then(TrackLine::lon_lat_deg);
-        let note = frame.note.as_ref();
         Self {
             mark: TrackMark {
                 time_s,
@@ -63,7 +58,8 @@ impl Scored {
                     .and_then(|line| line.covariance_en_m2)
                     .unwrap_or_default(),
                 radius95_m: track.and_then(|line| line.radius95_m).unwrap_or_default(),
-                is_fix: note.is_some_and(|note| note.frame == FrameResult::Fix),
+                // Not that of the photo: the track may have left it out.
+                is_fix: track.and_then(|line| line.source) == Some(Source::Fix),
                 truth: compared.map(|compared| compared.truth),
             },
             compared,
@@ -159,5 +155,31 @@ impl ReportFolder {
         let page = page("Track of a flight", description, scored);
         let html = page.to_html(self.map.as_deref())?;
         Ok(self.folder.write_bytes(PAGE, html.as_bytes())?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tracking::frame_time::Epoch;
+    use crate::tracking::line::{FrameNote, FrameResult};
+
+    #[test]
+    fn a_fix_that_a_smoothed_track_left_out_is_no_mark_of_it() {
+        let note = FrameNote {
+            photo: "a.jpg".to_owned(),
+            frame: FrameResult::Fix,
+            reason: None,
+            time_ms: 1.0,
+        };
+        let frame = (1.0, TrackLine::new(1.0, Epoch::Start, None, Some(note)));
+        for (source, is_fix) in [(Some(Source::Fix), true), (None, false)] {
+            let line = TrackLine {
+                source,
+                ..frame.1.clone()
+            };
+            let scored = Scored::of_smoothed(&frame, &[(1.0, line)], None);
+            assert_eq!(scored.mark.is_fix, is_fix);
+        }
     }
 }

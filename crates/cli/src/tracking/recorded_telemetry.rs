@@ -16,6 +16,9 @@ use super::video::has_ending;
 const AHEAD_S: f64 = 0.25;
 /// Telemetry that begins or ends so much later or earlier than a video does not fit it. Old drones write it once a second.
 const LONGEST_GAP_S: f64 = 2.0;
+/// By how much more, or less, tilt may change from an attitude to the next one than from the one before, degrees, that those between count.
+/// They are off by an eighth of it: a line between two points of a curve.
+const MOST_BEND_DEG: f64 = 8.0;
 
 /// Endings of videos that may hold MISB metadata, lower case.
 const TRANSPORT_STREAM_ENDINGS: &[&str] = &["ts", "m2ts", "mts"];
@@ -114,7 +117,8 @@ impl RecordedTelemetry {
     }
 
     /// The attitude of a frame between two that are so far apart that neither says anything of it: the filter takes none that is older
-    /// than [`Attitude::HOLD_S`], nor a later one. Without it the camera would look straight down at some frames and ahead at others.
+    /// than [`Attitude::HOLD_S`], nor a later one. Without it the camera would look straight down at some frames and ahead at others. The
+    /// filter takes it for one that was measured, so there is none where the tilt swings faster than it was recorded.
     fn interpolated(&self, frame_s: f64) -> Option<Attitude> {
         let next = self
             .attitudes
@@ -125,12 +129,30 @@ impl RecordedTelemetry {
         let between = |from_deg: f64, to_deg: f64| {
             from_deg + turn_deg(from_deg, to_deg) * (age_s / interval_s)
         };
-        (age_s > Attitude::HOLD_S && interval_s <= LONGEST_GAP_S).then(|| Attitude {
+        let is_between = age_s > Attitude::HOLD_S && interval_s <= LONGEST_GAP_S;
+        let is_steady = self.is_steady(next - 1) && self.is_steady(next);
+        (is_between && is_steady).then(|| Attitude {
             time_s: frame_s,
             yaw_deg: between(before.yaw_deg, after.yaw_deg),
             pitch_deg: between(before.pitch_deg, after.pitch_deg),
             roll_deg: between(before.roll_deg, after.roll_deg),
         })
+    }
+
+    /// Whether the tilt goes on at an attitude about as it came, as far as its neighbours tell.
+    fn is_steady(&self, at: usize) -> bool {
+        let neighbours = at
+            .checked_sub(1)
+            .and_then(|before| self.attitudes.get(before..)?.first_chunk::<3>());
+        let Some([before, here, after]) = neighbours else {
+            return true;
+        };
+        let is_near = |a: &Attitude, b: &Attitude| b.time_s - a.time_s <= LONGEST_GAP_S;
+        let bend_deg = |[a, b, c]: [f64; 3]| (turn_deg(b, c) - turn_deg(a, b)).abs();
+        let pitch_deg = bend_deg([before.pitch_deg, here.pitch_deg, after.pitch_deg]);
+        let roll_deg = bend_deg([before.roll_deg, here.roll_deg, after.roll_deg]);
+        !(is_near(before, here) && is_near(here, after))
+            || pitch_deg.hypot(roll_deg) <= MOST_BEND_DEG
     }
 
     /// The next inputs up to a frame, and the line on a gap that begins before it.
@@ -269,6 +291,18 @@ mod tests {
             attitude.roll_deg + 3.75,
         ];
         assert!(off_deg.iter().all(|off| off.abs() < 1e-9), "{attitude:?}");
+    }
+
+    #[test]
+    fn no_attitude_is_made_up_while_the_camera_swings() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.csv");
+        // Level, then by 10 degrees to either side.
+        let text = "time,yaw_deg,pitch_deg,roll_deg\n0,0,20,0\n1,0,20,0\n2,0,20,0\n3,0,20,10\n4,0,20,-10\n5,0,20,10\n";
+        fs_err::write(&path, text).unwrap();
+        let telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
+        let is_there = [0.75, 1.75, 2.75, 3.75, 4.75].map(|s| telemetry.interpolated(s).is_some());
+        assert_eq!(is_there, [true, false, false, false, false]);
     }
 
     #[test]

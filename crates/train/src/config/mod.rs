@@ -247,6 +247,17 @@ impl TrainConfig {
             return wrong("no `[[data]]` folder is given, and `world_share` is below 1");
         }
         self.to_table()?;
+        let weights = &self.weights;
+        let of_losses = [
+            weights.keypoint,
+            weights.descriptor,
+            weights.global,
+            weights.homography,
+        ];
+        let is_untaught = self.teacher.is_none() && self.stage == Stage::Joint;
+        if is_untaught && of_losses.iter().all(|weight| *weight == 0.0) {
+            return wrong("all `weights` are 0; set at least one");
+        }
         self.validate_tasks()
     }
 

@@ -1,6 +1,6 @@
 //! Differences between two dates of one place: snow, uneven light, lost resolution, ground that was rebuilt.
 //!
-//! All functions work on interleaved RGB in 0..1 and keep the picture's size, so that points stay where they are.
+//! All functions work on interleaved RGB in 0..1 and keep the picture's size, so that points stay where they are; rebuilt ground has none.
 
 use rand::Rng;
 
@@ -112,9 +112,16 @@ fn sample(pixels: &[f32], width: usize, height: usize, x: f32, y: f32) -> [f32; 
     })
 }
 
-/// Replaces some rectangles of any direction by ground from elsewhere in the picture, mirrored: built, demolished or replanted between the dates.
-pub(super) fn rebuild(pixels: &mut [f32], width: usize, height: usize, random: &mut impl Rng) {
+/// Replaces some rectangles of any direction by ground from elsewhere in the picture, mirrored: built, demolished or replanted between the
+/// dates. Returns for each pixel whether it shows such ground, if only in part.
+pub(super) fn rebuild(
+    pixels: &mut [f32],
+    width: usize,
+    height: usize,
+    random: &mut impl Rng,
+) -> Vec<bool> {
     let before = pixels.to_vec();
+    let mut rebuilt = vec![false; width * height];
     for _ in 0..random.random_range(1..7) {
         let half = [
             random.random_range(0.02..0.11) * width as f32,
@@ -147,10 +154,12 @@ pub(super) fn rebuild(pixels: &mut [f32], width: usize, height: usize, random: &
                     for c in 0..3 {
                         p[c] += (there[c] - p[c]) * share;
                     }
+                    rebuilt[y * width + x] = true;
                 }
             }
         }
     }
+    rebuilt
 }
 
 #[cfg(test)]
@@ -172,7 +181,9 @@ mod tests {
             ("snow", snow),
             ("uneven_light", uneven_light),
             ("coarsen", coarsen),
-            ("rebuild", rebuild),
+            ("rebuild", |pixels, width, height, random| {
+                rebuild(pixels, width, height, random);
+            }),
         ];
         for (name, change) in changes {
             for seed in 0..8 {
@@ -216,7 +227,11 @@ mod tests {
         let mut changed = 0;
         for seed in 0..20 {
             let mut pixels = noise.clone();
-            rebuild(&mut pixels, 64, 64, &mut ChaCha8Rng::seed_from_u64(seed));
+            let rebuilt = rebuild(&mut pixels, 64, 64, &mut ChaCha8Rng::seed_from_u64(seed));
+            let both = pixels.chunks_exact(3).zip(noise.chunks_exact(3));
+            for ((now, before), rebuilt) in both.zip(rebuilt) {
+                assert!(rebuilt || now == before);
+            }
             changed += pixels.iter().zip(&noise).filter(|(a, b)| a != b).count();
         }
         let share = changed as f64 / (20 * noise.len()) as f64;

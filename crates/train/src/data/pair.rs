@@ -4,7 +4,7 @@ use super::cell_labels::{CellLabels, surviving_corners};
 use super::counterpart::Counterpart;
 use super::homography::HomographyRange;
 use super::mapping::Mapping;
-use super::photometric::{Look, change_look};
+use super::photometric::{Look, change_look, rebuild_ground};
 use super::scene::Scene;
 use grimnet_net::Domain;
 use image::RgbImage;
@@ -20,7 +20,8 @@ use serde::{Deserialize, Serialize};
 pub struct PairOptions {
     /// Side of both views, pixels; a multiple of 32.
     pub side_px: u32,
-    /// Number of windows taken from one picture; they are hard negatives of each other.
+    /// Number of windows taken from one picture, at most two of a small one; they are hard negatives of each other where they do not
+    /// overlap, which most windows of a small picture do.
     pub group: usize,
     /// Corresponding points that the descriptor loss compares.
     pub points: usize,
@@ -147,16 +148,16 @@ impl Views {
     }
 
     /// Corresponding points: one random point in each of `wanted` random cells of the map view; `None` if fewer cells have
-    /// a point that both views see.
+    /// a point that both views see. `unchanged` are the cells of the drone view that lie in the picture and show the ground of the map.
     fn points(
         &self,
         wanted: usize,
-        uav_seen: &[bool],
+        unchanged: &[bool],
         random: &mut ChaCha8Rng,
     ) -> Option<[Vec<[f32; 2]>; 2]> {
         let side = self.side();
         let cells = side / 8;
-        let sees = |[x, y]: [f64; 2]| uav_seen[(y as usize / 8) * cells + x as usize / 8];
+        let sees = |[x, y]: [f64; 2]| unchanged[(y as usize / 8) * cells + x as usize / 8];
         let mut order: Vec<usize> = (0..cells * cells).collect();
         order.shuffle(random);
         let [mut sat_points, mut uav_points] = [Vec::new(), Vec::new()];
@@ -179,14 +180,28 @@ impl Views {
     }
 
     /// Applies photometric changes and adds labels and points; `None` if the views share too few points.
-    pub(super) fn finish(self, options: &PairOptions, random: &mut ChaCha8Rng) -> Option<Pair> {
+    pub(super) fn finish(mut self, options: &PairOptions, random: &mut ChaCha8Rng) -> Option<Pair> {
         let uav_seen = seen_cells(&self.seen, self.side());
-        let [sat_points, uav_points] = self.points(options.points, &uav_seen, random)?;
+        let mut unchanged = uav_seen.clone();
+        if let Some((photo, rebuilt)) = rebuild_ground(&self.plain[1], &options.look, random) {
+            self.plain[1] = photo;
+            let stays: Vec<bool> = self
+                .seen
+                .iter()
+                .zip(rebuilt)
+                .map(|(seen, rebuilt)| *seen && !rebuilt)
+                .collect();
+            unchanged = seen_cells(&stays, self.side());
+        }
+        // Not a second time.
+        let look = Look {
+            rebuilt: 0.0,
+            ..options.look
+        };
+        let [sat_points, uav_points] = self.points(options.points, &unchanged, random)?;
         let [sat_plain, uav_plain] = &self.plain;
-        let [sat, mut uav] =
-            [(sat_plain, Domain::Sat), (uav_plain, Domain::Uav)].map(|(plain, domain)| {
-                change_look(plain, self.other.as_ref(), domain, &options.look, random)
-            });
+        let [sat, mut uav] = [(sat_plain, Domain::Sat), (uav_plain, Domain::Uav)]
+            .map(|(plain, domain)| change_look(plain, self.other.as_ref(), domain, &look, random));
         let side = self.side();
         let [sat_labels, uav_labels] = match &self.keypoints {
             Keypoints::Corners => surviving_corners(
@@ -197,7 +212,7 @@ impl Views {
             ),
             Keypoints::Known([in_sat, in_uav]) => [
                 CellLabels::of_points(in_sat, side, None),
-                CellLabels::of_points(in_uav, side, Some(&uav_seen)),
+                CellLabels::of_points(in_uav, side, Some(&unchanged)),
             ],
         }
         .map(CellLabels::into_labels);

@@ -80,6 +80,31 @@ fn floats_of(image: &RgbImage) -> Vec<f32> {
     values.map(|v| f32::from(*v) / 255.0).collect()
 }
 
+/// The bytes of [`floats_of`].
+fn bytes_of(pixels: &[f32]) -> Vec<u8> {
+    let values = pixels.iter();
+    values
+        .map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
+        .collect()
+}
+
+/// The photo with pieces of ground that were rebuilt, and for each pixel whether it shows such ground; `None` for photos without
+/// ([`Look::rebuilt`]).
+pub(super) fn rebuild_ground(
+    photo: &RgbImage,
+    look: &Look,
+    random: &mut impl Rng,
+) -> Option<(RgbImage, Vec<bool>)> {
+    if !happens(look.rebuilt, random) {
+        return None;
+    }
+    let mut pixels = floats_of(photo);
+    let (width, height) = (photo.width() as usize, photo.height() as usize);
+    let rebuilt = rebuild(&mut pixels, width, height, random);
+    let photo = RgbImage::from_raw(photo.width(), photo.height(), bytes_of(&pixels))?;
+    Some((photo, rebuilt))
+}
+
 /// Applies random photometric changes to a view. `other` is a view of the same size of another picture, for [`Look::mixed`].
 pub fn change_look(
     image: &RgbImage,
@@ -132,12 +157,8 @@ pub fn change_look(
         _ => {}
     }
     add_noise(&mut pixels, between(random, 0.0, 0.05) * k, random);
-    let bytes = pixels
-        .iter()
-        .map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
-        .collect();
-    let out =
-        RgbImage::from_raw(image.width(), image.height(), bytes).unwrap_or_else(|| image.clone());
+    let out = RgbImage::from_raw(image.width(), image.height(), bytes_of(&pixels))
+        .unwrap_or_else(|| image.clone());
     if random.random_bool(look.jpeg) {
         compressed(out, random.random_range(25..90))
     } else {

@@ -141,6 +141,17 @@ impl Stream {
     }
 }
 
+/// Ends the other threads when one panics: the batch that it was making never comes, and theirs would be kept in vain.
+struct StopOnPanic<'a>(&'a AtomicBool);
+
+impl Drop for StopOnPanic<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.0.store(true, Ordering::Relaxed);
+        }
+    }
+}
+
 fn produce(
     sender: &SyncSender<(u64, Batch)>,
     sources: &Sources,
@@ -148,6 +159,7 @@ fn produce(
     stop: &AtomicBool,
     counter: &AtomicU64,
 ) {
+    let _guard = StopOnPanic(stop);
     while !stop.load(Ordering::Relaxed) {
         let step = counter.fetch_add(1, Ordering::Relaxed);
         let task = options.alternate.then(|| Task::of_step(step));
@@ -215,6 +227,33 @@ mod tests {
             source(1, 0.3, Serves::Matching),
             source(2, 0.2, Serves::Both),
         ]
+    }
+
+    /// Panics in the first call of all and gives numbered pairs in the others.
+    struct Breaks(AtomicBool);
+
+    impl Source for Breaks {
+        fn group(&self, count: usize, options: &PairOptions, random: &mut ChaCha8Rng) -> Vec<Pair> {
+            assert!(self.0.swap(true, Ordering::Relaxed), "the first call");
+            Numbered(0).group(count, options, random)
+        }
+    }
+
+    #[test]
+    fn a_thread_that_panics_ends_the_stream() {
+        let sources = vec![WeightedSource::new(
+            1.0,
+            Arc::new(Breaks(AtomicBool::new(false))),
+        )];
+        let options = BatchOptions {
+            pair: PairOptions::default(),
+            pairs: 2,
+            seed: 1,
+            alternate: false,
+        };
+        let mut stream = Stream::start(sources, options, 0, 3);
+        let batches = std::iter::from_fn(|| stream.next_batch()).count();
+        assert!(batches < 3, "those before the one that is missing");
     }
 
     /// In turns, even steps train matching and odd steps retrieval, each on the sources that serve it; by the weights otherwise.

@@ -76,8 +76,42 @@ pub(super) fn notes(
         Some(WhiteningKind::Pca) => " Whitening: PCA.",
         Some(WhiteningKind::Pairs) => " Whitening: learned from pairs.",
     });
-    out.push_str(
-        " Trained on nadir pictures; not trained on oblique views, night, snow or thermal cameras.",
-    );
+    // Looks are all that the configuration says of these.
+    let snow = if config.pairs.look.snow > 0.0 {
+        ""
+    } else {
+        "snow, "
+    };
+    out.push_str(&format!(
+        " Trained on nadir pictures; not trained on oblique views, {snow}night or thermal cameras."
+    ));
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::parameters::Parameters;
+    use crate::run::checkpoint::Position;
+    use crate::run::optimiser::Adam;
+    use burn::tensor::Device;
+    use grimnet_net::{Model, NetSpec};
+
+    #[test]
+    fn a_network_that_was_trained_under_snow_does_not_deny_it() {
+        let model = Model::random(&NetSpec::compact(), 1).unwrap();
+        let parameters = Parameters::of_model(&model, &Device::flex());
+        let state = Checkpoint {
+            average: parameters.clone(),
+            parameters,
+            adam: Adam::default(),
+            position: Position::default(),
+            config: None,
+        };
+        let mut config = TrainConfig::default();
+        let of = |config: &TrainConfig| notes(&state, config, &Validations::new(), None);
+        assert!(of(&config).contains("not trained on oblique views, snow, night"));
+        config.pairs.look.snow = 0.08;
+        assert!(of(&config).contains("not trained on oblique views, night"));
+    }
 }

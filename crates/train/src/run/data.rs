@@ -182,11 +182,13 @@ fn check_apart(config: &TrainConfig) -> Result<(), TrainError> {
             let never_meet = [Task::Retrieval, Task::Matching]
                 .into_iter()
                 .all(|task| !tasks.iter().all(|serves| serves.includes(Some(task))));
-            // One folder may serve the two tasks in two ways: no step has pairs of both, and the held-out pictures are the same.
-            if path.starts_with(&outer) && !(path == outer && never_meet) {
+            // One folder may serve the two tasks in two entries: no step has pairs of both, and in one layout the held-out pictures are
+            // the same. In another they are not: the publisher's `Val` is held out of `vtrn`, and most of it trained on as `pictures`.
+            let is_shared = path == outer && never_meet && folder.layout == other.layout;
+            if path.starts_with(&outer) && !is_shared {
                 return Err(TrainError::Config {
                     reason: format!(
-                        "the `[[data]]` folder {} is or lies in another, {}: pictures must not belong to two entries; remove one, or name folders beside each other to give them different weights",
+                        "the `[[data]]` folder {} is or lies in another, {}: pictures must not belong to two entries, unless both have one `layout` and one serves retrieval, the other matching; remove one, or name folders beside each other to give them different weights",
                         folder.path.display(),
                         other.path.display()
                     ),

@@ -39,8 +39,9 @@ impl LabelProgress {
         self.keypoints as f64 / self.of_this_run.max(1) as f64
     }
 
+    /// Whether there are too few keypoints. The last few pictures of an interrupted run alone say nothing of the detector.
     fn is_sparse(&self) -> bool {
-        let judged = self.of_this_run >= JUDGED_AFTER || self.labelled == self.pictures;
+        let judged = self.of_this_run >= JUDGED_AFTER || self.of_this_run == self.pictures;
         judged && self.keypoints < self.pixels / MOST_PIXELS_PER_KEYPOINT
     }
 }
@@ -58,7 +59,8 @@ fn options_of(config: &TrainConfig) -> Result<&LabelOptions, TrainError> {
 }
 
 /// Labels the training pictures that have no labels by the configured detector and settings yet. Each file is written when its
-/// picture is done, so that an interrupted run can be continued. Ends early if `on_progress` returns `false`.
+/// picture is done, so that an interrupted run can be continued; those of a run that finds too few keypoints are removed, for a
+/// training run would take them. Ends early if `on_progress` returns `false`.
 ///
 /// # Errors
 /// Returns an error if there is no `[labels]` table, there are no pictures, the detector cannot be opened or finds too few
@@ -97,6 +99,9 @@ pub fn label_pictures(
             progress.pixels += pixels;
         }
         if progress.is_sparse() {
+            for (_, file) in &todo[..progress.of_this_run] {
+                fs_err::remove_file(file)?;
+            }
             return Err(too_few(&progress, options));
         }
         let left = (progress.pictures - progress.labelled) as f64;
@@ -168,4 +173,23 @@ fn label(
     };
     labels.save(file)?;
     Ok((labels.levels.first().map_or(0, Vec::len), pixels))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_rest_of_an_interrupted_run_is_not_judged_alone() {
+        let of_this_run = |of_this_run: usize, pictures: usize| LabelProgress {
+            labelled: pictures,
+            pictures,
+            of_this_run,
+            pixels: of_this_run * 400 * 400,
+            ..LabelProgress::default()
+        };
+        assert!(!of_this_run(3, 500).is_sparse());
+        assert!(of_this_run(3, 3).is_sparse());
+        assert!(of_this_run(JUDGED_AFTER, 500).is_sparse());
+    }
 }

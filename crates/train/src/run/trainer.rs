@@ -8,6 +8,7 @@ use crate::model::input::{Norms, input_of};
 use crate::model::netvlad_init::init_netvlad;
 use crate::model::network::Network;
 use crate::model::normalisation::Statistics;
+use crate::model::parameters::Parameters;
 use crate::model::vlad::unit_rows;
 use crate::run::checkpoint::{CHECKPOINT, Checkpoint};
 use crate::run::losses::Losses;
@@ -197,11 +198,41 @@ impl Trainer {
         let mut network = Network::new(&tracked, Statistics::Batch);
         let (total, losses) = self.objective.compute(&mut network, &input, batch, tasks)?;
         let running = network.into_running();
+        let length = match total {
+            Some(total) => self.update(&tracked, total, rate)?,
+            None => 0.0,
+        };
+        let terms = losses.terms().into_iter();
+        let computed = terms.filter_map(|(name, value)| Some((name, value?)));
+        for (what, value) in computed.chain([("gradient", length)]) {
+            if !value.is_finite() {
+                return Err(TrainError::NotFinite {
+                    step: self.state.position.step,
+                    what: format!("the {what}"),
+                    checkpoint: self.has_checkpoint.then(|| checkpoint_path(&self.config)),
+                });
+            }
+        }
+        for (name, value) in running {
+            self.state.parameters.set(&name, value)?;
+        }
+        self.update_average()?;
+        Ok((losses, length))
+    }
+
+    /// Changes the parameters by the gradient of a loss. Returns the gradient's length before clipping.
+    fn update(
+        &mut self,
+        tracked: &Parameters,
+        total: Tensor<1>,
+        rate: f64,
+    ) -> Result<f32, TrainError> {
+        let config = &self.config;
         let mut gradients = total.backward();
         let encoder = (rate * config.encoder_rate) as f32;
-        let length = self.state.adam.step(
+        self.state.adam.step(
             &mut self.state.parameters,
-            &tracked,
+            tracked,
             &mut gradients,
             &StepOptions {
                 adam: config.adam,
@@ -214,23 +245,7 @@ impl Trainer {
                     rate as f32
                 }
             },
-        )?;
-        let terms = losses.terms().into_iter();
-        let computed = terms.filter_map(|(name, value)| Some((name, value?)));
-        for (what, value) in computed.chain([("gradient", length)]) {
-            if !value.is_finite() {
-                return Err(TrainError::NotFinite {
-                    step: self.state.position.step,
-                    what: format!("the {what}"),
-                    checkpoint: self.has_checkpoint.then(|| checkpoint_path(config)),
-                });
-            }
-        }
-        for (name, value) in running {
-            self.state.parameters.set(&name, value)?;
-        }
-        self.update_average()?;
-        Ok((losses, length))
+        )
     }
 
     /// Updates the moving average of the parameters, with a smaller decay in the first steps.

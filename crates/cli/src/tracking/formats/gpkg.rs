@@ -3,7 +3,7 @@
 use anyhow::Result;
 use grimnet_answer::{TrackRecord, track_geopackage_of};
 
-use super::super::line::{TrackLine, state_text};
+use super::super::line::{TrackLine, position_of_text, state_text};
 
 /// A whole track as the bytes of a file.
 ///
@@ -32,5 +32,6 @@ fn record<'a>(line: &'a TrackLine, time: &'a str) -> TrackRecord<'a> {
         velocity_en_m_s: [line.velocity_east_m_s, line.velocity_north_m_s],
         age_of_last_fix_s: line.age_of_last_fix_s,
         reason: note.and_then(|note| note.reason.as_deref()),
+        position_of: line.position_of.map(position_of_text),
     }
 }

@@ -212,10 +212,27 @@ pub(crate) const ADVICE_TILE_IT: &str =
 pub(crate) const ADVICE_SAMPLES: &str =
     "convert it: gdal_translate -ot Float32 -of COG -co COMPRESS=DEFLATE IN OUT.tif";
 
-/// What to do about a coordinate system in a file, unless the reason says it: one that cannot be read under its own code would only be
-/// wrong under another.
+impl GeoError {
+    /// Whether the map can be read if its coordinate system is given ([`MapOptions::crs`](crate::MapOptions::crs)).
+    #[must_use]
+    pub fn asks_for_crs(&self) -> bool {
+        match self {
+            Self::MissingCrs { .. } => true,
+            Self::UnsupportedCrs { reason, .. } => !must_be_reprojected(reason),
+            _ => false,
+        }
+    }
+}
+
+/// Whether a coordinate system is known and cannot be read, so that the map would only be elsewhere under the code of another: the reason
+/// then says how to reproject it.
+fn must_be_reprojected(reason: &str) -> bool {
+    reason.contains("gdalwarp")
+}
+
+/// What to do about a coordinate system in a file, unless the reason says it.
 fn advice_on_crs(reason: &str) -> &'static str {
-    if reason.contains("gdalwarp") {
+    if must_be_reprojected(reason) {
         ""
     } else {
         "; give the coordinate system as EPSG:CODE, or reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT"

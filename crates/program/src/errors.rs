@@ -82,9 +82,7 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
                 "--corners",
                 "--corners LL_LON,LL_LAT,UR_LON,UR_LAT gives the corners; a world file needs --crs EPSG:CODE",
             )),
-            // Known, and of no use: another code would put the map elsewhere.
-            GeoError::UnsupportedCrs { reason, .. } if reason.contains("gdalwarp") => None,
-            GeoError::MissingCrs { .. } | GeoError::UnsupportedCrs { .. } => Some((
+            error if error.asks_for_crs() => Some((
                 "--crs",
                 "--crs EPSG:CODE or --crs '+proj=...' gives the coordinate system",
             )),

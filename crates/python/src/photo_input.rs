@@ -73,11 +73,6 @@ impl PhotoInput {
     /// # Errors
     /// `PhotoError`.
     pub fn decode(self, max_side_px: Option<u32>) -> PyResult<Photo> {
-        if max_side_px == Some(0) {
-            return Err(invalid_value(
-                "max_side_px is 0; expected at least 1".to_owned(),
-            ));
-        }
         self.photo(|name, bytes| Photo::from_bytes(name, bytes, max_side_px))
     }
 
@@ -149,6 +144,9 @@ pub fn row_by_row<T: Copy, D: Dimension>(array: &ArrayView<'_, T, D>) -> Vec<T> 
 /// # Errors
 /// `InvalidValueError` for a number that is no side of a picture.
 pub fn max_side_of(given: Option<i64>) -> PyResult<Option<u32>> {
+    if given == Some(0) {
+        return Err(invalid_value("max_side_px is 0; expected at least 1"));
+    }
     given
         .map(|side_px| whole_number("max_side_px", side_px, u32::MAX))
         .transpose()

@@ -12,25 +12,35 @@ const START: LonLat = LonLat::new(120.7, 24.2);
 const GSD_M: f64 = 0.2;
 const SPEED_M_S: f64 = 10.0;
 
-fn fix(time_s: f64) -> Input {
-    Input::Fix(PositionFix {
+/// What a photo shows whose centre is so far ahead of an aircraft that flies to the east.
+fn seen_ahead(time_s: f64, ahead_m: f64) -> PositionFix {
+    PositionFix {
         time_s,
-        lonlat: destination_en_m(START, SPEED_M_S * time_s, 0.0),
+        lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
         covariance_en_m2: [0.3, 0.0, 0.3],
         map_error_m: 1.0,
         heading_deg: Some(90.0),
         gsd_m: GSD_M,
         confidence: 0.99,
+    }
+}
+
+fn fix(time_s: f64) -> Input {
+    Input::Fix(seen_ahead(time_s, 0.0))
+}
+
+/// A camera that looks ahead by a pitch.
+fn looking_ahead(time_s: f64, yaw_deg: f64, pitch_deg: f64) -> Input {
+    Input::Attitude(Attitude {
+        time_s,
+        yaw_deg,
+        pitch_deg,
+        roll_deg: 0.0,
     })
 }
 
 fn attitude(time_s: f64) -> Input {
-    Input::Attitude(Attitude {
-        time_s,
-        yaw_deg: 90.0,
-        pitch_deg: 0.0,
-        roll_deg: 0.0,
-    })
+    looking_ahead(time_s, 90.0, 0.0)
 }
 
 fn height(time_s: f64, agl_m: f64) -> Input {
@@ -199,23 +209,12 @@ fn a_tilted_view_is_not_displaced_by_a_height_of_another_reference() {
         for frame in 0..=40 {
             let time_s = 0.5 * f64::from(frame);
             let agl_m = if time_s < 8.0 { 100.0 } else { 55.0 };
-            tracker
-                .push(Input::Attitude(Attitude {
-                    time_s,
-                    yaw_deg: 90.0,
-                    pitch_deg: 15.0,
-                    roll_deg: 0.0,
-                }))
-                .unwrap();
+            tracker.push(looking_ahead(time_s, 90.0, 15.0)).unwrap();
             tracker.push(height(time_s, agl_m)).unwrap();
-            let Input::Fix(straight) = fix(time_s) else {
-                unreachable!()
-            };
             let seen = Input::Fix(PositionFix {
-                lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
                 // Along the axis of a tilted view a pixel covers more ground.
                 gsd_m: GSD_M / 15f64.to_radians().cos().powf(1.5),
-                ..straight
+                ..seen_ahead(time_s, ahead_m)
             });
             tracker.push(seen).unwrap();
             let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
@@ -241,22 +240,16 @@ fn a_yaw_that_is_reset_does_not_turn_the_tilt() {
     for frame in 0..=30 {
         let time_s = 0.5 * f64::from(frame);
         tracker
-            .push(Input::Attitude(Attitude {
+            .push(looking_ahead(
                 time_s,
-                yaw_deg: if time_s < 8.0 { 90.0 } else { 210.0 },
-                pitch_deg: 15.0,
-                roll_deg: 0.0,
-            }))
+                if time_s < 8.0 { 90.0 } else { 210.0 },
+                15.0,
+            ))
             .unwrap();
         tracker.push(height(time_s, 100.0)).unwrap();
-        let Input::Fix(straight) = fix(time_s) else {
-            unreachable!()
-        };
-        let seen = PositionFix {
-            lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
-            ..straight
-        };
-        tracker.push(Input::Fix(seen)).unwrap();
+        tracker
+            .push(Input::Fix(seen_ahead(time_s, ahead_m)))
+            .unwrap();
         let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
         let error_m = error_m(&estimate, time_s);
         assert!(error_m < 4.0, "{time_s} s: {error_m} m, {estimate:?}");
@@ -277,24 +270,14 @@ fn a_turn_that_nothing_told_does_not_displace_a_tilted_view() {
         for frame in 0..=12 {
             let time_s = 3.0 * f64::from(frame);
             let yaw_deg = if frame < 9 { 0.0 } else { turned_deg };
-            tracker
-                .push(Input::Attitude(Attitude {
-                    time_s,
-                    yaw_deg,
-                    pitch_deg: 20.0,
-                    roll_deg: 0.0,
-                }))
-                .unwrap();
+            tracker.push(looking_ahead(time_s, yaw_deg, 20.0)).unwrap();
             tracker.push(height(time_s, 100.0)).unwrap();
-            let Input::Fix(of_path) = fix(time_s) else {
-                unreachable!()
-            };
             let (sin, cos) = yaw_deg.to_radians().sin_cos();
             let seen = PositionFix {
                 // It hovers.
                 lonlat: destination_en_m(START, ahead_m * sin, ahead_m * cos),
                 heading_deg: Some(yaw_deg),
-                ..of_path
+                ..seen_ahead(time_s, 0.0)
             };
             tracker.push(Input::Fix(seen)).unwrap();
             let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
@@ -319,23 +302,13 @@ fn a_tilt_that_is_known_now_and_then_does_not_average_away() {
             let time_s = 0.7 * f64::from(frame);
             let attitude_s = time_s.floor();
             tracker
-                .push(Input::Attitude(Attitude {
-                    time_s: attitude_s,
-                    yaw_deg: 90.0,
-                    pitch_deg: tilt_deg,
-                    roll_deg: 0.0,
-                }))
+                .push(looking_ahead(attitude_s, 90.0, tilt_deg))
                 .unwrap();
             tracker.push(height(attitude_s, 120.0)).unwrap();
             tracker.push(velocity(attitude_s, SPEED_M_S)).unwrap();
-            let Input::Fix(straight) = fix(time_s) else {
-                unreachable!()
-            };
-            let seen = PositionFix {
-                lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
-                ..straight
-            };
-            tracker.push(Input::Fix(seen)).unwrap();
+            tracker
+                .push(Input::Fix(seen_ahead(time_s, ahead_m)))
+                .unwrap();
             let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
             let error_m = error_m(&estimate, time_s);
             assert!(
@@ -364,14 +337,7 @@ fn motion_to_a_view_of_another_kind_does_not_contradict_the_fix_in_it() {
                 let time_s = f64::from(frame);
                 tracker.push(height(time_s, 100.0)).unwrap();
                 if is_known(frame) {
-                    tracker
-                        .push(Input::Attitude(Attitude {
-                            time_s,
-                            yaw_deg: 90.0,
-                            pitch_deg: tilt_deg,
-                            roll_deg: 0.0,
-                        }))
-                        .unwrap();
+                    tracker.push(looking_ahead(time_s, 90.0, tilt_deg)).unwrap();
                 }
                 if frame > 0 {
                     let motion = RelativeMotion {
@@ -385,14 +351,9 @@ fn motion_to_a_view_of_another_kind_does_not_contradict_the_fix_in_it() {
                     };
                     tracker.push(Input::Motion(motion)).unwrap();
                 }
-                let Input::Fix(straight) = fix(time_s) else {
-                    unreachable!()
-                };
-                let seen = PositionFix {
-                    lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
-                    ..straight
-                };
-                tracker.push(Input::Fix(seen)).unwrap();
+                tracker
+                    .push(Input::Fix(seen_ahead(time_s, ahead_m)))
+                    .unwrap();
                 let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
                 let error_m = error_m(&estimate, time_s);
                 assert!(
@@ -411,25 +372,13 @@ fn where_the_height_is_not_known_any_more_the_image_centre_is_another_point() {
     let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
     for frame in 0..=40 {
         let time_s = f64::from(frame);
-        tracker
-            .push(Input::Attitude(Attitude {
-                time_s,
-                yaw_deg: 90.0,
-                pitch_deg: 15.0,
-                roll_deg: 0.0,
-            }))
-            .unwrap();
+        tracker.push(looking_ahead(time_s, 90.0, 15.0)).unwrap();
         if frame <= 20 {
             tracker.push(height(time_s, 100.0)).unwrap();
         }
-        let Input::Fix(straight) = fix(time_s) else {
-            unreachable!()
-        };
-        let seen = PositionFix {
-            lonlat: destination_en_m(START, SPEED_M_S * time_s + ahead_m, 0.0),
-            ..straight
-        };
-        tracker.push(Input::Fix(seen)).unwrap();
+        tracker
+            .push(Input::Fix(seen_ahead(time_s, ahead_m)))
+            .unwrap();
         let estimate = tracker.point_at(time_s).unwrap().estimate.unwrap();
         assert!(estimate.is_at_fix(), "{time_s} s: the fix was rejected");
         let is_of_centre = estimate.position_of == PositionOf::ImageCentre;

@@ -103,12 +103,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
         .protect_all(&arguments.model.model);
     if let Some(address) = arguments.serve {
         // What cannot be served is refused at once, not after the work.
-        serve::check_demo(
-            arguments.model.clone(),
-            &out.join(PACK),
-            &out.join(MAP),
-            address,
-        )?;
+        serve::check_demo(address)?;
     }
     let folder = OutputFolder::open(out, &policy)?;
     let matches = folder.subfolder("matches")?;

@@ -34,13 +34,8 @@ pub fn run_on_demo(
 /// # Errors
 /// The address cannot be listened on, or other machines could reach it.
 #[cfg(feature = "serve")]
-pub fn check_demo(
-    model: super::ModelChoice,
-    pack: &std::path::Path,
-    map: &std::path::Path,
-    address: std::net::SocketAddr,
-) -> anyhow::Result<()> {
-    session::check_address(&ServeArgs::of_demo(model, pack, map, address))
+pub fn check_demo(address: std::net::SocketAddr) -> anyhow::Result<()> {
+    session::check_address(address)
 }
 
 /// Says how to get the service.
@@ -48,12 +43,7 @@ pub fn check_demo(
 /// # Errors
 /// Always: this build has none.
 #[cfg(not(feature = "serve"))]
-pub fn check_demo(
-    _: super::ModelChoice,
-    _: &std::path::Path,
-    _: &std::path::Path,
-    _: std::net::SocketAddr,
-) -> anyhow::Result<()> {
+pub fn check_demo(_: std::net::SocketAddr) -> anyhow::Result<()> {
     anyhow::bail!(super::absent::message("grim demo --serve", "serve"))
 }
 

@@ -1,6 +1,7 @@
 //! Opens packs and maps, and serves them.
 
 use std::io::Write as _;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,7 +31,8 @@ const MAX_TOKEN_BYTES: u64 = 4096;
 /// Unreadable pack, model, map or token; an address that cannot be listened on.
 pub fn run(arguments: &ServeArgs) -> Result<Exit> {
     arguments.place.check_is_used(!arguments.map.is_empty())?;
-    let access = access(arguments)?;
+    let token_file = arguments.token_file.as_deref();
+    let access = access(arguments.listen, token_file, arguments.no_token)?;
     let limits = limits(arguments);
     let options = Options {
         keep_matches: true,
@@ -46,13 +48,12 @@ pub fn run(arguments: &ServeArgs) -> Result<Exit> {
     Ok(Exit::Done)
 }
 
-/// Checks that the address may be listened on, and is free.
+/// Checks that the address may be listened on without an option for access, and is free.
 ///
 /// # Errors
 /// It may not, or cannot.
-pub fn check_address(arguments: &ServeArgs) -> Result<()> {
-    access(arguments)?;
-    let address = arguments.listen;
+pub fn check_address(address: SocketAddr) -> Result<()> {
+    access(address, None, false)?;
     std::net::TcpListener::bind(address)
         .map_err(|source| ServeError::Listen { address, source })?;
     Ok(())
@@ -81,25 +82,23 @@ fn limits(arguments: &ServeArgs) -> Limits {
     }
 }
 
-fn access(arguments: &ServeArgs) -> Result<Access> {
-    if arguments.no_token {
-        if !arguments.listen.ip().is_loopback() {
+fn access(listen: SocketAddr, token_file: Option<&Path>, no_token: bool) -> Result<Access> {
+    if no_token {
+        if !listen.ip().is_loopback() {
             tracing::warn!(
-                "no token is asked for: everybody who reaches {} can use the service",
-                arguments.listen
+                "no token is asked for: everybody who reaches {listen} can use the service"
             );
         }
         return Ok(Access::Everybody);
     }
-    let (text, source) = match &arguments.token_file {
+    let (text, source) = match token_file {
         Some(path) => (read_token(path)?, path.display().to_string()),
         None => match std::env::var(TOKEN_VARIABLE) {
             Ok(text) => (text, TOKEN_VARIABLE.to_owned()),
-            Err(_) if arguments.listen.ip().is_loopback() => return Ok(Access::ThisMachine),
+            Err(_) if listen.ip().is_loopback() => return Ok(Access::ThisMachine),
             Err(_) => bail!(
-                "{} can be reached from other machines; give a token that clients must send with --token-file FILE, or serve \
-                 everybody with --no-token",
-                arguments.listen
+                "{listen} can be reached from other machines; give a token that clients must send with --token-file FILE, or serve \
+                 everybody with --no-token"
             ),
         },
     };

@@ -142,6 +142,25 @@ async function main() {
     await other.close();
   });
 
+  await check("the answer of a photo that comes before the map is drawn stays", async () => {
+    const early = await browser.newPage();
+    let draw;
+    const mayDraw = new Promise((resolve) => { draw = resolve; });
+    await early.route("**/web/map_view.js", async (route) => {
+      await mayDraw;
+      await route.continue();
+    });
+    await early.goto(url);
+    await early.setInputFiles("#files", files[0]);
+    await status(early, "within");
+    await early.selectOption("#map-choice", "other");
+    draw();
+    await early.waitForFunction(() => window.grimnet?.map.loaded() && window.grimnet.map.getLayer("picture"), null, { timeout });
+    assert.ok((await early.textContent("#status")).includes("within"));
+    assert.equal(await early.inputValue("#map-choice"), "other");
+    await early.close();
+  });
+
   await check("a busy service is asked again", async () => {
     let asked = 0;
     await page.route("**/v1/locate*", (route) => {

@@ -14,6 +14,8 @@ let clicked = null;
 let maps = [];
 let chosen = null;
 let view = null;
+// What the start has said, which its next success takes back.
+let startError = "";
 
 const token = () => byId("token").value.trim();
 const say = (text) => { byId("status").textContent = text; };
@@ -168,7 +170,11 @@ function askForToken() {
 async function readMaps() {
   const response = await ask("/v1/maps", token());
   ({ maps } = await response.json());
-  byId("map-choice").replaceChildren(...maps.map(({ id }) => element("option", id)));
+  const choice = byId("map-choice");
+  const before = choice.value;
+  choice.replaceChildren(...maps.map(({ id }) => element("option", id)));
+  // They may be read again after one was chosen.
+  if (maps.some(({ id }) => id === before)) choice.value = before;
   await showChosenMap();
 }
 
@@ -240,9 +246,11 @@ async function openView() {
 async function start() {
   try {
     await readMaps();
-    say("");
+    // A photo may have been located before the map was drawn: what was said of it stays.
+    if (byId("status").textContent === startError) say("");
   } catch (error) {
     if (!(error instanceof ServiceError)) throw error;
+    startError = error.message;
     say(error.message);
     if (error.status === 401) askForToken();
   }

@@ -27,7 +27,59 @@ fn scenarios() -> Vec<(&'static str, FlightOptions)> {
         vehicle: Vehicle::Plane,
         ..base.clone()
     };
+    // Photos of a survey, one every 20 s.
+    let sparse = FlightOptions {
+        frame_rate_hz: 0.05,
+        duration_s: 1800.0,
+        velocity: false,
+        attitude: false,
+        ..base.clone()
+    };
     vec![
+        ("sparse", sparse.clone()),
+        (
+            "sparse-clean",
+            FlightOptions {
+                alias_share: 0.0,
+                ..sparse.clone()
+            },
+        ),
+        (
+            "sparse-aliases30",
+            FlightOptions {
+                alias_share: 0.3,
+                ..sparse.clone()
+            },
+        ),
+        (
+            "sparse-hostile",
+            FlightOptions {
+                confidence: Confidence::Hostile,
+                ..sparse.clone()
+            },
+        ),
+        (
+            "sparse-plane",
+            FlightOptions {
+                vehicle: Vehicle::Plane,
+                ..sparse.clone()
+            },
+        ),
+        (
+            "sparse-motion",
+            FlightOptions {
+                motion: true,
+                ..sparse.clone()
+            },
+        ),
+        (
+            "sparse-velocity",
+            FlightOptions {
+                velocity: true,
+                attitude: true,
+                ..sparse
+            },
+        ),
         (
             "plain",
             FlightOptions {

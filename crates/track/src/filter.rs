@@ -33,6 +33,8 @@ pub(crate) struct Filter {
     pub believed: Option<u64>,
     /// Whether it was believed at any time.
     pub was_believed: bool,
+    /// Whether the leader is believed no more only because too much time passed from one frame to the next.
+    outlasted: bool,
     /// Frames without a fix since the last one.
     pub misses: u32,
     rate: AliasRate,
@@ -50,6 +52,7 @@ impl Filter {
             sensors: Sensors::default(),
             believed: None,
             was_believed: false,
+            outlasted: false,
             misses: 0,
             rate: AliasRate::default(),
             confidence: ConfidenceOdds::default(),
@@ -119,8 +122,8 @@ impl Filter {
     fn fix(&mut self, fix: &PositionFix, options: &TrackOptions) {
         let plane = *self.plane.get_or_insert(LocalPlane::new(fix.lonlat));
         self.bank.propagate(fix.time_s, options);
-        self.lose_if_too_wide(options);
         self.keep_open(options);
+        self.lose_if_too_wide(options);
         let measured_m = plane.en_from_lonlat(fix.lonlat);
         let fix = &self.sensors.with_nadir_gsd(fix);
         let usual = Usual {
@@ -147,7 +150,7 @@ impl Filter {
 
     /// While a hypothesis is believed, the case that none is right keeps some weight.
     fn keep_open(&mut self, options: &TrackOptions) {
-        if self.believed.is_some() {
+        if self.believed.is_some() || self.outlasted {
             self.bank.keep_open(self.time_s, options);
         } else {
             self.bank.at_least_elsewhere(LEAST_ELSEWHERE);
@@ -159,7 +162,9 @@ impl Filter {
         let Some(place) = self.bank.leading_place() else {
             return;
         };
-        let needed = if self.believed.is_none() {
+        let needed = if self.outlasted {
+            options.change_weight
+        } else if self.believed.is_none() {
             options.acquire_weight
         } else if place
             .members
@@ -173,6 +178,7 @@ impl Filter {
         if place.weight >= needed && place.leader.fixes >= options.acquire_fixes {
             self.believed = Some(place.leader.id);
             self.was_believed = true;
+            self.outlasted = false;
         }
     }
 
@@ -185,17 +191,22 @@ impl Filter {
                 .any(|member| Some(member.id) == self.believed)
     }
 
-    /// A leader that became too uncertain has to be found again.
+    /// A leader that became too uncertain has to be found again: from nothing where frames had no fix, for the ground may be another
+    /// one than the map's or than was thought. Where frames are far apart in time nothing speaks against it.
     fn lose_if_too_wide(&mut self, options: &TrackOptions) {
-        if self.believed.is_none() {
+        if self.believed.is_none() && !self.outlasted {
             return;
         }
         let radius_m = self
             .bank
             .leading_place()
             .map_or(f64::INFINITY, |place| radius95_m(&place.covariance_m2));
-        if radius_m > options.lost_radius_m {
-            self.believed = None;
+        if radius_m <= options.lost_radius_m {
+            return;
+        }
+        self.believed = None;
+        self.outlasted = self.misses < options.acquire_fixes;
+        if !self.outlasted {
             self.bank.at_least_elsewhere(0.5);
             for hypothesis in &mut self.bank.hypotheses {
                 hypothesis.fixes = 0;

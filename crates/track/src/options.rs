@@ -74,7 +74,8 @@ pub struct TrackOptions {
     pub gate_chi2: f64,
     /// Weight that the leading hypothesis needs to be believed for the first time, and again after it was lost.
     pub acquire_weight: f64,
-    /// Weight that a hypothesis needs to be believed in place of another one.
+    /// Weight that a hypothesis needs to be believed in place of another one, and with the next fix after frames so far apart in time
+    /// that its place became too uncertain.
     pub change_weight: f64,
     /// Weight that the leading hypothesis needs to stay believed.
     pub keep_weight: f64,

@@ -158,6 +158,23 @@ mod tests {
     }
 
     #[test]
+    fn photos_twenty_seconds_apart_are_believed_for_most_of_the_time_between_them() {
+        let [_, _, filter] = measured(
+            20,
+            &FlightOptions {
+                frame_rate_hz: 0.05,
+                duration_s: 1800.0,
+                velocity: false,
+                attitude: false,
+                alias_share: 0.0,
+                ..FlightOptions::default()
+            },
+        );
+        assert!(filter.answered > 0.7, "{filter:?}");
+        assert_eq!(filter.confidently_wrong, 0, "{filter:?}");
+    }
+
+    #[test]
     fn without_attitude_the_covariance_has_the_tilt_in_it() {
         let [_, _, filter] = measured(
             20,

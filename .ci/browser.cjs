@@ -37,6 +37,14 @@ function watch(page) {
   return seen;
 }
 
+// The map draws once more: where it has drawn all already, it would say nothing.
+const idle = (page) => page.evaluate(async () => {
+  const { map } = window.grimnet;
+  const drawn = map.once("idle");
+  map.triggerRepaint();
+  await drawn;
+});
+
 const status = (page, text) => page.waitForFunction((text) => document.getElementById("status").textContent.includes(text), text, { timeout });
 
 async function main() {
@@ -96,7 +104,7 @@ async function main() {
     assert.ok((await page.textContent("#reason")).includes("not a picture"));
     assert.ok(!(await page.isVisible("#matches")));
     await page.click("#again");
-    await status(page, "notes.jpg");
+    await status(page, "notes.jpg: ");
     assert.equal(await page.locator("#answers li").count(), 3);
   });
 
@@ -106,20 +114,20 @@ async function main() {
     // The older one is the third, and its facts are those that a click on its fix must show.
     await page.click("#answers li:nth-child(2) button");
     const older = await page.textContent("#facts");
-    const at = await page.evaluate(async () => {
+    await idle(page);
+    const at = await page.evaluate(() => {
       const { map } = window.grimnet;
-      await map.once("idle");
       const fix = map.queryRenderedFeatures({ layers: ["fix"] }).find((each) => each.properties.chosen);
       map.jumpTo({ center: fix.geometry.coordinates, zoom: map.getZoom() + 2 });
       return fix.geometry.coordinates;
     });
     await page.click("#answers li:first-child button");
     assert.notEqual(await page.textContent("#facts"), older);
-    const [x, y] = await page.evaluate(async (at) => {
+    await idle(page);
+    await page.evaluate((at) => window.grimnet.map.jumpTo({ center: at }), at);
+    await idle(page);
+    const [x, y] = await page.evaluate((at) => {
       const { map } = window.grimnet;
-      await map.once("idle");
-      map.jumpTo({ center: at });
-      await map.once("idle");
       const { x, y } = map.project(at);
       const { left, top } = map.getContainer().getBoundingClientRect();
       return [left + x, top + y];
@@ -142,6 +150,21 @@ async function main() {
     await other.close();
   });
 
+  await check("an answer that breaks off is an error of its photo, and the next photo is located", async () => {
+    const other = await browser.newPage();
+    await other.goto(url);
+    let asked = 0;
+    await other.route("**/v1/locate*", (route) => {
+      asked += 1;
+      return asked > 1 ? route.continue() : route.fulfill({ contentType: "application/json", body: "{\"photo\":\"a" });
+    });
+    await other.setInputFiles("#files", files.slice(0, 2));
+    await status(other, "within");
+    const list = await other.$$eval("#answers li", (all) => all.map((each) => each.textContent));
+    assert.equal(list[1], `${path.basename(files[0])}error`);
+    await other.close();
+  });
+
   await check("the answer of a photo that comes before the map is drawn stays", async () => {
     const early = await browser.newPage();
     let draw;
@@ -159,6 +182,33 @@ async function main() {
     assert.ok((await early.textContent("#status")).includes("within"));
     assert.equal(await early.inputValue("#map-choice"), "other");
     await early.close();
+  });
+
+  await check("of two requests for one photo the later one counts, also where it is answered first", async () => {
+    const other = await browser.newPage();
+    await other.goto(url);
+    await other.setInputFiles("#files", files[0]);
+    await status(other, "within");
+    let answer;
+    const mayAnswer = new Promise((resolve) => { answer = resolve; });
+    let asked = 0;
+    await other.route("**/v1/locate*", async (route) => {
+      asked += 1;
+      if (asked === 1) await mayAnswer;
+      await route.continue();
+    });
+    await other.click("#settings summary");
+    await other.fill("#near", "0,0,100");
+    await other.click("#again");
+    await other.fill("#near", "");
+    await other.click("#again");
+    await status(other, "within");
+    const late = other.waitForResponse("**/v1/locate*", { timeout });
+    answer();
+    await (await late).finished();
+    await other.waitForTimeout(500);
+    assert.ok((await other.textContent("#answers")).includes("±"));
+    await other.close();
   });
 
   await check("a busy service is asked again", async () => {
@@ -184,8 +234,11 @@ async function main() {
     assert.deepEqual(unnamed, []);
   });
 
-  await check("answers are saved as GeoJSON, GPX and KML", async () => {
-    for (const [name, words] of [["fixes.geojson", "FeatureCollection"], ["fixes.gpx", "<wpt "], ["fixes.kml", "<Placemark>"]]) {
+  await check("answers are saved as GeoJSON, GPX, KML and CSV", async () => {
+    const name = 'a "b" ä.jpg';
+    await page.setInputFiles("#files", { name, mimeType: "image/jpeg", buffer: fs.readFileSync(files[0]) });
+    await status(page, `${name}: `);
+    for (const [name, words] of [["fixes.geojson", "FeatureCollection"], ["fixes.gpx", "<wpt "], ["fixes.kml", "<Placemark>"], ["fixes.csv", '"a ""b"" ä.jpg",']]) {
       const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#export [data-name='${name}']`)]);
       const text = fs.readFileSync(await download.path(), "utf8");
       assert.ok(text.includes(words), text);
@@ -227,6 +280,10 @@ async function main() {
     await page.click("#follow");
     await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("no frame yet"), null, { timeout });
     await page.waitForFunction(() => window.grimnet.map.queryRenderedFeatures({ layers: ["track-point"] }).length === 0, null, { timeout });
+    // It stays the chosen one when the tracks are listed again.
+    await page.click("#read-tracks");
+    await page.waitForFunction(() => document.getElementById("track-status").textContent === "", null, { timeout });
+    assert.equal(await page.inputValue("#track-choice"), String(empty.id));
     await page.selectOption("#track-choice", String(track.id));
     await page.click("#follow");
     await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("frame 2"), null, { timeout });
@@ -253,7 +310,7 @@ async function main() {
     await long.route("**/v1/tracks", (route) => route.fulfill({ json: { tracks: [{ id: 9, map: "area", frames: count }] } }));
     await long.route("**/v1/tracks/9/events", (route) => (route.request().headers()["last-event-id"] === "0"
       ? route.fulfill({ contentType: "text/event-stream", body: events.join("") })
-      : route.abort()));
+      : route.fulfill({ status: 502, contentType: "text/html", body: "Bad Gateway" })));
     await long.goto(url);
     await long.waitForFunction(() => window.grimnet?.map.getSource("track"), null, { timeout });
     await long.evaluate(() => {
@@ -272,7 +329,7 @@ async function main() {
     await long.waitForFunction((count) => document.getElementById("track-status").textContent.includes(`frame ${count} `), count, { timeout });
     const drawings = await long.evaluate(() => window.drawings);
     assert.ok(drawings < count / 10, `${drawings} drawings`);
-    // The connection ended, and there is no other.
+    // The connection ended, and a proxy says that there is no other.
     await long.waitForFunction(() => document.getElementById("track-status").textContent.includes("no connection"), null, { timeout });
     await long.close();
   });
@@ -400,6 +457,14 @@ async function main() {
     await two.setInputFiles("#files", files[2]);
     await two.click("#answers li:nth-child(2) button");
     assert.equal(await two.getAttribute("#answers li:nth-child(2) button", "aria-pressed"), "true");
+    assert.equal(await two.inputValue("#map-choice"), "other");
+    const track = await (await fetch(`${url}/v1/tracks`, { method: "POST", body: JSON.stringify({ map: "area" }) })).json();
+    await two.click("#tracks summary");
+    await two.click("#read-tracks");
+    await two.waitForFunction(() => document.getElementById("track-choice").options.length > 0, null, { timeout });
+    await two.selectOption("#track-choice", String(track.id));
+    await two.click("#follow");
+    await two.waitForFunction(() => document.getElementById("track-status").textContent.includes("no frame yet"), null, { timeout });
     assert.equal(await two.inputValue("#map-choice"), "other");
     go();
     await two.waitForFunction(() => document.querySelectorAll("#answers li").length === 3, null, { timeout });

@@ -6,6 +6,7 @@ use quick_xml::events::BytesText;
 use crate::answer::Answer;
 use crate::format::or_dash;
 use crate::printable::printable_text;
+use crate::rounding::rounded_heading;
 
 pub(crate) type Xml<'w> = &'w mut Writer<Vec<u8>>;
 
@@ -33,12 +34,28 @@ pub(crate) fn description(answer: &Answer) -> String {
             });
             format!(
                 "heading {} degrees, 95 % radius {} m, {} inliers{check}",
-                or_dash(answer.heading_deg, 1),
+                or_dash(answer.heading_deg.map(|deg| rounded_heading(deg, 1)), 1),
                 or_dash(answer.radius95_m, 1),
                 answer.inliers.unwrap_or(0)
             )
         }
         (None, Some(reason)) => format!("no fix: {reason}"),
         (None, None) => "no fix".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_heading_is_below_a_full_turn_with_fewer_decimals_too() {
+        let answer = Answer {
+            lat_deg: Some(24.0),
+            lon_deg: Some(120.0),
+            heading_deg: Some(359.98),
+            ..Answer::default()
+        };
+        assert!(description(&answer).starts_with("heading 0.0 degrees,"));
     }
 }

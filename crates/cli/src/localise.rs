@@ -26,10 +26,11 @@ pub fn locate_one(
     Ok((photo, outcome))
 }
 
-/// A localiser whose photo statistics come from all the given photos; those that cannot be read within the limits are left out.
+/// A localiser whose photo statistics come from all the given photos; those that are damaged or cannot be read within the limits are left
+/// out. Without any other it stays as it is: the answer of each photo says what is wrong with it.
 ///
 /// # Errors
-/// None of the photos can be used.
+/// A photo cannot be resampled.
 pub fn adapt_to_flight(
     localizer: Localizer,
     paths: &[PathBuf],
@@ -37,10 +38,15 @@ pub fn adapt_to_flight(
     limits: &PhotoLimits,
 ) -> Result<Localizer> {
     let needed = localizer.needed_pixels(prior);
-    let photos = paths
+    let mut photos = paths
         .iter()
         .filter(|path| inputs::check_regular(path).is_ok())
-        .filter_map(|path| needed.open(path, limits).ok());
+        .filter_map(|path| needed.open(path, limits).ok())
+        .filter(|photo| photo.damage.is_none())
+        .peekable();
+    if photos.peek().is_none() {
+        return Ok(localizer);
+    }
     Ok(localizer.adapted_to_flight(photos.map(|photo| (photo, prior)))?)
 }
 

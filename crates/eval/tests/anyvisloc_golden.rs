@@ -49,6 +49,8 @@ fn a_scene_is_read_on_either_map() {
         assert_near(&[centre.1, centre.0], &frame["centre"]);
         assert_near(&[camera.1, camera.0], &frame["camera"]);
     }
+    let tilted = found.frames.iter().find(|f| f.photo == "L07_0002.jpg");
+    assert_eq!(tilted.unwrap().tilt_deg, Some(40.0));
     assert_eq!(found.left_out.len(), 1);
     assert!(found.left_out[0].contains("L07_0003.npz: the camera is tilted 88 degrees from nadir"));
 

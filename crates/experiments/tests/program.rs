@@ -157,6 +157,29 @@ fn data_set(folder: &Path) -> std::path::PathBuf {
     data
 }
 
+#[test]
+fn without_any_ground_width_no_row_is_named_after_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = data_set(folder.path());
+    let path = data.join("truth.csv");
+    let truth = std::fs::read_to_string(&path).unwrap();
+    std::fs::write(&path, truth.replace("footprint_w_m", "unused")).unwrap();
+    let out = folder.path().join("out");
+    let run = program(&[
+        data.to_str().unwrap(),
+        "--experiment",
+        "success",
+        "--out",
+        out.to_str().unwrap(),
+    ]);
+    assert_eq!(run.status.code(), Some(2));
+    let given = errors(&run);
+    assert!(
+        given.contains("data: no photo's ground width") && given.contains("--footprint-width"),
+        "{given}"
+    );
+}
+
 /// A folder of MSDI's shape with one photo a scene, and the map of each beside it: `(data, maps)`. All lie at the same coordinates.
 fn five_scenes(folder: &Path) -> (std::path::PathBuf, Vec<(&'static str, std::path::PathBuf)>) {
     let photos = folder.join("msdi/data/calibrated_images");

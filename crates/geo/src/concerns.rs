@@ -3,7 +3,8 @@
 use image::RgbImage;
 use std::fmt;
 
-use crate::{GeoError, MapPx, Raster, RasterPatch, WindowPx};
+use crate::corners::SQUARE_IN_DEGREES;
+use crate::{GeoError, MapPx, Raster, RasterPatch, WindowPx, turn_deg};
 
 /// Longer side of the picture of a map that is looked at, pixels.
 const PICTURE_PX: u32 = 512;
@@ -23,14 +24,15 @@ const USUAL_GSD_M: std::ops::RangeInclusive<f64> = 0.01..=1.0;
 /// Ratio of the sides of a pixel on the ground above which axes may be swapped, and below which it counts as square.
 const ODD_ASPECT: f64 = 1.6;
 const SQUARE_ASPECT: f64 = 1.15;
-/// Ratio of the sides of a pixel in degrees below which it counts as square.
-const SQUARE_IN_DEGREES: f64 = 1.05;
 /// Larger pixels are not those of a map in degrees, units of its coordinates (100 m if they were degrees).
 const MAX_PIXEL_DEG: f64 = 1e-3;
 /// Maps nearer to latitude 0, longitude 0 are there by mistake, degrees.
 const NULL_ISLAND_DEG: f64 = 1.0;
 /// Ratio of ground resolutions at the edges above which one number does not describe it.
 const UNEVEN: f64 = 1.05;
+/// Difference between the bearings of up at the corners and at the centre above which one does not describe it, degrees. Headings have
+/// errors of their own, and descriptors tolerate a turn of about 15 degrees.
+const UNEVEN_DEG: f64 = 10.0;
 
 /// Something that looks wrong. The map can be used all the same.
 #[derive(Debug, Clone, PartialEq)]
@@ -72,6 +74,11 @@ pub enum Concern {
         /// The finest and the coarsest, metres per pixel.
         gsd_m: (f64, f64),
     },
+    /// North lies in other directions at the corners than at the centre, as around a pole.
+    UnevenNorth {
+        /// The largest difference, degrees.
+        turn_deg: f64,
+    },
     /// What the map's files say.
     Source(String),
 }
@@ -88,6 +95,7 @@ impl Concern {
             Self::OneColour => "one_colour",
             Self::Resolution { .. } => "resolution",
             Self::UnevenResolution { .. } => "uneven_resolution",
+            Self::UnevenNorth { .. } => "uneven_north",
             Self::Source(_) => "source",
         }
     }
@@ -138,6 +146,11 @@ impl fmt::Display for Concern {
                 f,
                 "its ground resolution differs between its edges ({fine:.3} to {coarse:.3} m per pixel): the levels of a pack are \
                  right at its centre; cut it into smaller maps"
+            ),
+            Self::UnevenNorth { turn_deg } => write!(
+                f,
+                "north lies up to {turn_deg:.0} degrees from where it lies at its centre: photos are turned by their heading as at the \
+                 centre, and elsewhere get no fix; cut it into smaller maps, or search with --heading unknown"
             ),
             Self::Source(text) => f.write_str(text),
         }
@@ -256,6 +269,19 @@ fn of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
         found.push(Concern::UnevenResolution {
             gsd_m: (fine, coarse),
         });
+    }
+    let up_deg = georeference.up_bearing_deg(centre)?;
+    let corners = [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0), (2.0, 2.0)];
+    let turn_deg = corners
+        .iter()
+        .filter_map(|(x, y)| {
+            let corner = MapPx::new(x * centre.x, y * centre.y);
+            georeference.up_bearing_deg(corner).ok()
+        })
+        .map(|there_deg| turn_deg(up_deg, there_deg).abs())
+        .fold(0.0, f64::max);
+    if turn_deg > UNEVEN_DEG {
+        found.push(Concern::UnevenNorth { turn_deg });
     }
     Ok(found)
 }

@@ -9,6 +9,8 @@ use crate::{Affine, GeoError, LonLat};
 const ODD_ASPECT: f64 = 1.6;
 /// Ratio of the sides of a pixel below which it counts as square.
 const SQUARE_ASPECT: f64 = 1.15;
+/// Ratio of the sides of a pixel in degrees below which it counts as square.
+pub(crate) const SQUARE_IN_DEGREES: f64 = 1.05;
 
 /// The edges of a picture, degrees. If it crosses the antimeridian, `east_deg` exceeds 180.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -29,8 +31,8 @@ impl Corners {
     ///
     /// # Errors
     /// [`GeoError::SwappedLonLat`] if longitude and latitude have changed places: a latitude beyond
-    /// 90 degrees, or pixels that are far from square on the ground as given and square when
-    /// swapped. [`GeoError::BadCorners`] if the corners do not span a picture.
+    /// 90 degrees, or pixels that are far from square on the ground as given, square when
+    /// swapped, and not square in degrees. [`GeoError::BadCorners`] if the corners do not span a picture.
     pub fn new(
         lower_left: LonLat,
         upper_right: LonLat,
@@ -143,6 +145,11 @@ impl Corners {
         }
         let other = aspect(lat_span, lon_span, middle_lon);
         let off = |a: f64| a.max(1.0 / a);
+        let (width_deg, height_deg) = self.pixel_size_deg(size_px);
+        // Pixels that are square in degrees are usual, and tell nothing.
+        if off(width_deg / height_deg) < SQUARE_IN_DEGREES {
+            return None;
+        }
         (off(given) > ODD_ASPECT && off(other) < SQUARE_ASPECT).then_some((given, other))
     }
 }

@@ -226,7 +226,19 @@ fn read_table(path: &Path) -> Result<Vec<Row>, GeoError> {
                 "filename" | "file" | "image" | "name"
             )
         })
-        .ok_or_else(|| bad(path, 1, "there is no column 'filename'"))?;
+        .ok_or_else(|| {
+            // As spreadsheets write CSV where the comma is the decimal sign.
+            let other = headers.iter().any(|name| name.contains([';', '\t']));
+            bad(
+                path,
+                1,
+                if other {
+                    "there is no column 'filename': columns must be separated by commas"
+                } else {
+                    "there is no column 'filename'"
+                },
+            )
+        })?;
     let columns: Vec<Option<usize>> = headers.iter().map(corner_column).collect();
     let mut rows = Vec::new();
     for record in reader.records() {
@@ -234,11 +246,12 @@ fn read_table(path: &Path) -> Result<Vec<Row>, GeoError> {
         let line = record.position().map_or(0, csv::Position::line);
         let mut corners = [None; 8];
         for (text, column) in record.iter().zip(&columns) {
-            if let Some(column) = column {
+            // A pair of corners may be empty where the other one is given.
+            if let Some(column) = column.filter(|_| !text.is_empty()) {
                 let value = text
                     .parse::<f64>()
                     .map_err(|_| bad(path, line, &format!("'{text}' is not a number")))?;
-                corners[*column] = Some(value);
+                corners[column] = Some(value);
             }
         }
         let name = record.get(file_column).unwrap_or_default();

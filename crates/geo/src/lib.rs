@@ -1,7 +1,8 @@
 //! Georeferenced rasters, coordinate systems and metres on the ellipsoid.
 //!
-//! [`open_map`] opens a GeoTIFF or COG, a picture with a world file, a picture with two corners
-//! or a CSV of corner-annotated pictures, and gives a [`Raster`]: windows of it can be read at
+//! [`open_map`] opens a GeoTIFF or COG, several of them as one map (a folder, a list, a VRT), tiles
+//! (PMTiles, a folder, MBTiles with the feature `mbtiles`), a picture with a world file, a picture
+//! with two corners or a CSV of such pictures, and gives a [`Raster`]: windows of it can be read at
 //! any ground resolution, and its [`Georeference`] turns map pixels into longitude and latitude.
 //!
 //! # Frames
@@ -9,7 +10,7 @@
 //!   `(0, 0)` is the outer corner of the top-left pixel, whose centre is `(0.5, 0.5)`.
 //! - [`LevelPx`]: continuous pixel coordinates of a level, the map resampled to square pixels on the
 //!   ground; the same convention. [`LevelFrame`] converts between the two.
-//! - [`LonLat`]: degrees on the WGS 84 ellipsoid, longitude in `[-180, 180)`.
+//! - [`LonLat`]: degrees on the WGS 84 ellipsoid, longitude in `[-180, 180)` where this crate gives it.
 //! - Metres are metres on that ellipsoid: geodesics after Karney (2013).
 //!
 //! # Example

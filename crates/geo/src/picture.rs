@@ -60,7 +60,11 @@ impl Picture {
         };
         let format = match reader.format() {
             Some(f @ (ImageFormat::Jpeg | ImageFormat::Png | ImageFormat::WebP)) => f,
-            Some(other) => return Err(not_a_map(format!("{other:?} pictures are not supported"))),
+            Some(other) => {
+                return Err(not_a_map(format!(
+                    "{other:?} pictures are not supported; {ADVICE_TILE_IT}"
+                )));
+            }
             None => return Err(not_a_map(kind_of_no_picture(path)?)),
         };
         let (width, height) = reader
@@ -149,7 +153,9 @@ fn kind_of_no_picture(path: &Path) -> Result<String, GeoError> {
         None if is_tiff_name(path.as_os_str()) => {
             "it does not begin as a TIFF file: it may be damaged, or of another format".to_string()
         }
-        None => "it is not a picture in a known format".to_string(),
+        None => format!(
+            "it is not a picture in a known format; if GDAL reads it (JPEG 2000, ECW, Imagine), {ADVICE_TILE_IT}"
+        ),
     })
 }
 

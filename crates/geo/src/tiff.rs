@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use crate::GeoError;
 use crate::block::{Block, BlockLayout, BlockSource, Validity};
 use crate::pam::read_pam;
-use crate::samples::{Bands, SampleKind, Samples, Stretch};
+use crate::samples::{SampleKind, Samples, Stretch};
 use crate::sidecar_values::SidecarValues;
 use crate::tiff_compression::compression_name;
 use crate::tiff_images::{TiffImages, open_images};
@@ -209,15 +209,14 @@ impl TiffMap {
         .map_err(|e| image.error(e))?;
         let mut mask = vec![255_u8; w * h];
         image.mark_unwritten(x, y, w, &mut mask);
-        if level.palette && self.nodata.is_some() {
-            let indices = image
+        if let Some((kind, bands)) = level.nodata_samples.filter(|_| self.nodata.is_some()) {
+            let stored = image
                 .file
-                .read_band_window_bytes_from_ifd(&image.ifd, 0, y, x, h, w)
+                .read_window_bytes_from_ifd(&image.ifd, y, x, h, w)
                 .map_err(|e| image.error(e))?;
-            let bands = Bands::first(1, 1, None);
             Samples {
-                bytes: &indices,
-                kind: SampleKind::U8,
+                bytes: &stored,
+                kind,
                 bands,
             }
             .mark_missing(self.nodata, &mut mask);

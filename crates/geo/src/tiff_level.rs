@@ -35,8 +35,10 @@ pub(crate) struct Level {
     pub access: Access,
     pub kind: SampleKind,
     pub bands: Bands,
-    /// For nodata that is an index into a palette.
+    /// Its colours are those of a palette.
     pub palette: bool,
+    /// Samples as they are stored, which nodata is one of, where they are decoded to others: an index into a palette, or fewer bits.
+    pub nodata_samples: Option<(SampleKind, Bands)>,
 }
 
 impl Level {
@@ -79,6 +81,16 @@ impl Level {
             advice: ADVICE_SAMPLES,
         })?;
         let bands = bands_of(&model, layout.samples_per_pixel, access);
+        let stored_bands = if palette {
+            Some(Bands::first(stored.samples_per_pixel, 1, None))
+        } else {
+            // Alpha is looked at in the decoded samples.
+            (bit_packed && !needs_conversion).then_some(Bands {
+                count: stored.samples_per_pixel,
+                alpha: None,
+                ..bands
+            })
+        };
         Ok(Self {
             image: image.clone(),
             mask: level.mask.clone(),
@@ -86,6 +98,7 @@ impl Level {
             kind,
             bands,
             palette,
+            nodata_samples: SampleKind::of(&stored).zip(stored_bands),
         })
     }
 

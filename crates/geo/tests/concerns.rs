@@ -85,7 +85,8 @@ fn a_map_at_a_pole_is_not_one_in_degrees() {
     let mut tags = geo_tags(3031);
     tags[1] = double(33922, &[0.0, 0.0, 0.0, -20.0, 15.0, 0.0]);
     let (_dir, path) = map(tags, colours);
-    assert_eq!(found(&path, None).0, [""; 0]);
+    let (names, text) = found(&path, None);
+    assert_eq!(names, ["uneven_north"], "{text}");
 }
 
 #[test]

@@ -29,6 +29,11 @@
 //! [`Localizer`] returns [`LocateError`], [`Photo`] returns [`PhotoError`], [`map::build`] returns [`map::BuildError`]. A photo whose
 //! position is not found is no error but [`Outcome::NoFix`] with a [`Reason`].
 //!
+//! # Threads
+//! A [`Localizer`] may be shared by threads. One search, and one [`map::build`], is computed on the rayon pool of the thread that calls it:
+//! the global pool, with all cores, unless it is called within `rayon::ThreadPool::install`. A build reads its map on a thread of its own,
+//! which uses the global pool. `RAYON_NUM_THREADS` sets the size of the global pool.
+//!
 //! # Frames and units
 //! Positions are WGS 84 degrees of the ground at the photo's centre; headings are degrees clockwise from true north; covariances are
 //! metres east and north.

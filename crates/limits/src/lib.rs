@@ -3,10 +3,11 @@
 //! Sizes that a file states are compared with these limits before memory is allocated or work starts. [`Limits::rows`] lists all
 //! of them as `SECURITY.md` states them.
 //!
+//! What reads photos or `.npz` arrays and what opens or builds packs takes other limits from its caller; those of maps are fixed.
+//!
 //! ```
-//! let mut limits = grimnet_limits::Limits::default();
-//! limits.photo.max_memory_bytes = 4 << 30;
-//! assert_eq!(limits.photo.max_memory_bytes, 4_294_967_296);
+//! let limits = grimnet_limits::PhotoLimits::of_memory(4 << 30);
+//! assert_eq!(limits.max_memory_bytes, 4_294_967_296);
 //! ```
 
 const MIB: u64 = 1 << 20;
@@ -73,7 +74,7 @@ impl Default for ArrayLimits {
     }
 }
 
-/// Limits on maps.
+/// Limits on maps. They are fixed: those used are [`MapLimits::DEFAULT`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct MapLimits {

@@ -10,6 +10,8 @@ const LONGEST_ROUND_TRIP_S: f64 = 0.5;
 const CONTRADICTIONS: usize = 3;
 /// Arrivals are compared over about this long, seconds.
 const ARRIVALS_S: f64 = 20.0;
+/// A start that round trips and arrivals say so differently is that of two clocks, seconds.
+const OTHER_CLOCK_S: f64 = 10.0;
 /// A clock that goes back by more than this began again, seconds.
 const RESTART_S: f64 = 1.0;
 
@@ -18,6 +20,9 @@ const RESTART_S: f64 = 1.0;
 /// From TIMESYNC: the autopilot read its clock between sending and arrival of a round trip, and the shortest round trip says
 /// it best (as NTP's clock filter does, RFC 5905). Until then from arrivals: the earliest arrival, relative to the time stamp,
 /// had the shortest way.
+///
+/// TIMESYNC may be of another clock than the time stamps: it counts on where those begin again after 2^32 milliseconds, and MAVLink does
+/// not say what it counts from. Then the arrivals count.
 #[derive(Debug, Default)]
 pub(crate) struct TimeSync {
     /// Start of the autopilot and length of the round trip, seconds.
@@ -85,8 +90,10 @@ impl TimeSync {
             self.previous_arrivals
                 .map_or(earliest_s, |previous_s| previous_s.min(earliest_s))
         });
-        let start_s = self.best_round_trip().or(earliest_s)?;
-        Some(start_s + boot_s)
+        let is_of_stamps =
+            |start_s: &f64| earliest_s.is_none_or(|s| (s - start_s).abs() <= OTHER_CLOCK_S);
+        let round_trip_s = self.best_round_trip().filter(is_of_stamps);
+        Some(round_trip_s.or(earliest_s)? + boot_s)
     }
 
     fn best_round_trip(&self) -> Option<f64> {
@@ -137,6 +144,19 @@ mod tests {
         assert_eq!(sync.time_s(0.5), Some(103.0));
         sync.round_trip(103.0, 103.01, 0.505);
         assert!((sync.time_s(0.505).unwrap() - 103.005).abs() < 1e-9);
+    }
+
+    #[test]
+    fn round_trips_of_another_clock_than_the_time_stamps_do_not_count() {
+        let mut sync = TimeSync::default();
+        // 2^32 milliseconds after the start.
+        let wrap_s = 4_294_967.296;
+        sync.arrival(wrap_s - 0.1, 100.0);
+        sync.round_trip(100.0, 100.01, wrap_s - 0.095);
+        assert!((sync.time_s(wrap_s).unwrap() - 100.1).abs() < 1e-6);
+        assert!(sync.arrival(0.1, 100.2));
+        sync.round_trip(100.5, 100.51, wrap_s + 0.405);
+        assert!((sync.time_s(0.4).unwrap() - 100.5).abs() < 1e-6);
     }
 
     #[test]

@@ -3,6 +3,8 @@
 use grimnet_net::Confidence;
 use serde::{Deserialize, Serialize};
 
+use crate::{geometry::scale_prior::LOG_ODDS_PER_LOG_INLIERS, pipeline::gates::ALIKE_INLIERS};
+
 /// The figures from which the confidence of a fix is computed.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Support {
@@ -76,7 +78,17 @@ impl Support {
         ];
         let weighted = self.evidence().into_iter().zip(weights).map(|(e, w)| e * w);
         let log_odds = model.intercept + weighted.sum::<f64>();
-        1.0 / (1.0 + (-log_odds).exp())
+        self.share_against_alike() / (1.0 + (-log_odds).exp())
+    }
+
+    /// Probability that of two places that look alike this is the right one; 1 if there is no other. The logistic model was fitted to
+    /// maps that hardly have such places: many inliers make it certain however many the other place has.
+    fn share_against_alike(&self) -> f64 {
+        if self.runner_up_inliers < ALIKE_INLIERS {
+            return 1.0;
+        }
+        let log_lead = (self.inliers.max(1) as f64 / self.runner_up_inliers as f64).ln();
+        1.0 / (1.0 + (-LOG_ODDS_PER_LOG_INLIERS * log_lead).exp())
     }
 }
 
@@ -118,6 +130,39 @@ mod tests {
             (alone.evidence()[1] - (20.0 / 10.0f64).ln()).abs() < 1e-12,
             "a missing runner-up counts as chance"
         );
+    }
+
+    #[test]
+    fn one_of_two_places_that_look_alike_is_right_half_the_time() {
+        let model = Confidence {
+            intercept: 10.0,
+            log_places: 0.0,
+            log_lead: 0.0,
+            log_excess: 0.0,
+            log_spread: 0.0,
+            held_back: 0.0,
+            needed: 0.5,
+        };
+        let confidence = |inliers, runner_up_inliers| {
+            let support = Support {
+                inliers,
+                places: 60,
+                matches: 320,
+                runner_up_inliers,
+                spread: 0.5,
+                expected_inliers: 2.0,
+                held_back_points: 150,
+                held_back_excess: 0.2,
+                on_map: 1.0,
+                inlier_covariance_en_m2: [1.0, 0.0, 1.0],
+            };
+            support.confidence(&model)
+        };
+        assert!((confidence(240, 240) - 0.5).abs() < 1e-3);
+        assert!((0.5..0.6).contains(&confidence(243, 232)));
+        assert!(confidence(240, 60) > 0.99);
+        // By chance a place of any map has so many.
+        assert!(confidence(24, 24) > 0.99);
     }
 
     #[test]

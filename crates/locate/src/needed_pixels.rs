@@ -76,7 +76,7 @@ impl NeededPixels {
         })
     }
 
-    /// As [`NeededPixels::open`], from the bytes of a photo file. `path` is used in errors only.
+    /// As [`NeededPixels::open`], from the bytes of a photo file. `path` is only a name, for errors and [`Photo::path`].
     ///
     /// # Errors
     /// As [`Photo::open`].

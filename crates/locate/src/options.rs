@@ -39,8 +39,8 @@ pub enum Adapt {
     None,
     /// Recompute them for each photo from the photo itself.
     Photo,
-    /// Recompute them from the photos of a flight, see [`crate::Localizer::adapted_to_flight`]. This is the only setting with
-    /// which an answer depends on other photos.
+    /// They were recomputed from the photos of a flight by [`crate::Localizer::adapted_to_flight`], which sets this; without it this is
+    /// as `None`. This is the only setting with which an answer depends on other photos.
     Flight,
 }
 
@@ -123,7 +123,7 @@ impl Default for MapVoteOptions {
 /// Limits that a transform must keep to become a fix.
 ///
 /// With a calibrated model the confidence judges the support, and `min_inliers`, `min_places` and `min_margin` are not applied
-/// ([`Gates::with_calibration`]).
+/// ([`Gates::with_calibration`]). A runner-up with 45 inliers or more is another place that looks alike: it needs a margin of 1.25 always.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Gates {
     /// Minimum number of inliers.

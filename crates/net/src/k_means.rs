@@ -30,6 +30,9 @@ impl KMeans {
     ///
     /// # Shapes
     /// `points` `[n, dim]`, result `[min(clusters, n), dim]`.
+    ///
+    /// # Panics
+    /// If `dim` is 0, `points` are no rows of `dim` numbers, or there are points and no cluster.
     pub fn run(&self, points: &[f32], dim: usize) -> Vec<f32> {
         let n = points.len() / dim;
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
@@ -110,6 +113,9 @@ impl KMeans {
 ///
 /// # Shapes
 /// `centroids` `[clusters, dim]`, `points` `[n, dim]`, result `[n]`.
+///
+/// # Panics
+/// If `dim` is 0, one of the two is no rows of `dim` numbers, or there are points and no centroid.
 pub fn nearest_by_product(centroids: &[f32], points: &[f32], dim: usize) -> Vec<u32> {
     nearest(centroids, points, dim, |_| 0.0)
 }
@@ -117,6 +123,9 @@ pub fn nearest_by_product(centroids: &[f32], points: &[f32], dim: usize) -> Vec<
 /// Index of the centroid with the smallest Euclidean distance to each point; the first one if several are equal.
 ///
 /// # Shapes
+/// As [`nearest_by_product`].
+///
+/// # Panics
 /// As [`nearest_by_product`].
 pub fn nearest_by_distance(centroids: &[f32], points: &[f32], dim: usize) -> Vec<u32> {
     // |x - c|^2 = |x|^2 - 2 (x c - |c|^2 / 2)

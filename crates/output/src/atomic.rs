@@ -13,7 +13,7 @@ use crate::target::{Place, Snapshot, TargetKind};
 /// it is dropped before, what was at the path stays as it was.
 ///
 /// A device, pipe or FIFO is written through as bytes come. A symbolic link is followed. A new file gets the access
-/// rights that the umask leaves; a replaced one keeps its own. Errors of [`Write`] name the file.
+/// rights that the umask leaves; a replaced one keeps its own and, where the system allows, its owner. Errors of [`Write`] name the file.
 #[derive(Debug)]
 pub struct AtomicFile {
     /// The path as given, for messages.
@@ -275,12 +275,23 @@ pub fn rename_into_place(written: impl AsRef<Path>, path: impl AsRef<Path>) -> R
     Ok(())
 }
 
-/// Gives a file the access rights of the one that it is going to replace, if there is one.
+/// Gives a file the owner, as far as the system allows, and the access rights of the one that it is going to replace, if there
+/// is one.
 fn take_access_rights(file: &File, replaced: &Path) {
     if let Ok(metadata) = fs::metadata(replaced) {
+        #[cfg(unix)]
+        take_owner(file, &metadata);
         // Not every file system keeps access rights, and the content is what counts.
         let _ = file.set_permissions(metadata.permissions());
     }
+}
+
+/// So that what root replaces stays readable by whom it belongs to. Others may only give files to their own groups.
+#[cfg(unix)]
+fn take_owner(file: &File, replaced: &fs::Metadata) {
+    use std::os::unix::fs::{MetadataExt as _, fchown};
+    let _ = fchown(file, None, Some(replaced.gid()));
+    let _ = fchown(file, Some(replaced.uid()), None);
 }
 
 /// BLAKE3 of a whole file.

@@ -182,6 +182,12 @@ impl OutputPolicy {
             TargetKind::Stream => self.overwrite || !is_block_device(path),
             TargetKind::File => {
                 self.check_not_input(path)?;
+                if is_mounted_alone(&Place::of(path)?.path()) {
+                    let why = "it is mounted by itself, as a single file into a container, and a new file cannot take its \
+                               place; mount its folder, or choose another output path";
+                    let error = io::Error::new(io::ErrorKind::ResourceBusy, why);
+                    return Err(OutputError::io("replace", path)(error));
+                }
                 self.overwrite || is_own()?
             }
         };
@@ -204,6 +210,31 @@ fn starts_with_any(path: &Path, magics: &[&[u8]]) -> Result<bool> {
         .and_then(|file| file.take(longest as u64).read_to_end(&mut head))
         .map_err(OutputError::io("read", path))?;
     Ok(magics.iter().any(|magic| head.starts_with(magic)))
+}
+
+/// Whether a file is the root of a mount, which cannot be renamed over: told before the work, not at its end. `false` where
+/// the system does not say.
+#[cfg(target_os = "linux")]
+fn is_mounted_alone(path: &Path) -> bool {
+    let mounts = (mount_of(path), mount_of(crate::target::folder_of(path)));
+    matches!(mounts, (Some(file), Some(folder)) if file != folder)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn is_mounted_alone(_: &Path) -> bool {
+    false
+}
+
+/// Linux' number of the mount that a file or folder is on.
+#[cfg(target_os = "linux")]
+fn mount_of(path: &Path) -> Option<u64> {
+    use std::os::fd::AsRawFd as _;
+    let file = File::open(path).ok()?;
+    let about = fs::read_to_string(format!("/proc/self/fdinfo/{}", file.as_raw_fd())).ok()?;
+    let mount = about
+        .lines()
+        .find_map(|line| line.strip_prefix("mnt_id:"))?;
+    mount.trim().parse().ok()
 }
 
 #[cfg(unix)]

@@ -85,6 +85,13 @@ fn access_rights_are_those_of_any_new_file_and_are_kept() {
     rename_into_place(&plain, &ours).unwrap();
     assert_eq!(fs::read(&ours).unwrap(), b"built");
     assert_eq!(mode(&ours) & 0o777, 0o640);
+    // Only root may give files away.
+    if std::os::unix::fs::chown(&ours, Some(1234), Some(1235)).is_ok() {
+        write_bytes_atomic(&ours, b"of another").unwrap();
+        let metadata = fs::metadata(&ours).unwrap();
+        assert_eq!((metadata.uid(), metadata.gid()), (1234, 1235));
+        assert_eq!(mode(&ours) & 0o777, 0o640);
+    }
 }
 
 #[test]
@@ -428,4 +435,28 @@ fn an_input_that_becomes_known_while_a_file_is_written_is_spared() {
     assert_eq!(fs::read(&photo).unwrap(), b"a photo");
     let kept = folder.path().join("a.jpg.partial");
     assert_eq!(fs::read(kept).unwrap(), b"a track");
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_file_that_is_mounted_by_itself_is_refused_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let (there, mounted) = (folder.path().join("there"), folder.path().join("mounted"));
+    fs::write(&there, "there").unwrap();
+    fs::write(&mounted, "").unwrap();
+    let bound = Command::new("mount")
+        .arg("--bind")
+        .args([&there, &mounted])
+        .status();
+    if !bound.is_ok_and(|status| status.success()) {
+        // Only root may mount.
+        return;
+    }
+    let policy = OutputPolicy::new().overwrite(true);
+    let checked = policy.check_file(&mounted, &[]);
+    let unbound = Command::new("umount").arg(&mounted).status();
+    assert!(unbound.unwrap().success());
+    assert!(message(&checked.unwrap_err()).contains("mount its folder"));
+    policy.check_file(&mounted, &[]).unwrap();
+    assert_eq!(names(folder.path()), ["mounted", "there"]);
 }

@@ -135,7 +135,7 @@ pub fn build_interruptible(
     )?;
     check_cost(&plans, model.spec(), options, recipe, limits)?;
     check_index(&plans, model.spec(), options)?;
-    check_enlargement(&plans, raster)?;
+    check_enlargement(&plans, raster, options)?;
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {

@@ -9,6 +9,8 @@ pub(crate) struct Embedded {
     pub exif: Option<Vec<u8>>,
     /// XMP packets, XML text.
     pub xmp: Vec<Vec<u8>>,
+    /// Whether a PNG file has EXIF or XMP in texts that are not read: compressed, or ImageMagick's `Raw profile type`.
+    pub has_unread_texts: bool,
 }
 
 /// Larger metadata blocks are ignored.
@@ -47,7 +49,7 @@ impl Embedded {
         }
     }
 
-    /// `eXIf` and uncompressed `iTXt` chunks (PNG third edition, 11.3.4.5 and 11.3.3.4).
+    /// `eXIf` and uncompressed `iTXt` chunks (PNG third edition, 11.3.4.5 and 11.3.3.4); other texts are only noted.
     fn find_in_png(&mut self, bytes: &[u8]) {
         let mut rest = bytes.get(8..).unwrap_or_default();
         while let Some((length, after)) = rest.split_first_chunk::<4>() {
@@ -63,7 +65,17 @@ impl Embedded {
                         && let Some(text) = after_nul(text).and_then(after_nul)
                     {
                         self.xmp.push(text.to_vec());
+                    } else if body.starts_with(b"XML:com.adobe.xmp\0\x01") {
+                        self.has_unread_texts = true;
                     }
+                }
+                b"tEXt" | b"zTXt" => {
+                    let profiles: [&[u8]; 3] = [
+                        b"Raw profile type xmp\0",
+                        b"Raw profile type exif\0",
+                        b"Raw profile type APP1\0",
+                    ];
+                    self.has_unread_texts |= profiles.iter().any(|name| body.starts_with(name));
                 }
                 _ => {}
             }

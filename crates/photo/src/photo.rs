@@ -25,7 +25,7 @@ const SUFFICIENT_LONG_SIDE_PX: u32 = (LEVEL_PX_PER_QUERY_PX * DEFAULT_MAX_SIDE_P
 /// A decoded photo.
 #[derive(Debug, Clone)]
 pub struct Photo {
-    /// The file; empty for photos made in memory.
+    /// The file, or the name that was given with its bytes; empty for photos made of pixels.
     pub path: PathBuf,
     /// Pixels as displayed (EXIF orientation applied), possibly at reduced size.
     pub image: RgbImage,
@@ -79,7 +79,8 @@ impl Photo {
         Self::from_bytes_within(path, &bytes, max_long_side_px, limits)
     }
 
-    /// Decodes the bytes of a photo file, at full size if `max_long_side_px` is `None`. `path` is used in errors only.
+    /// Decodes the bytes of a photo file, at full size if `max_long_side_px` is `None`. `path` is only a name,
+    /// for errors and [`Photo::path`].
     ///
     /// # Errors
     /// As [`Photo::open`].
@@ -128,7 +129,7 @@ impl Photo {
         Self::from_bytes_as_needed(path, &bytes, limits, needed_long_side_px)
     }
 
-    /// As [`Photo::open_as_needed`], from the bytes of a photo file. `path` is used in errors only.
+    /// As [`Photo::open_as_needed`], from the bytes of a photo file. `path` is only a name, for errors and [`Photo::path`].
     ///
     /// # Errors
     /// As [`Photo::open`].

@@ -109,11 +109,18 @@ impl QueryMaker {
     /// Reduces `image` to about the query's ground resolution.
     ///
     /// # Errors
-    /// Returns [`PhotoError::BadRequest`] if the resolution or the width is not a positive number, the maximum side is below 32, or
-    /// the field of view is invalid; [`PhotoError::Horizon`] for tilts of more than 75 degrees.
+    /// Returns [`PhotoError::BadRequest`] if the resolution or the width is not a positive number, the maximum side is below 32, the
+    /// field of view is invalid, or the image has no pixel; [`PhotoError::Horizon`] for tilts of more than 75 degrees.
     pub fn new(image: &RgbImage, options: &QueryOptions) -> Result<Self, PhotoError> {
         check(options)?;
         let (width, height) = image.dimensions();
+        if width.min(height) == 0 {
+            return Err(PhotoError::BadRequest {
+                name: "the photo's shorter side",
+                value: 0.0,
+                reason: "expected at least 1 pixel",
+            });
+        }
         let size = [f64::from(width), f64::from(height)];
         let centred_from_photo = translation(-size[0] / 2.0, -size[1] / 2.0);
         let photo_gsd_m = options.footprint_width_m / size[0];

@@ -41,6 +41,10 @@ impl Metadata {
             Some(exif) => exif_fields::read_into(exif, &mut metadata),
             None => Vec::new(),
         };
+        if embedded.has_unread_texts && embedded.xmp.is_empty() {
+            let reason = "in texts of the PNG file that are not read; save the photo as JPEG, with its metadata";
+            metadata.note("EXIF, XMP", "compressed or raw profile", reason);
+        }
         xmp_fields::read_into(&embedded.xmp, &in_exif, &mut metadata);
         metadata
     }

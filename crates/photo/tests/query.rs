@@ -240,6 +240,11 @@ fn numbers_that_make_no_query_are_refused() {
         bad(photo.query(0.3, value, 0.0, None));
     }
     bad(photo.query(0.3, 100.0, f64::NAN, None));
+    // A camera's frame that never came.
+    for (width, height) in [(0, 0), (0, 64), (64, 0)] {
+        let empty = Photo::from_image(RgbImage::new(width, height), Metadata::default());
+        bad(empty.query(0.3, 100.0, 0.0, None));
+    }
     let tilt = |pitch_from_nadir_deg, hfov_deg| {
         Some(Tilt {
             pitch_from_nadir_deg,

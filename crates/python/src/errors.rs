@@ -137,6 +137,7 @@ pub fn build_error(error: &BuildError) -> PyErr {
         BuildError::Map(error) => map_error(error),
         BuildError::Pack(error) => pack_error(error),
         BuildError::Model(error) => model_error(error),
+        BuildError::Output(error) => output_error(error),
         error => GrimnetError::new_err(error.to_string()),
     }
 }

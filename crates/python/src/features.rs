@@ -67,7 +67,8 @@ impl FeatureExtractor {
         Ok(Self { extractor })
     }
 
-    /// The features of a picture. A file is read with a long side of at most `max_side_px`; an array is taken as it is.
+    /// The features of a picture. One with a longer side than `max_side_px` is reduced to it by averaging areas; `None` takes it as it
+    /// is.
     #[pyo3(signature = (picture, *, max_keypoints=1024, threshold=0.005, nms_radius_px=2, max_side_px=1024))]
     fn features<'py>(
         &self,

@@ -21,7 +21,7 @@ use crate::rgb_copy::rgb_bytes;
 /// How bytes are named in errors.
 const OF_BYTES: &str = "the photo";
 
-/// What a photo is given as. Pixels are copied, bytes are not.
+/// What a photo is given as. Pixels are copied, and bytes that may change (`bytearray`, `memoryview`).
 pub enum PhotoInput {
     /// A file.
     Path(PathBuf),
@@ -68,12 +68,18 @@ impl PhotoInput {
         }
     }
 
-    /// Decodes the photo, to a long side of at most `max_side_px`; pixels stay as they are. This takes long.
+    /// Decodes the photo, to a long side of at most `max_side_px`; pixels are reduced to it alike. This takes long.
     ///
     /// # Errors
     /// `PhotoError`.
     pub fn decode(self, max_side_px: Option<u32>) -> PyResult<Photo> {
-        self.photo(|name, bytes| Photo::from_bytes(name, bytes, max_side_px))
+        match (self, max_side_px) {
+            (Self::Pixels(image), Some(side_px)) => {
+                let metadata = Metadata::default();
+                Ok(Photo::from_image_reduced(image, metadata, side_px))
+            }
+            (input, _) => input.photo(|name, bytes| Photo::from_bytes(name, bytes, max_side_px)),
+        }
     }
 
     /// Decodes the photo with as many pixels as the search over a map can use; pixels stay as they are. This takes long.
@@ -164,14 +170,7 @@ pub fn read_photo<'py>(
     let py = photo.py();
     let max_side_px = max_side_of(max_side_px)?;
     let input = PhotoInput::of(photo)?;
-    let image = detached(py, || {
-        let image = input.decode(max_side_px)?.image;
-        // An array is taken as it is.
-        Ok(match max_side_px {
-            Some(side_px) => Photo::from_image_reduced(image, Metadata::default(), side_px).image,
-            None => image,
-        })
-    })?;
+    let image = detached(py, || Ok(input.decode(max_side_px)?.image))?;
     py.check_signals()?;
     let (width, height) = (image.width() as usize, image.height() as usize);
     image

@@ -137,7 +137,8 @@ impl TrackPoint {
         })
     }
 
-    /// The fields as the JSON line of `grim track` has them, with `time_s` in place of `time`, and `heading_sigma_deg`.
+    /// The track's fields as the JSON line of `grim track` has them, not rounded, with `time_s` in place of `time`, and
+    /// `heading_sigma_deg`. What the line says of the frame (`photo`, `frame`, `reason`, `time_ms`) is in `answer`.
     fn to_dict<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         dict.set_item("time_s", self.time_s)?;

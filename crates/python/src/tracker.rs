@@ -16,6 +16,10 @@ use crate::prior_arguments::PriorArguments;
 use crate::track_point::TrackPoint;
 
 /// Follows one aircraft: each frame is searched where the track says, and its fix moves the track on.
+///
+/// `vehicle` is `multirotor` or `plane`. `start` is the aircraft's place at the first frame, if it is known: latitude and longitude,
+/// degrees, and the radius in metres that holds it with 95 % probability. `focal_length_px` is that of the full-size photos, pixels, if
+/// neither their metadata nor `hfov_deg` tell it.
 #[pyclass(frozen, module = "grimnet")]
 pub struct Tracker {
     flight: Mutex<Flight>,

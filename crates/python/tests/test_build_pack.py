@@ -19,7 +19,7 @@ def test_same_bytes_as_the_program(grim, demo, tmp_path):
     subprocess.run([grim, "map", "build", demo / "map.tif", "-o", tmp_path / "its.grim", "--gsd", str(GSD_M)], check=True, stdout=subprocess.DEVNULL)
     assert out.read_bytes() == (tmp_path / "its.grim").read_bytes()
     assert report.tiles > 0 and report.len_bytes == out.stat().st_size and not report.was_complete
-    assert pathlib.Path(report.path) == out
+    assert isinstance(report.path, pathlib.Path) and report.path == out
     done = [progress.tiles_done for progress in reported]
     assert done == sorted(done) and done[-1] == reported[-1].tiles_total
     assert {progress.phase for progress in reported} == {"tiles", "writing"}

@@ -30,6 +30,10 @@ def test_features(pair, photos):
     again = grimnet.features(grimnet.read_photo(photos[0], max_side_px=640), max_keypoints=400)
     assert np.array_equal(again.descriptors, first.descriptors)
     assert again.full_size_px == again.size_px == first.size_px
+    # An array is reduced as a file is.
+    as_array = grimnet.features(grimnet.read_photo(photos[0]), max_side_px=640, max_keypoints=400)
+    assert np.array_equal(as_array.descriptors, first.descriptors)
+    assert (as_array.size_px, as_array.full_size_px) == (first.size_px, first.full_size_px)
     own = grimnet.FeatureExtractor(domain="sat").features(photos[0], max_side_px=640, max_keypoints=400)
     assert not np.array_equal(own.global_descriptor, first.global_descriptor), "maps have statistics of their own"
 

@@ -178,7 +178,7 @@ def test_options_of_a_localizer(pack, photos, localizer):
     assert np.allclose(difference, np.eye(2), atol=1e-5), "the map's error of 1 m per axis"
     strict = grimnet.Localizer(pack, min_confidence=1.0).locate(photos[0])
     assert not strict and "confidence" in strict.reason
-    assert pathlib.Path(localizer.pack) == pack
+    assert isinstance(localizer.pack, pathlib.Path) and localizer.pack == pack
     assert localizer.levels_gsd_m == sorted(localizer.levels_gsd_m)
 
 

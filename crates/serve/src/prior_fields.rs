@@ -66,12 +66,13 @@ struct Area {
 }
 
 impl PriorFields {
-    /// The fields of a JSON text.
+    /// The fields of a JSON text; `null` says nothing, as the OpenAPI document has it.
     ///
     /// # Errors
     /// Status 400 if it is no JSON object of these fields.
     pub(crate) fn from_json(json: &[u8]) -> Result<Self, Problem> {
         of_json(json)
+            .map(Option::unwrap_or_default)
             .map_err(|error| Problem::bad_request(format!("the prior is not understood: {error}")))
     }
 
@@ -206,6 +207,7 @@ mod tests {
             }
         );
         assert_eq!(json("{}").unwrap(), Prior::none());
+        assert_eq!(json("null").unwrap(), Prior::none());
         assert_eq!(
             query(&[("heading", "unknown")]).unwrap().view.heading,
             HeadingPrior::Unknown

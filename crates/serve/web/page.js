@@ -1,5 +1,5 @@
 // The map page: photos in, answers on the map and in words.
-import { ask, locate, saveAs, ServiceError } from "/web/service.js";
+import { ask, askJson, locate, saveAs, ServiceError } from "/web/service.js";
 import { connectTracks } from "/web/tracks.js";
 
 const byId = (id) => document.getElementById(id);
@@ -7,6 +7,8 @@ const priorFields = ["heading", "height_agl_m", "hfov_deg", "near"];
 // Photos, the last one first: each has a number and either an answer or an error.
 const entries = [];
 let lastNumber = 0;
+// Of photos that are located again, by number: the latest request. An earlier one may be answered later, and does not count.
+const latestRequests = new Map();
 // Batches of photos that are being located.
 let locating = 0;
 // The entry that was clicked last.
@@ -39,7 +41,8 @@ function factsOf({ answer, detail }) {
     ...fact("Latitude", fixed(answer.lat_deg, 7, "°")),
     ...fact("Longitude", fixed(answer.lon_deg, 7, "°")),
     ...fact("95 % radius", fixed(answer.radius95_m, 1, " m")),
-    ...fact("Heading", fixed(answer.heading_deg, 1, "°")),
+    // 359.96 would be shown as 360.0.
+    ...fact("Heading", fixed(answer.heading_deg >= 359.95 ? 0 : answer.heading_deg, 1, "°")),
     ...fact("Ground resolution", fixed(answer.gsd_m, 3, " m")),
     ...fact("Confidence", answer.confidence === null ? null : `${(100 * answer.confidence).toFixed(1)} %`),
     ...fact("Matches", answer.inliers === null ? null : `${answer.inliers} of ${answer.matches} agree`),
@@ -112,10 +115,10 @@ function choose(entry) {
   if (entry.answer?.state === "fix") view?.goTo(entry);
 }
 
-// For a click: shows the map of the answer, too; not while photos are being located, which are searched on the shown map.
+// For a click: shows the map of the answer, too.
 async function chooseOnItsMap(entry) {
   clicked = entry;
-  if (locating === 0 && entry.detail) await showMap(entry.detail.map);
+  if (entry.detail) await showMap(entry.detail.map);
   // Another one may have been clicked meanwhile.
   if (clicked === entry) choose(entry);
 }
@@ -135,17 +138,22 @@ const canShow = (file) => ["image/jpeg", "image/png", "image/webp"].includes(fil
 async function locateFile(file, replaced = null) {
   say(`Locating ${file.name} …`);
   const prior = Object.fromEntries(priorFields.map((name) => [name, byId(name).value]));
+  const request = {};
+  if (replaced) latestRequests.set(replaced.number, request);
+  const isOutdated = () => replaced !== null && latestRequests.get(replaced.number) !== request;
   try {
     // A photo may come before the maps: they wait for the token.
     if (maps.length === 0) await readMaps();
     const busy = ({ message, retryAfterS }) => say(`${file.name}: ${message} (the next try is in ${retryAfterS} s)`);
     const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token(), busy);
+    if (isOutdated()) return;
     enter({ answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) }, replaced);
     say(answer.state === "fix"
       ? `${file.name}: ${answer.lat_deg.toFixed(6)}, ${answer.lon_deg.toFixed(6)}, within ${answer.radius95_m.toFixed(1)} m.`
       : `${file.name}: no fix. ${answer.reason}`);
   } catch (error) {
     if (!(error instanceof ServiceError)) throw error;
+    if (isOutdated()) return;
     // An answer that is there stays.
     if (!replaced?.answer) enter({ error: error.message, file }, replaced);
     say(`${file.name}: ${error.message}`);
@@ -168,8 +176,7 @@ function askForToken() {
 }
 
 async function readMaps() {
-  const response = await ask("/v1/maps", token());
-  ({ maps } = await response.json());
+  ({ maps } = await askJson("/v1/maps", token()));
   const choice = byId("map-choice");
   const before = choice.value;
   choice.replaceChildren(...maps.map(({ id }) => element("option", id)));
@@ -185,8 +192,9 @@ async function showChosenMap() {
   await view?.showMap(map);
 }
 
+// Shows the map of an answer or a track; not while photos are being located, which are searched on the shown map.
 async function showMap(id) {
-  if (byId("map-choice").value === id || !maps.some((each) => each.id === id)) return;
+  if (locating > 0 || byId("map-choice").value === id || !maps.some((each) => each.id === id)) return;
   byId("map-choice").value = id;
   await showChosenMap();
 }

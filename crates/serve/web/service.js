@@ -33,6 +33,16 @@ export async function ask(path, token, options = {}) {
   );
 }
 
+/** As `ask`, for the JSON of the response: it may break off, or come from another one, such as the login page of a proxy. */
+export async function askJson(path, token, options = {}) {
+  const response = await ask(path, token, options);
+  try {
+    return await response.json();
+  } catch {
+    throw new ServiceError("The answer broke off, or is not the service's.");
+  }
+}
+
 /** Saves data as a file of the user's. */
 export function saveAs(blob, name) {
   const link = document.createElement("a");
@@ -66,12 +76,12 @@ export async function locate(file, map, prior, token, onBusy) {
   const body = new FormData();
   body.append("prior", JSON.stringify(known));
   body.append("photo", file, file.name);
-  const query = new URLSearchParams({ map, detail: "true" });
+  // The name here, too: browsers write quotes and line ends in names of files as %22 and so on into a form.
+  const query = new URLSearchParams({ map, detail: "true", name: file.name });
   for (let tries = 1; ; tries++) {
     try {
       await checkReadable(file);
-      const response = await ask(`/v1/locate?${query}`, token, { method: "POST", body });
-      return await response.json();
+      return await askJson(`/v1/locate?${query}`, token, { method: "POST", body });
     } catch (error) {
       if (!(error instanceof ServiceError) || error.retryAfterS === null || tries === MAX_TRIES) throw error;
       onBusy(error);

@@ -1,9 +1,11 @@
 // Tracks: followed as their frames come, and looked through afterwards.
-import { ask, saveAs, ServiceError } from "/web/service.js";
+import { ask, askJson, saveAs, ServiceError } from "/web/service.js";
 import { beside, ellipse, frameText, usable } from "/web/track_shapes.js";
 
 /** Pause before a connection that broke is tried again. */
 const RETRY_MS = 2000;
+/** What a proxy says of a service that is away, or a service that has no place for a listener now. */
+const AWAY_STATUSES = [502, 503, 504];
 
 const byId = (id) => document.getElementById(id);
 
@@ -68,7 +70,8 @@ async function follow(id, token, signal, onConnection, onFrame) {
       }
     } catch (error) {
       if (signal.aborted || (isBegun && isGone(error))) return;
-      if (error instanceof ServiceError && error.status) throw error;
+      const isAway = isBegun && AWAY_STATUSES.includes(error.status);
+      if (error instanceof ServiceError && error.status && !isAway) throw error;
       onConnection(false);
     }
     await new Promise((resolve) => setTimeout(resolve, RETRY_MS));
@@ -103,8 +106,12 @@ export function connectTracks({ token, showMap, showTrack, goTo }) {
 
   byId("read-tracks").addEventListener("click", async () => {
     try {
-      ({ tracks } = await (await ask("/v1/tracks", token())).json());
-      byId("track-choice").replaceChildren(...tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
+      ({ tracks } = await askJson("/v1/tracks", token()));
+      const choice = byId("track-choice");
+      const before = choice.value;
+      choice.replaceChildren(...tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
+      // They may be listed again after one was chosen.
+      if (tracks.some(({ id }) => String(id) === before)) choice.value = before;
       byId("follow").disabled = byId("save-track").disabled = tracks.length === 0;
       say(tracks.length === 0 ? "There are no tracks: a program begins one with POST /v1/tracks." : "");
     } catch (error) {

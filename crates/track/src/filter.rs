@@ -37,6 +37,8 @@ pub(crate) struct Filter {
     outlasted: bool,
     /// Frames without a fix since the last one.
     pub misses: u32,
+    /// Frames since the last fix that the leader took for right.
+    unsupported: u32,
     rate: AliasRate,
     confidence: ConfidenceOdds,
 }
@@ -54,6 +56,7 @@ impl Filter {
             was_believed: false,
             outlasted: false,
             misses: 0,
+            unsupported: 0,
             rate: AliasRate::default(),
             confidence: ConfidenceOdds::default(),
         }
@@ -93,7 +96,10 @@ impl Filter {
                 }
             }
             Input::Fix(fix) => self.fix(fix, options),
-            Input::Miss(_) => self.misses = self.misses.saturating_add(1),
+            Input::Miss(_) => {
+                self.misses = self.misses.saturating_add(1);
+                self.unsupported = self.unsupported.saturating_add(1);
+            }
         }
     }
 
@@ -134,6 +140,15 @@ impl Filter {
             .bank
             .fix(fix, measured_m, &usual, &self.sensors, options);
         self.misses = 0;
+        let is_supported = self
+            .bank
+            .leader()
+            .is_some_and(|leader| !leader.last_was_wrong);
+        self.unsupported = if is_supported {
+            0
+        } else {
+            self.unsupported.saturating_add(1)
+        };
         if self.believed.is_some() {
             if effect.leader_changed {
                 self.rate.forget_run();
@@ -191,8 +206,8 @@ impl Filter {
                 .any(|member| Some(member.id) == self.believed)
     }
 
-    /// A leader that became too uncertain has to be found again: from nothing where frames had no fix, for the ground may be another
-    /// one than the map's or than was thought. Where frames are far apart in time nothing speaks against it.
+    /// A leader that became too uncertain has to be found again: from nothing where frames had no fix, or one of another place, for the
+    /// ground may be another one than the map's or than was thought. Where frames are far apart in time nothing speaks against it.
     fn lose_if_too_wide(&mut self, options: &TrackOptions) {
         if self.believed.is_none() && !self.outlasted {
             return;
@@ -205,7 +220,7 @@ impl Filter {
             return;
         }
         self.believed = None;
-        self.outlasted = self.misses < options.acquire_fixes;
+        self.outlasted = self.unsupported < options.acquire_fixes;
         if !self.outlasted {
             self.bank.at_least_elsewhere(0.5);
             for hypothesis in &mut self.bank.hypotheses {

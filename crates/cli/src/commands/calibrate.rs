@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
+use grimnet_answer::printable;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
 use grimnet_eval::calibration::observation::Observation;
 use grimnet_eval::calibration::real::{NumberedSource, PlacesUsed, RealScene};
@@ -183,7 +184,7 @@ fn fit_and_write(
     writeln!(
         out,
         "{}: written; the identity of the model does not change and its packs stay valid",
-        arguments.out.display()
+        printable(&arguments.out.display().to_string())
     )?;
     Ok(())
 }

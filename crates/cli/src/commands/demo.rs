@@ -164,8 +164,9 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     };
     folder.write_bytes("report.html", report.to_html()?.as_bytes())?;
 
-    print_summary(&runs)?;
     let tracked = follow_crossing(&folder, arguments.seed, localizer, scene.map.as_ref())?;
+    // When all is written: a reader that goes away (`| head`) ends the run.
+    print_summary(&runs)?;
     writeln!(
         StandardOutput,
         "\n{tracked}\n\n{:.0} s in all. The report is {}, pictures of matches are in {}",

@@ -40,7 +40,8 @@ pub struct BuildArgs {
 
     /// The pack to write
     ///
-    /// While it is built, AREA.grim.partial holds the work so far. A device or pipe gets the finished pack.
+    /// While it is built, AREA.grim.partial holds the work so far. A device or pipe gets the finished
+    /// pack, which is built in the temporary folder (TMPDIR) and not continued.
     #[arg(short, long, value_name = "AREA.grim", value_parser = values::output_file())]
     out: PathBuf,
 
@@ -226,9 +227,17 @@ fn build_into_stream(
     options: &BuildOptions,
     out: &Path,
 ) -> Result<BuildReport> {
-    let folder = tempfile::tempdir()?;
+    let folder = tempfile::tempdir()
+        .context("a pack for a device or pipe is built in the temporary folder (TMPDIR)")?;
     let pack = folder.path().join("area.grim");
-    let report = build_with_bar(map, model, options, &pack)?;
+    let mut built = build_with_bar(map, model, options, &pack);
+    if let Err(error) = &mut built
+        && let Some(PackError::Io { hint, .. }) = error.downcast_mut()
+    {
+        // The work so far goes with the folder: the advice to go on with it is not for this.
+        *hint = "; a pack for a device or pipe is built in the temporary folder (TMPDIR) and is not continued";
+    }
+    let report = built?;
     let mut stream = AtomicFile::create(out)?;
     std::io::copy(&mut fs_err::File::open(&pack)?, &mut stream)?;
     stream.commit()?;

@@ -158,8 +158,14 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
             row(&format!("R@{k} with map votes"), &|r| r.covers.by_search[i])?;
         }
     }
-    for (i, k) in ranks() {
-        row(&format!("R@{k} after the vote"), &|r| r.covers.by_vote[i])?;
+    // The same in paper mode, which has no vote.
+    if runs
+        .iter()
+        .any(|run| run.covers.by_vote != run.covers.by_search)
+    {
+        for (i, k) in ranks() {
+            row(&format!("R@{k} after the vote"), &|r| r.covers.by_vote[i])?;
+        }
     }
     row("a right tile was matched", &|r| r.covers.matched)?;
     let index = |k: usize| RECALL_AT.iter().position(|&at| at == k).unwrap_or(0);

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use grimnet_answer::{Answer, AnswerError, AnswerFormat, State, or_dash, printable};
+use grimnet_answer::{
+    Answer, AnswerError, AnswerFormat, State, or_dash, printable, rounded_heading,
+};
 
 #[derive(Default)]
 pub struct Table {
@@ -34,7 +36,7 @@ impl AnswerFormat for Table {
                     or_dash(answer.lat_deg, 7),
                     or_dash(answer.lon_deg, 7),
                     or_dash(answer.radius95_m, 1),
-                    or_dash(answer.heading_deg, 1),
+                    or_dash(answer.heading_deg.map(|deg| rounded_heading(deg, 1)), 1),
                     answer.inliers.unwrap_or(0),
                     or_dash(answer.time_ms.get("total").copied(), 0),
                 );

@@ -257,6 +257,13 @@ fn a_device_is_written_through() {
         .output()
         .unwrap();
     assert!(piped.stdout == fs::read(file).unwrap());
+    // It is built in the temporary folder.
+    let refused = build(&map, &place, Path::new("/dev/stdout"))
+        .env("TMPDIR", folder.path().join("missing"))
+        .output()
+        .unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("TMPDIR"));
 }
 
 #[test]

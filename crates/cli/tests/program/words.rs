@@ -13,7 +13,10 @@ use super::{demo, grim, lines, locate, pack, photo};
 #[test]
 fn a_missing_photo_is_unreadable_input_among_others_too() {
     let gone = || PathBuf::from("/no/such.jpg");
-    assert_eq!(locate(&[], &[gone()]).1, 2);
+    for arguments in [&[][..], &["--adapt", "flight"]] {
+        let (text, status) = locate(arguments, &[gone()]);
+        assert_eq!((lines(&text).len(), status), (1, 2), "{arguments:?}");
+    }
     let (text, status) = locate(&[], &[gone(), photo(1)]);
     assert_eq!(status, 2);
     let answers = lines(&text);

@@ -77,16 +77,15 @@ pub fn wilson_interval(share: f64, count: usize) -> [f64; 2] {
     [(centre - reach).max(0.0), (centre + reach).min(1.0)]
 }
 
-/// 95 % interval of the mean of values in groups: that of [`grouped_bootstrap_interval`], or [`wilson_interval`] on the number of
-/// groups if every group has the same mean, for then all resamples are alike and the bootstrap has no width.
+/// 95 % interval of a share, the mean of values from 0 to 1 in groups: what [`grouped_bootstrap_interval`] and [`wilson_interval`] on the
+/// number of groups span together. Few groups are drawn alike, most so where nearly all agree: the bootstrap alone is then too narrow, and
+/// narrower for a share below 1 than for one of 1.
 #[must_use]
 pub fn grouped_share_interval(groups: &[Vec<f64>]) -> [f64; 2] {
-    let mut means = groups.iter().map(|group| mean(group).unwrap_or(0.0));
-    let first = means.next().unwrap_or(0.0);
-    if means.all(|other| (other - first).abs() < f64::EPSILON) {
-        return wilson_interval(first, groups.len());
-    }
-    grouped_bootstrap_interval(groups, |sample| mean(sample).unwrap_or(0.0))
+    let share = |sample: &[f64]| mean(sample).unwrap_or(0.0);
+    let [low, high] = wilson_interval(share(&groups.concat()), groups.len());
+    let [low_drawn, high_drawn] = grouped_bootstrap_interval(groups, share);
+    [low.min(low_drawn), high.max(high_drawn)]
 }
 
 #[cfg(test)]
@@ -134,8 +133,18 @@ mod tests {
         let one_place = [vec![1.0, 0.0]];
         assert_eq!(grouped_share_interval(&one_place), wilson_interval(0.5, 1));
         assert_eq!(grouped_share_interval(&[]), [0.0, 1.0]);
-        let one_miss = vec![vec![1.0; 10], vec![1.0; 3], vec![0.0]];
-        let by_draws = grouped_bootstrap_interval(&one_miss, |s| mean(s).unwrap_or(0.0));
-        assert_eq!(grouped_share_interval(&one_miss), by_draws);
+    }
+
+    #[test]
+    fn a_miss_makes_no_interval_narrower() {
+        let mut five = vec![vec![1.0; 6]; 5];
+        let [all, _] = grouped_share_interval(&five);
+        five[0][0] = 0.0;
+        let [one_missing, _] = grouped_share_interval(&five);
+        assert!(one_missing < all, "{one_missing} {all}");
+        // Where groups differ the draws say more than their number does.
+        let split = vec![vec![1.0; 30], vec![0.0; 2], vec![0.0; 2], vec![0.0; 2]];
+        assert_eq!(grouped_share_interval(&split)[0], 0.0);
+        assert!(wilson_interval(30.0 / 36.0, 4)[0] > 0.3);
     }
 }

@@ -64,6 +64,11 @@ impl About {
     fn lines(&self) -> Vec<String> {
         let of =
             |value: Option<f64>| value.map_or_else(|| "not given".to_owned(), |v| format!("{v} m"));
+        let usual_confidence = if self.mode == "paper" {
+            "none, paper mode always answers"
+        } else {
+            "that of the model's calibration"
+        };
         vec![
             format!(
                 "Mode {}; model {} in {} ({}); program {} at commit {}.",
@@ -86,10 +91,8 @@ impl About {
             ),
             format!(
                 "Least confidence of a fix: {}. Batch-normalisation statistics recomputed: {}. Ground resolution: {}.",
-                self.min_confidence.map_or_else(
-                    || "that of the model's calibration".to_owned(),
-                    |p| p.to_string()
-                ),
+                self.min_confidence
+                    .map_or_else(|| usual_confidence.to_owned(), |p| p.to_string()),
                 self.adapt,
                 self.gsd_m.map_or_else(
                     || "all levels of the map".to_owned(),

@@ -272,6 +272,10 @@ fn swapped_corners_are_reported() {
     assert!(with_corners(&path, [w, s, e, n]).is_ok());
     let error = with_corners(&path, [s, w, n, e]).err().unwrap();
     assert!(matches!(error, GeoError::SwappedLonLat { .. }), "{error}");
+    // `gdalwarp -t_srs EPSG:4326` makes pixels that are square in degrees.
+    let path = dir.path().join("berlin.png");
+    picture(&path, 200, 100);
+    assert!(with_corners(&path, [13.4, 52.5, 13.402, 52.501]).is_ok());
 }
 
 #[test]

@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 use grimnet_geo::{GeoError, LonLat, MapOptions, MapPx, Raster, WindowPx, distance_m, open_map};
 use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use support::{
-    ascii, double, geo_tags, long, long8, rgb_tags, short, write_at, write_bigtiff, write_map,
+    Tag, ascii, double, geo_tags, long, long8, rgb_tags, short, write_at, write_bigtiff, write_map,
 };
 use tempfile::TempDir;
 

@@ -21,6 +21,43 @@ fn a_map_smaller_than_a_tile_is_read_and_padded() {
 }
 
 #[test]
+fn nodata_is_a_sample_as_it_is_stored() {
+    let dir = folder();
+    let path = dir.path().join("map.tif");
+    let row_seen = |own: Vec<Tag>, nodata: &str, row: &[u8]| -> Vec<u8> {
+        let at = 400_000;
+        let mut tags = vec![
+            long(256, &[4]),
+            long(257, &[1]),
+            short(259, &[1]),
+            short(277, &[1]),
+            long8(273, &[at]),
+            long(278, &[1]),
+            long8(279, &[row.len() as u64]),
+            ascii(42113, nodata),
+        ];
+        tags.extend(own);
+        tags.extend(geo_tags(32651));
+        assert!(write_bigtiff(&path, tags, at + row.len() as u64) <= at);
+        write_at(&path, at, row);
+        let map = open(&path).unwrap();
+        let patch = map.read(WindowPx::new(0.0, 0.0, 4.0, 1.0), 4, 1).unwrap();
+        patch.valid.into_raw()
+    };
+    // An index of 16 bits into a palette.
+    let palette = vec![
+        short(258, &[16]),
+        short(262, &[3]),
+        short(320, &vec![0x8000; 3 << 16]),
+    ];
+    let row = [0_u16, 0, 256, 256].map(u16::to_le_bytes).concat();
+    assert_eq!(row_seen(palette, "0", &row), [0, 0, 255, 255]);
+    // Grey of 4 bits, decoded to 8.
+    let grey = vec![short(258, &[4]), short(262, &[1])];
+    assert_eq!(row_seen(grey, "15", &[0xff, 0x12]), [0, 0, 255, 255]);
+}
+
+#[test]
 fn windows_that_cannot_be_read_are_refused() {
     let dir = folder();
     let path = dir.path().join("map.tif");
@@ -166,6 +203,7 @@ fn what_is_no_picture_is_called_what_it_is() {
             "does not begin as a TIFF",
         ),
         ("other.png", "nothing of the kind", "known format"),
+        ("other.jp2", "\0\0\0\u{c}jP  ", "gdal_translate"),
     ] {
         let path = dir.path().join(name);
         std::fs::write(&path, start).unwrap();

@@ -41,7 +41,14 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
         .flexible(true)
         .trim(csv::Trim::All)
         .from_reader(bytes);
-    let header = reader.headers().map_err(|error| error.to_string())?.clone();
+    let not_text = |_| {
+        format!(
+            "neither CSV nor SRT nor MISB KLV: its first line is no text in UTF-8; write a log of an autopilot (.bin, .ulg, .tlog) as CSV, \
+             columns that are read: {}",
+            names()
+        )
+    };
+    let header = reader.headers().map_err(not_text)?.clone();
     if header.is_empty() {
         return Err("expected a line with the names of columns".to_owned());
     }

@@ -140,6 +140,13 @@ mod tests {
                 "{error}"
             );
         }
+        // The first bytes of a log of ArduPilot.
+        std::fs::write(&path, b"\xa3\x95\x80\x80\x59FMT").unwrap();
+        let error = read_telemetry(&path).unwrap_err().to_string();
+        assert!(
+            error.contains("neither CSV nor SRT nor MISB KLV"),
+            "{error}"
+        );
         let error = read_telemetry(&folder.path().join("none.srt")).unwrap_err();
         assert!(error.to_string().contains("none.srt"));
     }

@@ -17,7 +17,7 @@ pub struct ScalePrior {
 const WRONG_SHARE: f64 = 0.05;
 /// What the logarithm of the number of inliers adds to the log-odds of an answer: its lead and its excess over chance in the
 /// calibration of the bundled model (`grimnet_net::Confidence`).
-const LOG_ODDS_PER_LOG_INLIERS: f64 = 4.8;
+pub(crate) const LOG_ODDS_PER_LOG_INLIERS: f64 = 4.8;
 
 impl ScalePrior {
     /// What an inlier of a transform of this scale counts as, compared with one of the most probable scale: the number of inliers times

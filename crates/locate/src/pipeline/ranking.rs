@@ -74,7 +74,9 @@ impl<'a> RankedAnswer<'a> {
     /// This answer with the best of `rivals` and its own runner-up as runner-up.
     pub fn against(self, rivals: &[Rival<'a>], options: &Options) -> Self {
         let inliers = |rival: &Rival<'_>| rival.verified.inliers.len();
-        let all = self.runner_up.into_iter().chain(rivals.iter().copied());
+        let rivals = rivals.iter().copied();
+        let rivals = rivals.filter(|rival| is_in_area(rival.verified));
+        let all = self.runner_up.into_iter().chain(rivals);
         let runner_up = all.reduce(|a, b| if inliers(&b) > inliers(&a) { b } else { a });
         let second = runner_up.map(|rival| rival.verified);
         Self {
@@ -194,11 +196,16 @@ fn best_of<'a>(
     verified.reduce(|a, b| if rank(b) > rank(a) { b } else { a })
 }
 
-/// The candidate with the most inliers; the first of equal ones.
+/// Whether a candidate is in the given area, if there is one: a place outside of it looks alike in vain.
+fn is_in_area(verified: &VerifiedCandidate) -> bool {
+    verified.rejection != Some(Rejection::OutsideArea)
+}
+
+/// The candidate of the area with the most inliers; the first of equal ones.
 fn most_inliers<'a>(
     candidates: impl Iterator<Item = &'a VerifiedCandidate>,
 ) -> Option<&'a VerifiedCandidate> {
-    candidates.reduce(|a, b| {
+    candidates.filter(|other| is_in_area(other)).reduce(|a, b| {
         if b.inliers.len() > a.inliers.len() {
             b
         } else {
@@ -301,6 +308,26 @@ mod tests {
         assert_eq!(order, Ordering::Less);
         let both = round(0, vec![roof, verified(0.0, 33)]);
         assert_eq!(inliers(&of(&both)), (33, 0), "a roof is no rival");
+    }
+
+    #[test]
+    fn a_place_outside_the_area_is_neither_best_nor_runner_up() {
+        let outside = VerifiedCandidate {
+            rejection: Some(Rejection::OutsideArea),
+            ..verified(500.0, 60)
+        };
+        let all = [verified(0.0, 50), outside.clone(), verified(900.0, 9)];
+        let result = round(0, all.to_vec());
+        let options = Options::default();
+        let best = RankedAnswer::of(&result, &options).unwrap();
+        assert_eq!(inliers(&best), (50, 9));
+        assert!(best.is_clear(&options));
+        let elsewhere = round(0, vec![outside]);
+        let rival = RankedAnswer::of(&elsewhere, &options).unwrap();
+        assert_eq!(
+            inliers(&best.against(&[rival.as_rival()], &options)),
+            (50, 9)
+        );
     }
 
     #[test]

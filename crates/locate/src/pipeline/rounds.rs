@@ -206,6 +206,7 @@ impl OpenRound {
     ) -> Result<Matched> {
         let since = Instant::now();
         let options = context.options;
+        let near = self.near.as_ref();
         let RoundResult {
             level,
             hypotheses,
@@ -223,7 +224,10 @@ impl OpenRound {
             }
             let more: Vec<VerifiedCandidate> = batch
                 .par_iter()
-                .map(|candidate| verify(context, level, hypotheses, queries, *candidate))
+                .map(|candidate| {
+                    let verified = verify(context, level, hypotheses, queries, *candidate)?;
+                    verified.within(near, level)
+                })
                 .collect::<Result<_>>()?;
             verified.extend(more);
             matched.count += batch.len();

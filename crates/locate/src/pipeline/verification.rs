@@ -1,6 +1,6 @@
 //! Full matching of one candidate: matches, transform, gates, and the covariance of the mapped centre.
 
-use grimnet_geo::LevelPx;
+use grimnet_geo::{LevelPx, distance_m};
 use grimnet_pack::Level;
 use grimnet_photo::QueryPx;
 use nalgebra::{Matrix2, Point2};
@@ -24,6 +24,7 @@ use crate::{
         guided_matching::{KeypointPair, match_guided},
         tile_frame::TileFrame,
     },
+    prior::Near,
     query_features::QueryFeatures,
     search::{
         candidates::Candidate,
@@ -60,6 +61,19 @@ impl VerifiedCandidate {
     /// Number of inliers, less for a transform of an improbable scale.
     pub fn weighted_inliers(&self) -> f64 {
         self.inlier_weight * self.inliers.len() as f64
+    }
+
+    /// The candidate, rejected if the photo's centre is outside of the area: tiles that show a part of it reach beyond.
+    pub fn within(self, near: Option<&Near>, level: &Level) -> Result<Self> {
+        let (Some(near), Some(centre), None) = (near, self.centre_level_px, self.rejection) else {
+            return Ok(self);
+        };
+        let centre = level.lonlat_from_level_px(centre)?;
+        let is_outside = distance_m(near.centre, centre) > near.radius_m;
+        Ok(Self {
+            rejection: is_outside.then_some(Rejection::OutsideArea),
+            ..self
+        })
     }
 }
 

@@ -1,6 +1,6 @@
 //! Candidates: tiles found by descriptor and by votes over the whole map, and the translation vote over them.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 
 use grimnet_geo::{LevelPx, LonLat, distance_m};
 use grimnet_pack::{KeypointIndex, Level};
@@ -145,13 +145,54 @@ fn allowed_tiles(level: &Level, near: Option<&Near>) -> Result<Option<Vec<bool>>
         .transpose()
 }
 
+/// Columns and rows of tiles that are looked at together before each of them is.
+const BLOCK_TILES: u32 = 32;
+
 /// For each tile, whether it may show a part of the area.
+///
+/// A projection and a geodesic for each tile of a large map would take longer than the search that the area makes smaller.
 pub(crate) fn tiles_near(level: &Level, near: &Near) -> impl Iterator<Item = Result<bool>> {
     let reach_m = near.radius_m + level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
+    let mut far_blocks: HashMap<[u32; 2], bool> = HashMap::new();
     (0..level.tile_count()).map(move |tile| {
-        let centre: LonLat = level.lonlat_from_level_px(level.tile(tile).centre_px)?;
+        let tile = level.tile(tile);
+        let block = tile.grid.map(|along| along / BLOCK_TILES);
+        let is_far = far_blocks
+            .entry(block)
+            .or_insert_with(|| is_block_far(level, block, near.centre, reach_m));
+        if *is_far {
+            return Ok(false);
+        }
+        let centre: LonLat = level.lonlat_from_level_px(tile.centre_px)?;
         Ok(distance_m(centre, near.centre) <= reach_m)
     })
+}
+
+/// Whether the centres of all tiles of a block are farther from `centre` than `reach_m`; false if a corner has no coordinates.
+fn is_block_far(level: &Level, block: [u32; 2], centre: LonLat, reach_m: f64) -> bool {
+    let m = level.manifest();
+    let stride_px = f64::from(m.stride_px);
+    // From the centre of the first tile of the block to that of the last.
+    let at = |share_x: f64, share_y: f64| {
+        let along = |a: usize, share: f64| {
+            let tiles = f64::from(block[a] * BLOCK_TILES) + share * f64::from(BLOCK_TILES - 1);
+            m.origin_px[a] as f64 + f64::from(m.tile_px) / 2.0 + tiles * stride_px
+        };
+        let point = LevelPx::new(along(0, share_x), along(1, share_y));
+        level.lonlat_from_level_px(point).ok()
+    };
+    let Some(middle) = at(0.5, 0.5) else {
+        return false;
+    };
+    let mut half_m = 0.0f64;
+    for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+        let Some(corner) = at(x, y) else {
+            return false;
+        };
+        half_m = half_m.max(distance_m(middle, corner));
+    }
+    // Half as much again, because the sides are not quite straight.
+    distance_m(middle, centre) > reach_m + 1.5 * half_m
 }
 
 /// Lets the matches of the strongest `keypoints` of each candidate vote for a translation. The candidates are left in the order of

@@ -8,7 +8,7 @@ use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
 use crate::index::Index;
-use crate::options::BuildOptions;
+use crate::options::{BuildOptions, Levels};
 use crate::search::ivf_pq::IvfPqCodec;
 use grimnet_limits::{BuildLimits, PackLimits};
 
@@ -39,11 +39,16 @@ const MOST_ENLARGED: f64 = 16.0;
 /// A map reduced by more than this to less than a tile is a slip of units as well, unless it is of satellites.
 const MOST_REDUCED: f64 = 16.0;
 
-/// Checks that no level is far finer than the map. Warns of one that is far coarser.
+/// Checks that no level is far finer than the map. Warns of one that is far coarser if its resolution was given: those of
+/// [`Levels::Auto`] end with a tile that shows the whole map.
 ///
 /// # Errors
 /// Returns [`PackError::Options`] if one is, [`PackError::Map`] if the map has no position on Earth.
-pub fn check_enlargement(plans: &[LevelPlan], raster: &dyn Raster) -> Result<()> {
+pub fn check_enlargement(
+    plans: &[LevelPlan],
+    raster: &dyn Raster,
+    options: &BuildOptions,
+) -> Result<()> {
     let georeference = raster.georeference();
     let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
     let map_gsd_m = x_m.min(y_m);
@@ -57,7 +62,11 @@ pub fn check_enlargement(plans: &[LevelPlan], raster: &dyn Raster) -> Result<()>
             )));
         }
         let [width, height] = plan.size_px();
-        if 1.0 / times > MOST_REDUCED && width.max(height) < u64::from(plan.layout.network_px) {
+        let is_given = matches!(options.levels, Levels::Gsd(_));
+        if is_given
+            && 1.0 / times > MOST_REDUCED
+            && width.max(height) < u64::from(plan.layout.network_px)
+        {
             tracing::warn!(
                 "at {} m per pixel the whole map is {width} x {height} px, less than one tile, in which hardly any photo is found: its own \
                  pixels measure {map_gsd_m:.3} m; ground resolutions are in metres per pixel",

@@ -164,6 +164,14 @@ fn png_webp_and_tiff_carry_the_same_blocks() {
     let text = [b"XML:com.adobe.xmp\0\0\0\0\0", xmp.as_bytes()].concat();
     let blocks = [chunk(b"eXIf", &exif), chunk(b"iTXt", &text)].concat();
     expect(&[&png[..33], &blocks, &png[33..]].concat(), "png");
+    for (kind, body) in [
+        (b"zTXt", &b"Raw profile type xmp\0\0..."[..]),
+        (b"iTXt", &b"XML:com.adobe.xmp\0\x01\0\0\0..."[..]),
+    ] {
+        let unread = [&png[..33], &chunk(kind, body), &png[33..]].concat();
+        let notes = Metadata::from_bytes(&unread).notes;
+        assert!(notes.len() == 1 && notes[0].reason.contains("not read"));
+    }
 
     let chunk = |kind: &[u8], body: &[u8]| {
         let length = u32::try_from(body.len()).unwrap().to_le_bytes();

@@ -1,4 +1,5 @@
 import os
+import pathlib
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, Final, Literal, Protocol, final
 
@@ -157,7 +158,7 @@ class Localizer:
         near: tuple[float, float, float] | None = None,
     ) -> Fix | NoFix: ...
     @property
-    def pack(self) -> os.PathLike[str]: ...
+    def pack(self) -> pathlib.Path: ...
     @property
     def levels_gsd_m(self) -> list[float]: ...
 
@@ -281,7 +282,7 @@ class BuildProgress:
 @final
 class BuildReport:
     @property
-    def path(self) -> os.PathLike[str]: ...
+    def path(self) -> pathlib.Path: ...
     @property
     def len_bytes(self) -> int: ...
     @property

@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::Result;
+use grimnet_answer::printable;
 use grimnet_train::{
     Checkpoint, Curves, Data, Device, MODEL, Progress, RunFolder, Stage, TrainConfig, Trainer,
     checkpoint_path, export, last_checkpoint,
@@ -57,7 +58,7 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
             out,
             "stopped at step {}; resume with: grim train {} --resume",
             trainer.state().position.step,
-            path.display()
+            printable(&path.display().to_string())
         )?;
         return Ok(Exit::Interrupted);
     }
@@ -123,7 +124,8 @@ fn finish(
 ) -> Result<Exit> {
     if config.stage != Stage::Joint {
         let mut out = StandardOutput;
-        writeln!(out, "{}", checkpoint_path(config).display())?;
+        let path = checkpoint_path(config).display().to_string();
+        writeln!(out, "{}", printable(&path))?;
         return Ok(Exit::Done);
     }
     let bar = share_bar()?;
@@ -139,7 +141,7 @@ fn finish(
 
 fn report(model: &grimnet_net::Model, path: &Path) -> Result<()> {
     let mut out = StandardOutput;
-    writeln!(out, "{}", path.display())?;
+    writeln!(out, "{}", printable(&path.display().to_string()))?;
     writeln!(out, "  hash {}", model.hash())?;
     writeln!(out, "  {}", model.card().notes)?;
     Ok(())

@@ -132,6 +132,7 @@ impl Sample {
             gps_lat_lon_deg: Some((camera.lat_deg, camera.lon_deg)),
             heading_deg: Some(self.euler_deg[2]),
             height_agl_m: Some(self.xyz_m[2]),
+            tilt_deg: Some(self.euler_deg[1].abs()),
             ..TruthFrame::default()
         })
     }

@@ -81,7 +81,13 @@ pub struct Arguments {
     pub model: ModelChoice,
 
     /// Ground width that every photo shows, metres, given to the localiser instead of truth file and metadata
-    #[arg(long, value_name = "M", value_parser = values::length_m, allow_hyphen_values = true)]
+    #[arg(
+        long,
+        value_name = "M",
+        value_parser = values::length_m,
+        allow_hyphen_values = true,
+        requires = "folder"
+    )]
     pub footprint_width: Option<f64>,
 
     #[command(flatten)]
@@ -256,5 +262,6 @@ mod tests {
         refused(&["--distractors", "aerial"], "--gsd");
         refused(&["--distractors", "aerial", "--gsd", "0.3"], "FOLDER");
         refused(&["data", "--scene-map", "museum"], "museum=museum.tif");
+        refused(&["--footprint-width", "157"], "FOLDER");
     }
 }

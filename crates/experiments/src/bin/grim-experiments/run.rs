@@ -97,6 +97,24 @@ fn files(experiments: &[Requested], sweeps: &[Sweep], arguments: &Arguments) -> 
     files
 }
 
+/// Checks that the ground width of each scene's photos is known: every experiment has rows that are named after it, and without one they
+/// would be those of the map's own pixels.
+///
+/// # Errors
+/// A scene without, or a photo that cannot be read.
+fn check_ground_widths(scenes: &[Scene]) -> Result<()> {
+    for scene in scenes {
+        if scene.ground_width_m()?.is_none() {
+            bail!(
+                "{}: no photo's ground width is known, which rows with scale are given; state it with --footprint-width, or in the column \
+                 `footprint_w_m` of a truth.csv",
+                scene.name
+            );
+        }
+    }
+    Ok(())
+}
+
 impl Session<'_> {
     fn experiments(&self, requested: &[Requested]) -> Result<Vec<ExperimentTable>> {
         if requested.is_empty() {
@@ -104,6 +122,7 @@ impl Session<'_> {
         }
         let mut training = Training::open(&self.arguments.training, requested, self.work)?;
         let scenes = self.scenes()?;
+        check_ground_widths(&scenes)?;
         let conditions = self.conditions(&scenes);
         let mut bench = Bench::new(self.model, self.work)?;
         let mut made = Vec::new();

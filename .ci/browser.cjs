@@ -235,9 +235,9 @@ async function main() {
   });
 
   await check("answers are saved as GeoJSON, GPX, KML and CSV", async () => {
-    const name = 'a "b" ä.jpg';
-    await page.setInputFiles("#files", { name, mimeType: "image/jpeg", buffer: fs.readFileSync(files[0]) });
-    await status(page, `${name}: `);
+    const photo = 'a "b" ä.jpg';
+    await page.setInputFiles("#files", { name: photo, mimeType: "image/jpeg", buffer: fs.readFileSync(files[0]) });
+    await status(page, `${photo}: `);
     for (const [name, words] of [["fixes.geojson", "FeatureCollection"], ["fixes.gpx", "<wpt "], ["fixes.kml", "<Placemark>"], ["fixes.csv", '"a ""b"" ä.jpg",']]) {
       const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#export [data-name='${name}']`)]);
       const text = fs.readFileSync(await download.path(), "utf8");
@@ -281,8 +281,9 @@ async function main() {
     await page.waitForFunction(() => document.getElementById("track-status").textContent.includes("no frame yet"), null, { timeout });
     await page.waitForFunction(() => window.grimnet.map.queryRenderedFeatures({ layers: ["track-point"] }).length === 0, null, { timeout });
     // It stays the chosen one when the tracks are listed again.
+    await page.evaluate(() => { document.getElementById("track-choice").options[0].textContent = "listed before"; });
     await page.click("#read-tracks");
-    await page.waitForFunction(() => document.getElementById("track-status").textContent === "", null, { timeout });
+    await page.waitForFunction(() => document.getElementById("track-choice").options[0].textContent !== "listed before", null, { timeout });
     assert.equal(await page.inputValue("#track-choice"), String(empty.id));
     await page.selectOption("#track-choice", String(track.id));
     await page.click("#follow");

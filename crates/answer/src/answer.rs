@@ -114,8 +114,8 @@ impl Answer {
                 inliers: Some(fix.inliers),
                 matches: Some(fix.matches),
                 runner_up_inliers: fix.runner_up.map(|r| r.inliers),
-                outline_lon_lat_deg: (fix.outline_lonlat_deg.len() >= MIN_CORNERS).then(|| {
-                    let corners = fix.outline_lonlat_deg.iter();
+                outline_lon_lat_deg: (fix.outline_lon_lat_deg.len() >= MIN_CORNERS).then(|| {
+                    let corners = fix.outline_lon_lat_deg.iter();
                     corners
                         .map(|corner| corner.map(|v| rounded(v, 8)))
                         .collect()
@@ -171,7 +171,7 @@ mod tests {
 
     use super::*;
 
-    fn answer_with(outline_lonlat_deg: Vec<[f64; 2]>) -> Answer {
+    fn answer_with(outline_lon_lat_deg: Vec<[f64; 2]>) -> Answer {
         let fix = Fix {
             lat_deg: 24.0,
             lon_deg: 120.0,
@@ -202,7 +202,7 @@ mod tests {
                 votes: 20,
             },
             runner_up: None,
-            outline_lonlat_deg,
+            outline_lon_lat_deg,
             evidence: EvidenceUsed::default(),
             time_ms: TimeMs::default(),
             drawn: None,

@@ -30,7 +30,7 @@ pub fn locate_one(
 /// out. Without any other it stays as it is: the answer of each photo says what is wrong with it.
 ///
 /// # Errors
-/// A photo cannot be resampled.
+/// A photo cannot be resampled, or none of those that can be read can be used.
 pub fn adapt_to_flight(
     localizer: Localizer,
     paths: &[PathBuf],

@@ -163,13 +163,20 @@ fn frames(page: &mut String, frames: &Value, fixes: &Value) {
 
 fn hidden(page: &mut String, rows: &[Value]) {
     page.push_str(
-        "\n| hidden in a row | predictions | joined by motion | distance | last fix held | motion only | filter | filter, joined | 90 %, joined | \
-         stated radius | within the 95 % ellipse |\n|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
+        "\n| hidden in a row | predictions | joined by motion | with a position | distance | last fix held | motion only | filter | filter, joined | 90 %, joined | \
+         stated radius | within the 95 % ellipse |\n|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
     for row in rows {
+        let positions = row["answered"]
+            .as_f64()
+            .zip(row["predictions"].as_f64())
+            .map_or_else(
+                || "-".to_owned(),
+                |(share, of)| format!("{:.0}", share * of),
+            );
         let _ = writeln!(
             page,
-            "| {} | {} | {} | {} | {} | {} | {} | {} | {} | {} | {} |",
+            "| {} | {} | {} | {positions} | {} | {} | {} | {} | {} | {} | {} | {} |",
             row["hidden"],
             row["predictions"],
             row["joined"],
@@ -218,14 +225,14 @@ mod tests {
         let text = r#"{"title":"T","data":"d","command":"c","remarks":["r"]}"#;
         fs_err::write(claim.join("claim.json"), text).unwrap();
         let summary = r#"{"flights":1,"hours":0.5,"filter":{"median_m":1.94,"answered":0.5,"confidently_wrong":0,"instants":9},
-            "hidden":[{"hidden":2,"predictions":7,"joined":6}]}"#;
+            "hidden":[{"hidden":2,"predictions":7,"joined":6,"answered":0.714}]}"#;
         fs_err::write(claim.join("track_summary.json"), summary).unwrap();
         let page = sections(folder.path()).unwrap();
         assert!(
             page.contains("| **filter** | 50.0 % | 1.9 m | - |"),
             "{page}"
         );
-        assert!(page.contains("| 2 | 7 | 6 | - |"), "{page}");
+        assert!(page.contains("| 2 | 7 | 6 | 5 | - |"), "{page}");
         fs_err::remove_file(claim.join("track_summary.json")).unwrap();
         let error = sections(folder.path()).unwrap_err().to_string();
         assert!(error.contains("track_summary.json"), "{error}");

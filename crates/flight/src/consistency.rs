@@ -79,7 +79,7 @@ impl ConsistencyChecks {
     ) -> bool {
         let before = self.left_out_now();
         let measured_tilt = telemetry.focal_length_px.and_then(|focal_px| {
-            MeasuredTilt::of(&fix.outline_lonlat_deg, telemetry.size_px, focal_px)
+            MeasuredTilt::of(&fix.outline_lon_lat_deg, telemetry.size_px, focal_px)
         });
         let measured_height_m = telemetry
             .focal_length_px

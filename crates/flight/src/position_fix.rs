@@ -74,7 +74,7 @@ mod tests {
                 votes: 20,
             },
             runner_up: None,
-            outline_lonlat_deg: Vec::new(),
+            outline_lon_lat_deg: Vec::new(),
             evidence: EvidenceUsed::default(),
             time_ms: TimeMs::default(),
             drawn: None,

@@ -66,7 +66,7 @@ pub struct Fix {
     pub runner_up: Option<RunnerUp>,
     /// Corners of the photo (top left, top right, bottom right, bottom left) as GeoJSON positions: longitude, latitude, degrees.
     /// Corners beyond the horizon are left out.
-    pub outline_lonlat_deg: Vec<[f64; 2]>,
+    pub outline_lon_lat_deg: Vec<[f64; 2]>,
     /// Which metadata and assumptions were used.
     pub evidence: EvidenceUsed,
     /// Wall time by stage.

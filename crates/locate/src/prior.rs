@@ -2,7 +2,7 @@
 
 use std::str::FromStr;
 
-use grimnet_geo::LonLat;
+use grimnet_geo::{LonLat, distance_m};
 use grimnet_photo::{HeadingPrior, ViewPrior};
 use serde::{Deserialize, Serialize};
 
@@ -13,6 +13,14 @@ pub struct Near {
     pub centre: LonLat,
     /// Radius of the area, metres.
     pub radius_m: f64,
+}
+
+impl Near {
+    /// Whether a place is in the area.
+    #[must_use]
+    pub fn contains(&self, place: LonLat) -> bool {
+        distance_m(self.centre, place) <= self.radius_m
+    }
 }
 
 /// `LAT,LON,RADIUS_M`, such as `24.26,120.72,500`.

@@ -245,7 +245,7 @@ pub fn write_bytes_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 
 /// Puts a file that is completely written in the place of `path`, in the same folder: syncs it to disk and renames it.
 /// For writers that keep a temporary file of their own, such as a build that can be resumed; others use [`AtomicFile`]. A replaced
-/// file keeps its access rights.
+/// file keeps its access rights and, where the system allows, its owner.
 ///
 /// # Errors
 /// [`OutputError`] if the path is that of a folder, device or pipe, or the system refuses a step; what was at the path

@@ -72,8 +72,8 @@ impl OutputPolicy {
     /// program's own.
     ///
     /// # Errors
-    /// [`OutputError`] if the path is a folder, an input or a file of somebody else, or if its folder is missing or
-    /// cannot be written.
+    /// [`OutputError`] if the path is a folder, an input, a file of somebody else or one that is mounted by itself, or if its folder
+    /// is missing or cannot be written.
     pub fn check_file(&self, path: impl AsRef<Path>, magics: &[&[u8]]) -> Result<()> {
         let path = path.as_ref();
         self.checked(path, magics)?;

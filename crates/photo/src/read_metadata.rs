@@ -37,13 +37,15 @@ impl Metadata {
             orientation: 1,
             ..Self::default()
         };
+        let has_exif = embedded.exif.is_some();
         let in_exif = match embedded.exif {
             Some(exif) => exif_fields::read_into(exif, &mut metadata),
             None => Vec::new(),
         };
         if embedded.has_unread_texts && embedded.xmp.is_empty() {
             let reason = "in texts of the PNG file that are not read; save the photo as JPEG, with its metadata";
-            metadata.note("EXIF, XMP", "compressed or raw profile", reason);
+            let field = if has_exif { "XMP" } else { "EXIF, XMP" };
+            metadata.note(field, "compressed or raw profile", reason);
         }
         xmp_fields::read_into(&embedded.xmp, &in_exif, &mut metadata);
         metadata

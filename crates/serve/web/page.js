@@ -144,7 +144,9 @@ async function locateFile(file, replaced = null) {
   try {
     // A photo may come before the maps: they wait for the token.
     if (maps.length === 0) await readMaps();
-    const busy = ({ message, retryAfterS }) => say(`${file.name}: ${message} (the next try is in ${retryAfterS} s)`);
+    const busy = ({ message, retryAfterS }) => {
+      if (!isOutdated()) say(`${file.name}: ${message} (the next try is in ${retryAfterS} s)`);
+    };
     const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token(), busy);
     if (isOutdated()) return;
     enter({ answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) }, replaced);

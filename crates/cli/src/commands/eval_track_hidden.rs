@@ -62,15 +62,16 @@ pub fn hide(
     )?;
     writeln!(
         out,
-        "hidden  predictions  joined  distance  fixes only  motion only    filter  joined  stated radius"
+        "hidden  predictions  joined  with position  distance  fixes only  motion only    filter  joined  stated radius"
     )?;
     for f in &figures {
         writeln!(
             out,
-            "{:>6}{:>13}{:>8}{:>10}{:>12}{:>13}{:>10}{:>8}{:>15}",
+            "{:>6}{:>13}{:>8}{:>15}{:>10}{:>12}{:>13}{:>10}{:>8}{:>15}",
             f.hidden,
             f.predictions,
             f.joined,
+            (f.answered * f.predictions as f64).round(),
             metres(f.distance_median_m),
             metres(f.fixes_only_median_m),
             metres(f.motion_only_median_m),

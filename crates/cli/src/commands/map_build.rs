@@ -235,7 +235,7 @@ fn build_into_stream(
         && let Some(PackError::Io { hint, .. }) = error.downcast_mut()
     {
         // The work so far goes with the folder: the advice to go on with it is not for this.
-        *hint = "; a pack for a device or pipe is built in the temporary folder (TMPDIR) and is not continued";
+        *hint = "; a pack for a device or pipe is built in the temporary folder (TMPDIR), which needs space for it, and is not continued";
     }
     let report = built?;
     let mut stream = AtomicFile::create(out)?;

@@ -158,7 +158,7 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
             row(&format!("R@{k} with map votes"), &|r| r.covers.by_search[i])?;
         }
     }
-    // The same in paper mode, which has no vote.
+    // The same in paper mode, which has no vote, and where the vote changes no rank.
     if runs
         .iter()
         .any(|run| run.covers.by_vote != run.covers.by_search)

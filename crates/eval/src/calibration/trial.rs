@@ -17,7 +17,8 @@ use crate::scene::{HeadingMode, Scene, Shot};
 /// One in so many photos is also localised without its heading, which takes a dozen times as long.
 const UNKNOWN_HEADING_EVERY: usize = 6;
 
-/// Options of observations: the gates of a calibrated model without its confidence, and an exact map.
+/// Options of observations: the gates of a calibrated model without its confidence (of two places that look alike neither is an answer
+/// even so), and an exact map.
 fn observing() -> Options {
     Options {
         gates: Some(Gates {

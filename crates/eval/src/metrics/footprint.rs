@@ -60,7 +60,7 @@ pub struct FootprintSummary {
     pub right: usize,
     /// `right` as a share of `answerable`.
     pub right_share: f64,
-    /// 95 % interval of `right_share`: whole places are resampled (bootstrap), or, if all places agree, Wilson's on their number.
+    /// 95 % interval of `right_share`: what resampling whole places (bootstrap) and Wilson's on their number span together.
     pub right_share_interval: [f64; 2],
     /// Places: by name, or photos without one by the ground that they show. A photo belongs to the first place whose first photo
     /// is nearer than the narrower of their two ground widths.

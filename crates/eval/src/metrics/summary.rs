@@ -19,8 +19,8 @@ pub const CONFIDENTLY_WRONG_SIGMA: f64 = 3.0;
 
 /// Figures over all photos of a run. In every share of all frames, a photo without a fix counts as a miss.
 ///
-/// Intervals are of 95 % and by place, for photos of one place are not independent: whole places are resampled (bootstrap), or, if all
-/// places have the same share, it is Wilson's on their number.
+/// Intervals are of 95 % and by place, for photos of one place are not independent: whole places are resampled (bootstrap); that of a
+/// share spans Wilson's on their number, too.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Summary {
     /// Photos scored.

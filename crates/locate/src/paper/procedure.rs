@@ -273,7 +273,7 @@ fn outcome(
         matches: support.matches,
         tile: tile_ref(level_index, level, &candidate),
         runner_up: None,
-        outline_lonlat_deg: position.map_or(Vec::new(), |position| position.outline_lonlat_deg),
+        outline_lon_lat_deg: position.map_or(Vec::new(), |position| position.outline_lon_lat_deg),
         evidence,
         time_ms: TimeMs::default(),
         drawn: options

@@ -1,6 +1,5 @@
 //! From the best answer of a search to a fix, or to the reason why there is none.
 
-use grimnet_geo::distance_m;
 use grimnet_net::{Calibration, Purpose};
 use grimnet_pack::Level;
 use grimnet_photo::{Photo, View};
@@ -88,7 +87,7 @@ fn accept(
     };
     if prior
         .near
-        .is_some_and(|near| distance_m(near.centre, position.centre) > near.radius_m)
+        .is_some_and(|near| !near.contains(position.centre))
     {
         return Ok(Err(Rejection::OutsideArea));
     }
@@ -170,7 +169,7 @@ impl AcceptedAnswer {
                 &best.verified.candidate,
             ),
             runner_up,
-            outline_lonlat_deg: position.outline_lonlat_deg,
+            outline_lon_lat_deg: position.outline_lon_lat_deg,
             evidence,
             time_ms: TimeMs::default(),
             drawn,

@@ -8,13 +8,13 @@ use rayon::prelude::*;
 use crate::{
     context::Context,
     error::Result,
-    options::Options,
     outcome::TimeMs,
     pipeline::{
         ranking::{RankedAnswer, Rival, SAME_POSITION_PX},
         realign::realign,
         round_result::RoundResult,
     },
+    prior::Prior,
 };
 
 /// The best answers at different positions, best first: one that is clear among those of all rounds alone, else up to
@@ -31,11 +31,7 @@ pub(crate) fn finalists<'a>(
     // The sort is stable: of equal answers the one of the earlier round comes first.
     answers.sort_by(RankedAnswer::best_first);
     let is_clear = answers.split_first_mut().is_some_and(|(best, others)| {
-        let elsewhere = others
-            .iter()
-            .filter(|other| !is_same_place(context, best, other));
-        let rivals: Vec<Rival<'a>> = elsewhere.map(RankedAnswer::as_rival).collect();
-        *best = best.against(&rivals, options);
+        *best = best.against(&rivals_of(context, best, others), options);
         best.is_clear(options)
     });
     let most = if is_clear { 1 } else { options.finalists };
@@ -59,11 +55,12 @@ pub(crate) fn realign_all(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
+    prior: &Prior,
     finalists: &[RankedAnswer<'_>],
 ) -> Result<Vec<Option<RoundResult>>> {
     finalists
         .par_iter()
-        .map(|answer| realign(context, photo, view, answer))
+        .map(|answer| realign(context, photo, view, prior, answer))
         .collect()
 }
 
@@ -78,10 +75,11 @@ pub(crate) fn time_ms(realigned: &[Option<RoundResult>]) -> TimeMs {
 
 /// The best of the finalists after the second matching, with the best of the others as its runner-up; `None` if there are none.
 pub(crate) fn best_finalist<'a>(
+    context: Context<'_>,
     finalists: Vec<RankedAnswer<'a>>,
     realigned: &'a [Option<RoundResult>],
-    options: &Options,
 ) -> Option<RankedAnswer<'a>> {
+    let options = context.options;
     let mut answers: Vec<RankedAnswer<'a>> = finalists
         .into_iter()
         .zip(realigned)
@@ -93,9 +91,20 @@ pub(crate) fn best_finalist<'a>(
         })
         .collect();
     answers.sort_by(RankedAnswer::best_first);
-    let rivals: Vec<Rival<'a>> = answers.iter().skip(1).map(RankedAnswer::as_rival).collect();
-    let best = answers.into_iter().next()?;
-    Some(best.against(&rivals, options))
+    let (best, others) = answers.split_first()?;
+    Some(best.against(&rivals_of(context, best, others), options))
+}
+
+/// The answers at other places than `best`: matched again, several may have come to one.
+fn rivals_of<'a>(
+    context: Context<'_>,
+    best: &RankedAnswer<'a>,
+    others: &[RankedAnswer<'a>],
+) -> Vec<Rival<'a>> {
+    let elsewhere = others
+        .iter()
+        .filter(|other| !is_same_place(context, best, other));
+    elsewhere.map(RankedAnswer::as_rival).collect()
 }
 
 /// Whether two answers, perhaps of different levels, have the photo's centre at the same place of the map.

@@ -5,6 +5,7 @@
 use nalgebra::{Matrix2, Point2};
 
 use crate::{
+    confidence::ALIKE_INLIERS,
     geometry::{
         distribution::{occupied_cells, spread},
         homography::Homography,
@@ -14,9 +15,6 @@ use crate::{
     outcome::Rejection,
 };
 
-/// A runner-up with so many inliers is no chance but another place that looks alike: as [`crate::Options::clear_inliers`]. Of the photos
-/// of `seasons` and `fongyuan`, localised with nothing known, the right answers had runner-ups of 42 and fewer.
-pub(crate) const ALIKE_INLIERS: usize = 45;
 /// Ratio of the inliers to those of a place that looks alike below which neither is an answer.
 const ALIKE_MARGIN: f64 = 1.25;
 

@@ -30,7 +30,7 @@ pub(crate) struct GroundPosition {
     pub radius95_m: f64,
     /// Share of the photo that lies on the map, 0 to 1.
     pub on_map: f64,
-    pub outline_lonlat_deg: Vec<[f64; 2]>,
+    pub outline_lon_lat_deg: Vec<[f64; 2]>,
 }
 
 /// Level pixels from pixels of `Photo::image` relative to its centre, both continuous.
@@ -128,7 +128,7 @@ pub(crate) fn ground_position(
     let map_m2 = Matrix2::identity() * options.map_error_m.powi(2);
     let covariance = of_inliers * error.inlier_factor + shared + map_m2;
 
-    let outline_lonlat_deg = centred_corners_px(photo)
+    let outline_lon_lat_deg = centred_corners_px(photo)
         .into_iter()
         .filter_map(|corner| level_from_photo.map(corner))
         .filter_map(|corner| {
@@ -145,7 +145,7 @@ pub(crate) fn ground_position(
         inlier_covariance_en_m2: upper(&of_inliers),
         covariance_en_m2: upper(&covariance),
         radius95_m: radius95(&covariance),
-        outline_lonlat_deg,
+        outline_lon_lat_deg,
     }))
 }
 

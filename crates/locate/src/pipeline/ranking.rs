@@ -39,6 +39,22 @@ impl<'a> RankedAnswer<'a> {
         Some(Self::new(round, verified, runner_up, options))
     }
 
+    /// The best answer outside of the given area, if its inliers are too many for chance.
+    pub fn outside_area(rounds: &'a [RoundResult], options: &Options) -> Option<Self> {
+        let of_round = |round: &'a RoundResult| {
+            let outside = round
+                .verified
+                .iter()
+                .filter(|other| !is_in_area(other) && other.inliers.len() >= options.clear_inliers);
+            Some((round, best_of(outside, options)?))
+        };
+        rounds
+            .iter()
+            .filter_map(of_round)
+            .max_by(|(_, a), (_, b)| a.weighted_inliers().total_cmp(&b.weighted_inliers()))
+            .map(|(round, verified)| Self::new(round, verified, None, options))
+    }
+
     /// The best answers of a round at different positions, best first, at most `most`.
     pub fn distinct(round: &'a RoundResult, most: usize, options: &Options) -> Vec<Self> {
         let mut left: Vec<&VerifiedCandidate> = round.verified.iter().collect();
@@ -112,7 +128,7 @@ impl<'a> RankedAnswer<'a> {
         let is_better = |realigned: &Self| {
             realigned.verified.rejection.is_none()
                 && same_position(realigned.verified, self.verified)
-                && (self.rejection.is_some()
+                && (self.verified.rejection.is_some()
                     || realigned.verified.weighted_inliers() >= self.verified.weighted_inliers())
         };
         let Some(realigned) = realigned.filter(is_better) else {
@@ -129,9 +145,10 @@ impl<'a> RankedAnswer<'a> {
         }
     }
 
-    /// The order of answers of several rounds, best first: those that pass the gates, then by what their inliers count.
+    /// The order of answers of several rounds, best first: those that pass the gates, then by what their inliers count. The margin does not
+    /// count: an answer that has a rival of its own is not worse than one by chance that has none.
     pub fn best_first(a: &Self, b: &Self) -> Ordering {
-        let passes = |answer: &Self| answer.rejection.is_none();
+        let passes = |answer: &Self| answer.verified.rejection.is_none();
         let inliers = |answer: &Self| answer.verified.weighted_inliers();
         passes(b)
             .cmp(&passes(a))
@@ -328,6 +345,38 @@ mod tests {
             inliers(&best.against(&[rival.as_rival()], &options)),
             (50, 9)
         );
+    }
+
+    #[test]
+    fn places_that_look_alike_come_before_chance_answers_of_other_rounds() {
+        let alike = round(0, vec![verified(0.0, 243), verified(900.0, 232)]);
+        let chance = round(1, vec![verified(400.0, 20)]);
+        let options = Options {
+            gates: Some(crate::Gates::default().with_calibration()),
+            ..Options::default()
+        };
+        let [alike, chance] =
+            [&alike, &chance].map(|round| RankedAnswer::of(round, &options).unwrap());
+        assert!(matches!(alike.rejection, Some(Rejection::Ambiguous { .. })));
+        assert_eq!(RankedAnswer::best_first(&alike, &chance), Ordering::Less);
+    }
+
+    #[test]
+    fn the_best_place_outside_the_area_is_named_if_it_is_no_chance() {
+        let outside = |inliers| VerifiedCandidate {
+            rejection: Some(Rejection::OutsideArea),
+            ..verified(500.0, inliers)
+        };
+        let options = Options::default();
+        let rounds = [
+            round(0, vec![verified(0.0, 9), outside(60)]),
+            round(1, vec![outside(80)]),
+        ];
+        let found = RankedAnswer::outside_area(&rounds, &options).unwrap();
+        assert_eq!((found.round.level, inliers(&found)), (1, (80, 0)));
+        assert_eq!(found.rejection, Some(Rejection::OutsideArea));
+        let chance = [round(0, vec![verified(0.0, 60), outside(12)])];
+        assert!(RankedAnswer::outside_area(&chance, &options).is_none());
     }
 
     #[test]

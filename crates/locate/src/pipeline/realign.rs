@@ -18,6 +18,7 @@ use crate::{
         round_result::RoundResult,
         verification::{VerifiedCandidate, verify},
     },
+    prior::Prior,
     search::{candidates::Candidate, hypotheses::Hypothesis},
     trace::RoundTrace,
 };
@@ -32,6 +33,7 @@ pub(crate) fn realign(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
+    prior: &Prior,
     best: &RankedAnswer<'_>,
 ) -> Result<Option<RoundResult>> {
     let Some(hypothesis) = realigned_hypothesis(context, best) else {
@@ -60,7 +62,8 @@ pub(crate) fn realign(
                 tile,
                 ..best.verified.candidate
             };
-            verify(context, level, &[hypothesis], &queries, candidate)
+            let verified = verify(context, level, &[hypothesis], &queries, candidate)?;
+            Ok(verified.within(prior.near.as_ref(), level))
         })
         .collect::<Result<_>>()?;
     time_ms.matching = elapsed_ms(since);

@@ -226,7 +226,7 @@ impl OpenRound {
                 .par_iter()
                 .map(|candidate| {
                     let verified = verify(context, level, hypotheses, queries, *candidate)?;
-                    verified.within(near, level)
+                    Ok(verified.within(near, level))
                 })
                 .collect::<Result<_>>()?;
             verified.extend(more);

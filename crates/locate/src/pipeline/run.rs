@@ -12,6 +12,7 @@ use crate::{
     pipeline::{
         answer::{no_fix, outcome},
         finalists::{self, best_finalist, finalists, realign_all},
+        ranking::RankedAnswer,
         round_result::RoundResult,
         rounds::{BATCH, OpenRound},
         verification::VerifiedCandidate,
@@ -82,7 +83,6 @@ pub(crate) fn locate(
     prior: &Prior,
     budget: TimeBudget,
 ) -> Result<Located> {
-    let options = context.options;
     if is_blank(&photo.image) {
         return Ok(Located::blank(view));
     }
@@ -96,9 +96,9 @@ pub(crate) fn locate(
     }
     let evidence = EvidenceUsed::of(view);
     let finalists = finalists(context, &results);
-    let realigned = realign_all(context, photo, view, &finalists)?;
+    let realigned = realign_all(context, photo, view, prior, &finalists)?;
     time_ms += finalists::time_ms(&realigned);
-    let Some(best) = best_finalist(finalists, &realigned, options) else {
+    let Some(best) = best_finalist(context, finalists, &realigned) else {
         let first = results.iter().find_map(|result| result.queries.first());
         return Ok(Located {
             outcome: no_fix(reason_without_candidates(&results), None, evidence),
@@ -107,7 +107,13 @@ pub(crate) fn locate(
             time_ms,
         });
     };
-    let outcome = outcome(context, photo, view, prior, &best, evidence)?;
+    let inside = outcome(context, photo, view, prior, &best, evidence.clone())?;
+    let outcome = match RankedAnswer::outside_area(&results, context.options) {
+        Some(outside) if inside.fix().is_none() => {
+            outcome(context, photo, view, prior, &outside, evidence)?
+        }
+        _ => inside,
+    };
     let query = &best.round.queries[best.verified.candidate.query];
     let verified = outcome.fix().map(|_| best.verified);
     Ok(Located {

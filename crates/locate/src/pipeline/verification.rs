@@ -1,6 +1,6 @@
 //! Full matching of one candidate: matches, transform, gates, and the covariance of the mapped centre.
 
-use grimnet_geo::{LevelPx, distance_m};
+use grimnet_geo::LevelPx;
 use grimnet_pack::Level;
 use grimnet_photo::QueryPx;
 use nalgebra::{Matrix2, Point2};
@@ -64,16 +64,18 @@ impl VerifiedCandidate {
     }
 
     /// The candidate, rejected if the photo's centre is outside of the area: tiles that show a part of it reach beyond.
-    pub fn within(self, near: Option<&Near>, level: &Level) -> Result<Self> {
+    pub fn within(self, near: Option<&Near>, level: &Level) -> Self {
         let (Some(near), Some(centre), None) = (near, self.centre_level_px, self.rejection) else {
-            return Ok(self);
+            return self;
         };
-        let centre = level.lonlat_from_level_px(centre)?;
-        let is_outside = distance_m(near.centre, centre) > near.radius_m;
-        Ok(Self {
-            rejection: is_outside.then_some(Rejection::OutsideArea),
+        // A point without coordinates is in no area.
+        let is_inside = level
+            .lonlat_from_level_px(centre)
+            .is_ok_and(|centre| near.contains(centre));
+        Self {
+            rejection: (!is_inside).then_some(Rejection::OutsideArea),
             ..self
-        })
+        }
     }
 }
 

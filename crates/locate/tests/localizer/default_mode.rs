@@ -51,9 +51,9 @@ fn known_heading_gives_place_heading_scale_and_a_fair_radius() {
             "{}",
             fix.gsd_m
         );
-        assert_eq!(fix.outline_lonlat_deg.len(), 4);
-        let across =
-            [0, 1].map(|i| LonLat::new(fix.outline_lonlat_deg[i][0], fix.outline_lonlat_deg[i][1]));
+        assert_eq!(fix.outline_lon_lat_deg.len(), 4);
+        let across = [0, 1]
+            .map(|i| LonLat::new(fix.outline_lon_lat_deg[i][0], fix.outline_lon_lat_deg[i][1]));
         let width_m = f64::from(PHOTO_PX.0) * PHOTO_GSD_M;
         assert!((distance_m(across[0], across[1]) / width_m - 1.0).abs() < 0.02);
         assert!(fix.matches >= fix.inliers && fix.inliers > 20);
@@ -168,7 +168,10 @@ fn an_area_restricts_the_answer() {
             &prior.near(truth(MapPx::new(place.x + 250.0, place.y)), 40.0),
         )
         .unwrap();
-    assert!(beside.fix().is_none());
+    let Outcome::NoFix(beside) = beside else {
+        panic!("found outside of the area")
+    };
+    assert_eq!(beside.reason, Reason::Rejected(Rejection::OutsideArea));
     let far = localizer
         .locate(&photo, &prior.near(LonLat::new(0.0, 0.0), 1000.0))
         .unwrap();

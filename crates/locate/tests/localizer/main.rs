@@ -12,7 +12,7 @@ use std::{
 use grimnet_geo::{LonLat, MapOptions, MapPx, Raster, distance_m, open_map, turn_deg};
 use grimnet_locate::{
     Adapt, Coordinates, Localizer, LocateError, MapVoteOptions, Options, Outcome, Prior, Reason,
-    TimeMs,
+    Rejection, TimeMs,
     draw::{DrawOptions, draw},
     internals::ransac::Ransac,
 };

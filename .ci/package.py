@@ -2,12 +2,12 @@
 """Packages every crate that is published, compiles each from the packages alone, and checks metadata, contents and size.
 
 Cargo packages crates of one workspace that depend on each other in dependency order, as if the earlier ones were in the
-registry already. Its own verification would build every dependency once more; here they are only checked, as the lints did. Exits with 1 if a package is incomplete or larger than the registry accepts.
+registry already. Its own verification would build every dependency once more; here they are only checked, as the lints did.
+Exits with 1 if a package is incomplete or larger than the registry accepts.
 Usage: .ci/package.py [--no-verify] (in the root of the workspace)
 """
 
 import json
-import os
 import pathlib
 import re
 import shutil
@@ -42,8 +42,6 @@ def main():
         if package["publish"] == []:
             command += ["--exclude", package["name"]]
     target = pathlib.Path(metadata["target_directory"])
-    for package in published:
-        remove_earlier(package)
     subprocess.run(command, check=True)
     if "--no-verify" not in sys.argv[1:]:
         check_from_packages(published, target)
@@ -84,20 +82,6 @@ def check_from_packages(published, target):
     command = ["cargo", "check", "--offline", "--manifest-path", root / "Cargo.toml", "--target-dir", target]
     for name in stems:
         subprocess.run([*command, "-p", name], check=True)
-
-
-def remove_earlier(package):
-    """Removes what an earlier run unpacked of a package.
-
-    Cargo takes a package of the same version for the same package and would check this one against yesterday's others.
-    """
-    home = pathlib.Path(os.environ.get("CARGO_HOME") or pathlib.Path.home() / ".cargo")
-    stem = f"{package['name']}-{package['version']}"
-    # Registries on a disk, as cargo makes one for the packages of a workspace, have no host before the hyphen.
-    for path in home.glob(f"registry/src/-*/{stem}"):
-        shutil.rmtree(path)
-    for path in home.glob(f"registry/cache/-*/{stem}.crate"):
-        path.unlink()
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 //! The interface of a format of answers.
 
-use crate::{Answer, error::Result};
+use crate::{Answer, error::Result, rounding::rounded_heading};
 
 /// The text of one format, in pieces: opening, answers, closing.
 pub trait AnswerFormat {
@@ -46,4 +46,9 @@ pub fn text_of<'a>(
 /// `12.3`, or a dash if there is no value.
 pub fn or_dash(value: Option<f64>, decimals: usize) -> String {
     value.map_or_else(|| "-".to_owned(), |v| format!("{v:.decimals$}"))
+}
+
+/// A heading with one decimal, below 360.0, or a dash if there is none.
+pub fn heading_or_dash(heading_deg: Option<f64>) -> String {
+    or_dash(heading_deg.map(|deg| rounded_heading(deg, 1)), 1)
 }

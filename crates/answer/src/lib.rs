@@ -31,7 +31,7 @@ mod xml;
 pub use answer::{Answer, State};
 pub use csv::Csv;
 pub use error::AnswerError;
-pub use format::{AnswerFormat, or_dash, text_of};
+pub use format::{AnswerFormat, heading_or_dash, or_dash, text_of};
 pub use geojson::Geojson;
 #[cfg(feature = "geopackage")]
 pub use geopackage::geopackage_of;

@@ -4,9 +4,8 @@ use quick_xml::Writer;
 use quick_xml::events::BytesText;
 
 use crate::answer::Answer;
-use crate::format::or_dash;
+use crate::format::{heading_or_dash, or_dash};
 use crate::printable::printable_text;
-use crate::rounding::rounded_heading;
 
 pub(crate) type Xml<'w> = &'w mut Writer<Vec<u8>>;
 
@@ -34,7 +33,7 @@ pub(crate) fn description(answer: &Answer) -> String {
             });
             format!(
                 "heading {} degrees, 95 % radius {} m, {} inliers{check}",
-                or_dash(answer.heading_deg.map(|deg| rounded_heading(deg, 1)), 1),
+                heading_or_dash(answer.heading_deg),
                 or_dash(answer.radius95_m, 1),
                 answer.inliers.unwrap_or(0)
             )

@@ -163,7 +163,8 @@ fn frames(page: &mut String, frames: &Value, fixes: &Value) {
 
 fn hidden(page: &mut String, rows: &[Value]) {
     page.push_str(
-        "\n| hidden in a row | predictions | joined by motion | with a position | distance | last fix held | motion only | filter | filter, joined | 90 %, joined | \
+        "\n| hidden in a row | predictions | joined by motion | with a position | distance | last fix held | motion only | filter | \
+         filter, joined | 90 %, joined | \
          stated radius | within the 95 % ellipse |\n|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|---:|\n",
     );
     for row in rows {

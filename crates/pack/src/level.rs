@@ -174,19 +174,28 @@ impl Level {
     /// If `i` is not below [`Level::tile_count`].
     pub fn tile(&self, i: usize) -> TileInfo {
         let TileEntry { column, row } = self.tables.tiles()[i];
-        let m = &self.manifest;
-        let origin =
-            |a: usize, step: u32| m.origin_px[a] + i64::from(step) * i64::from(m.stride_px);
-        let origin_px = [origin(0, column), origin(1, row)];
-        let half = f64::from(m.tile_px) / 2.0;
-        let centre_px = LevelPx::from(origin_px.map(|v| v as f64 + half));
+        let grid = [column, row];
+        let centre_px = self.centre_px(grid);
         TileInfo {
             index: i,
-            grid: [column, row],
-            origin_px,
+            grid,
+            origin_px: self.origin_px(grid),
             centre_px,
             centre_map_px: self.map_px_from_level_px(centre_px),
         }
+    }
+
+    /// Top left corner of the tile at a column and row of the tile grid.
+    fn origin_px(&self, grid: [u32; 2]) -> [i64; 2] {
+        let m = &self.manifest;
+        let origin = |a: usize| m.origin_px[a] + i64::from(grid[a]) * i64::from(m.stride_px);
+        [origin(0), origin(1)]
+    }
+
+    /// Centre of the tile at a column and row of the tile grid, whether or not it is stored or the grid ends before.
+    pub fn centre_px(&self, grid: [u32; 2]) -> LevelPx {
+        let half = f64::from(self.manifest.tile_px) / 2.0;
+        LevelPx::from(self.origin_px(grid).map(|v| v as f64 + half))
     }
 
     /// Index of the tile at a column and row of the tile grid, if it has a descriptor.

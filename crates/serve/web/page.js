@@ -1,5 +1,5 @@
 // The map page: photos in, answers on the map and in words.
-import { ask, askJson, locate, saveAs, ServiceError } from "/web/service.js";
+import { ask, askJson, listOptions, locate, saveAs, ServiceError } from "/web/service.js";
 import { connectTracks } from "/web/tracks.js";
 
 const byId = (id) => document.getElementById(id);
@@ -179,11 +179,7 @@ function askForToken() {
 
 async function readMaps() {
   ({ maps } = await askJson("/v1/maps", token()));
-  const choice = byId("map-choice");
-  const before = choice.value;
-  choice.replaceChildren(...maps.map(({ id }) => element("option", id)));
-  // They may be read again after one was chosen.
-  if (maps.some(({ id }) => id === before)) choice.value = before;
+  listOptions(byId("map-choice"), maps.map(({ id }) => new Option(id)));
   await showChosenMap();
 }
 

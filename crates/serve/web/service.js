@@ -52,6 +52,13 @@ export function saveAs(blob, name) {
   setTimeout(() => URL.revokeObjectURL(link.href), 10000);
 }
 
+/** Lists options to choose from; the chosen one stays the chosen one where it is listed again. */
+export function listOptions(choice, options) {
+  const before = choice.value;
+  choice.replaceChildren(...options);
+  if (options.some(({ value }) => value === before)) choice.value = before;
+}
+
 /** Throws if the browser cannot read a file: sending it would fail as if there were no service. */
 async function checkReadable(file) {
   try {

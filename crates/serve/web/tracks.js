@@ -1,5 +1,5 @@
 // Tracks: followed as their frames come, and looked through afterwards.
-import { ask, askJson, saveAs, ServiceError } from "/web/service.js";
+import { ask, askJson, listOptions, saveAs, ServiceError } from "/web/service.js";
 import { beside, ellipse, frameText, usable } from "/web/track_shapes.js";
 
 /** Pause before a connection that broke is tried again. */
@@ -107,11 +107,7 @@ export function connectTracks({ token, showMap, showTrack, goTo }) {
   byId("read-tracks").addEventListener("click", async () => {
     try {
       ({ tracks } = await askJson("/v1/tracks", token()));
-      const choice = byId("track-choice");
-      const before = choice.value;
-      choice.replaceChildren(...tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
-      // They may be listed again after one was chosen.
-      if (tracks.some(({ id }) => String(id) === before)) choice.value = before;
+      listOptions(byId("track-choice"), tracks.map((track) => new Option(`${track.id} on ${track.map}, ${track.frames} frames`, track.id)));
       byId("follow").disabled = byId("save-track").disabled = tracks.length === 0;
       say(tracks.length === 0 ? "There are no tracks: a program begins one with POST /v1/tracks." : "");
     } catch (error) {

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use grimnet_answer::{
-    Answer, AnswerError, AnswerFormat, State, or_dash, printable, rounded_heading,
+    Answer, AnswerError, AnswerFormat, State, heading_or_dash, or_dash, printable,
 };
 
 #[derive(Default)]
@@ -36,7 +36,7 @@ impl AnswerFormat for Table {
                     or_dash(answer.lat_deg, 7),
                     or_dash(answer.lon_deg, 7),
                     or_dash(answer.radius95_m, 1),
-                    or_dash(answer.heading_deg.map(|deg| rounded_heading(deg, 1)), 1),
+                    heading_or_dash(answer.heading_deg),
                     answer.inliers.unwrap_or(0),
                     or_dash(answer.time_ms.get("total").copied(), 0),
                 );

@@ -21,7 +21,6 @@ use crate::{
         ranking::{RankedAnswer, Rival, runner_up_inliers},
         verification::VerifiedCandidate,
     },
-    prior::Prior,
     query_features::QueryFeatures,
     search::candidates::Candidate,
 };
@@ -31,7 +30,6 @@ pub(crate) fn outcome(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
-    prior: &Prior,
     best: &RankedAnswer<'_>,
     evidence: EvidenceUsed,
 ) -> Result<Outcome> {
@@ -45,17 +43,13 @@ pub(crate) fn outcome(
         .options
         .keep_matches
         .then(|| Box::new(matched_points(best.verified, level, query, photo)));
-    Ok(
-        match accept(context, photo, view, prior, best, level, query)? {
-            Ok(accepted) => {
-                Outcome::Fix(Box::new(accepted.into_fix(context, best, evidence, drawn)))
-            }
-            Err(rejection) => Outcome::NoFix(Box::new(NoFix {
-                drawn,
-                ..no_fix_for(Reason::Rejected(rejection), Some(best.verified), evidence)
-            })),
-        },
-    )
+    Ok(match accept(context, photo, view, best, level, query)? {
+        Ok(accepted) => Outcome::Fix(Box::new(accepted.into_fix(context, best, evidence, drawn))),
+        Err(rejection) => Outcome::NoFix(Box::new(NoFix {
+            drawn,
+            ..no_fix_for(Reason::Rejected(rejection), Some(best.verified), evidence)
+        })),
+    })
 }
 
 /// An answer that passed every gate.
@@ -70,7 +64,6 @@ fn accept(
     context: Context<'_>,
     photo: &Photo,
     view: &View,
-    prior: &Prior,
     best: &RankedAnswer<'_>,
     level: &Level,
     query: &QueryFeatures,
@@ -85,12 +78,6 @@ fn accept(
     else {
         return Ok(Err(Rejection::NotFinite));
     };
-    if prior
-        .near
-        .is_some_and(|near| !near.contains(position.centre))
-    {
-        return Ok(Err(Rejection::OutsideArea));
-    }
     if let Some(Err(rejection)) = context
         .options
         .gates

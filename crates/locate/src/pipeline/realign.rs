@@ -53,7 +53,7 @@ pub(crate) fn realign(
         side_px,
     )?;
     let since = Instant::now();
-    let level = context.level(round.level);
+    let (level, near) = (context.level(round.level), prior.near.as_ref());
     let verified = tiles_around(level, best.verified)
         .par_iter()
         .map(|&tile| {
@@ -62,8 +62,7 @@ pub(crate) fn realign(
                 tile,
                 ..best.verified.candidate
             };
-            let verified = verify(context, level, &[hypothesis], &queries, candidate)?;
-            Ok(verified.within(prior.near.as_ref(), level))
+            verify(context, level, &[hypothesis], &queries, candidate, near)
         })
         .collect::<Result<_>>()?;
     time_ms.matching = elapsed_ms(since);

@@ -224,10 +224,7 @@ impl OpenRound {
             }
             let more: Vec<VerifiedCandidate> = batch
                 .par_iter()
-                .map(|candidate| {
-                    let verified = verify(context, level, hypotheses, queries, *candidate)?;
-                    Ok(verified.within(near, level))
-                })
+                .map(|candidate| verify(context, level, hypotheses, queries, *candidate, near))
                 .collect::<Result<_>>()?;
             verified.extend(more);
             matched.count += batch.len();

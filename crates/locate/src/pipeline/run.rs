@@ -107,10 +107,10 @@ pub(crate) fn locate(
             time_ms,
         });
     };
-    let inside = outcome(context, photo, view, prior, &best, evidence.clone())?;
+    let inside = outcome(context, photo, view, &best, evidence.clone())?;
     let outcome = match RankedAnswer::outside_area(&results, context.options) {
         Some(outside) if inside.fix().is_none() => {
-            outcome(context, photo, view, prior, &outside, evidence)?
+            outcome(context, photo, view, &outside, evidence)?
         }
         _ => inside,
     };

@@ -64,7 +64,7 @@ impl VerifiedCandidate {
     }
 
     /// The candidate, rejected if the photo's centre is outside of the area: tiles that show a part of it reach beyond.
-    pub fn within(self, near: Option<&Near>, level: &Level) -> Self {
+    fn within(self, near: Option<&Near>, level: &Level) -> Self {
         let (Some(near), Some(centre), None) = (near, self.centre_level_px, self.rejection) else {
             return self;
         };
@@ -96,13 +96,15 @@ impl Expected {
     };
 }
 
-/// Matches the candidate's query with its tile, with rotation and scale as its hypothesis expects them.
+/// Matches the candidate's query with its tile, with rotation and scale as its hypothesis expects them, and checks whether it is in the
+/// given area.
 pub(crate) fn verify(
     context: Context<'_>,
     level: &Level,
     hypotheses: &[Hypothesis],
     queries: &[QueryFeatures],
     candidate: Candidate,
+    near: Option<&Near>,
 ) -> Result<VerifiedCandidate> {
     let hypothesis = &hypotheses[candidate.query];
     let expected = Expected {
@@ -110,9 +112,10 @@ pub(crate) fn verify(
         scale_prior: hypothesis.scale_prior(),
     };
     let query = &queries[candidate.query];
-    context
+    let verified = context
         .scratch
-        .with(|scratch| verify_with(level, query, candidate, expected, scratch, context.options))
+        .with(|scratch| verify_with(level, query, candidate, expected, scratch, context.options))?;
+    Ok(verified.within(near, level))
 }
 
 /// Matches `query` with the candidate's tile.

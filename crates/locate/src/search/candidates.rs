@@ -170,26 +170,21 @@ pub(crate) fn tiles_near(level: &Level, near: &Near) -> impl Iterator<Item = Res
 
 /// Whether the centres of all tiles of a block are farther from `centre` than `reach_m`; false if a corner has no coordinates.
 fn is_block_far(level: &Level, block: [u32; 2], centre: LonLat, reach_m: f64) -> bool {
-    let m = level.manifest();
-    let stride_px = f64::from(m.stride_px);
-    // From the centre of the first tile of the block to that of the last.
-    let at = |share_x: f64, share_y: f64| {
-        let along = |a: usize, share: f64| {
-            let tiles = f64::from(block[a] * BLOCK_TILES) + share * f64::from(BLOCK_TILES - 1);
-            m.origin_px[a] as f64 + f64::from(m.tile_px) / 2.0 + tiles * stride_px
-        };
-        let point = LevelPx::new(along(0, share_x), along(1, share_y));
-        level.lonlat_from_level_px(point).ok()
-    };
-    let Some(middle) = at(0.5, 0.5) else {
+    let first = block.map(|along| along * BLOCK_TILES);
+    let last = first.map(|along| along + BLOCK_TILES - 1);
+    let [first, last] = [first, last].map(|grid| level.centre_px(grid));
+    let place = |x: f64, y: f64| level.lonlat_from_level_px(LevelPx::new(x, y)).ok();
+    let Some(middle) = place(0.5 * (first.x + last.x), 0.5 * (first.y + last.y)) else {
         return false;
     };
     let mut half_m = 0.0f64;
-    for (x, y) in [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
-        let Some(corner) = at(x, y) else {
-            return false;
-        };
-        half_m = half_m.max(distance_m(middle, corner));
+    for x in [first.x, last.x] {
+        for y in [first.y, last.y] {
+            let Some(corner) = place(x, y) else {
+                return false;
+            };
+            half_m = half_m.max(distance_m(middle, corner));
+        }
     }
     // Half as much again, because the sides are not quite straight.
     distance_m(middle, centre) > reach_m + 1.5 * half_m

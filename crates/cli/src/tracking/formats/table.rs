@@ -6,7 +6,7 @@ use anyhow::Result;
 
 use super::super::line::{TrackLine, state_text};
 use crate::formats::{TextFormat, or_dash};
-use grimnet_answer::{printable, rounded_heading};
+use grimnet_answer::{heading_or_dash, printable};
 
 #[derive(Default)]
 pub struct Table {
@@ -36,7 +36,7 @@ impl TextFormat<TrackLine> for Table {
             or_dash(line.lat_deg, 7),
             or_dash(line.lon_deg, 7),
             or_dash(line.radius95_m, 1),
-            or_dash(line.heading_deg.map(|deg| rounded_heading(deg, 1)), 1),
+            heading_or_dash(line.heading_deg),
             or_dash(line.age_of_last_fix_s, 1),
         ))
     }

@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
-"""Packages every crate that is published, compiles each from the packages alone, and checks metadata, contents and size.
+"""Packages every crate that is published, compiles them from the packages alone, and checks metadata, contents and size.
 
 Cargo packages crates of one workspace that depend on each other in dependency order, as if the earlier ones were in the
-registry already. Its own verification would build every dependency once more; here they are only checked, as the lints did.
+registry already. Its own verification would build every dependency once for each crate; here all crates are checked together,
+and those that users name, the program and the library, by themselves as well, with no more features than they ask for.
 Exits with 1 if a package is incomplete or larger than the registry accepts.
 Usage: .ci/package.py [--no-verify] (in the root of the workspace)
 """
@@ -19,6 +20,8 @@ import tarfile
 MAX_BYTES = 10 * 1024 * 1024
 METADATA = ("description", "keywords", "categories", "license", "readme", "repository", "rust_version")
 FILES = ("Cargo.toml", "README.md", "LICENSE-MIT", "LICENSE-APACHE")
+# What users install and depend on.
+CHECKED_ALONE = ("grimnet-cli", "grimnet")
 
 
 def main():
@@ -64,7 +67,7 @@ def main():
 
 
 def check_from_packages(published, target):
-    """Compiles each package by itself, with its own features, in a workspace of the unpacked packages."""
+    """Compiles the packages in a workspace of the unpacked ones."""
     root = target / "package" / "unpacked"
     shutil.rmtree(root, ignore_errors=True)
     root.mkdir(parents=True)
@@ -73,14 +76,15 @@ def check_from_packages(published, target):
         with tarfile.open(target / "package" / f"{stem}.crate") as archive:
             archive.extractall(root, filter="data")
     # The profile of the repository: what the lints checked of other crates is used again.
-    profile = re.search(r"^\[profile\.dev\]\n[^\[]*", pathlib.Path("Cargo.toml").read_text(), re.M).group()
+    profile = re.search(r"^\[profile\.release\]\n[^\[]*", pathlib.Path("Cargo.toml").read_text(), re.M).group()
     manifest = ["[workspace]", 'resolver = "3"', f"members = {json.dumps(list(stems.values()))}", profile, "[patch.crates-io]"]
     manifest += [f'{name} = {{ path = "{stem}" }}' for name, stem in stems.items()]
     (root / "Cargo.toml").write_text("\n".join(manifest) + "\n")
     # The same versions; entries of crates that are not published go.
     shutil.copy("Cargo.lock", root)
-    command = ["cargo", "check", "--offline", "--manifest-path", root / "Cargo.toml", "--target-dir", target]
-    for name in stems:
+    command = ["cargo", "check", "--release", "--offline", "--manifest-path", root / "Cargo.toml", "--target-dir", target]
+    subprocess.run([*command, "--workspace"], check=True)
+    for name in CHECKED_ALONE:
         subprocess.run([*command, "-p", name], check=True)
 
 

@@ -250,7 +250,7 @@ impl Localizer {
     /// ([`Adapt::Flight`]). Every answer then depends on these photos, which are taken one at a time. Damaged photos are left out.
     ///
     /// # Errors
-    /// Returns an error if a photo cannot be resampled, or there is none.
+    /// Returns an error if a photo cannot be resampled, there is none, or the pack is not of the mode that the settings want.
     pub fn adapted_to_flight<'a, P: Borrow<Photo>>(
         self,
         photos: impl IntoIterator<Item = (P, &'a Prior)>,
@@ -259,6 +259,16 @@ impl Localizer {
         for (photo, prior) in photos {
             let photo = photo.borrow();
             if photo.damage.is_some() {
+                continue;
+            }
+            if self.options.mode == Mode::Paper {
+                // The whole photo, whatever is known of its view.
+                check_pack(&self.pack)?;
+                let seen = self.network_image(photo, prior)?;
+                let (_, of_photo) = self
+                    .extractor
+                    .dense_instance(&seen.rgb, seen.mask.as_ref())?;
+                statistics.push(of_photo);
                 continue;
             }
             let view = photo.view(&prior.view);

@@ -9,8 +9,6 @@ const entries = [];
 let lastNumber = 0;
 // Of photos that are located again, by number: the latest request. An earlier one may be answered later, and does not count.
 const latestRequests = new Map();
-// Batches of photos that are being located.
-let locating = 0;
 // The entry that was clicked last.
 let clicked = null;
 let maps = [];
@@ -112,7 +110,8 @@ function choose(entry) {
   showList();
   showDetail();
   draw();
-  if (entry.answer?.state === "fix") view?.goTo(entry);
+  // The map of a track may be shown meanwhile.
+  if (entry.answer?.state === "fix" && entry.detail.map === byId("map-choice").value) view?.goTo(entry);
 }
 
 // For a click: shows the map of the answer, too.
@@ -135,7 +134,7 @@ function enter(entry, replaced) {
 // Browsers show JPEG, PNG and WebP; a TIFF is located and not shown.
 const canShow = (file) => ["image/jpeg", "image/png", "image/webp"].includes(file.type);
 
-async function locateFile(file, replaced = null) {
+async function locateFile(file, map, replaced) {
   say(`Locating ${file.name} …`);
   const prior = Object.fromEntries(priorFields.map((name) => [name, byId(name).value]));
   const request = {};
@@ -144,10 +143,11 @@ async function locateFile(file, replaced = null) {
   try {
     // A photo may come before the maps: they wait for the token.
     if (maps.length === 0) await readMaps();
+    const onMap = map || byId("map-choice").value;
     const busy = ({ message, retryAfterS }) => {
       if (!isOutdated()) say(`${file.name}: ${message} (the next try is in ${retryAfterS} s)`);
     };
-    const { detail, ...answer } = await locate(file, byId("map-choice").value, prior, token(), busy);
+    const { detail, ...answer } = await locate(file, onMap, prior, token(), busy);
     if (isOutdated()) return;
     enter({ answer, detail, file, url: replaced?.url ?? URL.createObjectURL(file), canShow: canShow(file) }, replaced);
     say(answer.state === "fix"
@@ -164,12 +164,9 @@ async function locateFile(file, replaced = null) {
 }
 
 async function locateFiles(files, replaced = null) {
-  locating += 1;
-  try {
-    for (const file of files) await locateFile(file, replaced);
-  } finally {
-    locating -= 1;
-  }
+  // All on one map, whatever is shown meanwhile.
+  const map = byId("map-choice").value;
+  for (const file of files) await locateFile(file, map, replaced);
 }
 
 function askForToken() {
@@ -190,9 +187,9 @@ async function showChosenMap() {
   await view?.showMap(map);
 }
 
-// Shows the map of an answer or a track; not while photos are being located, which are searched on the shown map.
+// Shows the map of an answer or a track.
 async function showMap(id) {
-  if (locating > 0 || byId("map-choice").value === id || !maps.some((each) => each.id === id)) return;
+  if (byId("map-choice").value === id || !maps.some((each) => each.id === id)) return;
   byId("map-choice").value = id;
   await showChosenMap();
 }

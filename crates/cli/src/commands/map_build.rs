@@ -9,7 +9,9 @@ use grimnet_geo::{Raster, is_tiff_name};
 use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
-use grimnet_pack::{BuildOptions, BuildReport, Levels, PackError, Progress, build, working_files};
+use grimnet_pack::{
+    BuildOptions, BuildReport, Levels, PackError, Progress, TILE_PX, build, working_files,
+};
 use grimnet_photo::{HeadingPrior, Photo, PhotoLimits, QUERY_LONG_SIDE_PX, ViewPrior};
 
 use super::map_place::MapPlace;
@@ -273,6 +275,43 @@ fn levels(arguments: &BuildArgs) -> Result<Levels> {
         return Ok(Levels::Auto);
     };
     Ok(Levels::Gsd(vec![
-        footprint_m / Options::default().query_width_px,
+        footprint_m / photo_width_px(arguments.mode),
     ]))
+}
+
+/// Width of a photo in pixels of the level that is built for it.
+fn photo_width_px(mode: ModeChoice) -> f64 {
+    match mode {
+        ModeChoice::Default => Options::default().query_width_px,
+        // The whole photo and a whole tile are resized to the same square: a tile is as wide as the photo.
+        ModeChoice::Paper => f64::from(TILE_PX),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Debug, Parser)]
+    struct Program {
+        #[command(flatten)]
+        build: BuildArgs,
+    }
+
+    #[test]
+    fn a_tile_of_paper_mode_is_as_wide_as_the_photo() {
+        // 100 m above ground, 90 degrees: 200 m wide.
+        let gsd_m = |mode: &str| {
+            let words = "build map.tif -o area.grim --height-agl 100 --hfov 90 --mode";
+            let words = words.split(' ').chain([mode]);
+            match levels(&Program::parse_from(words).build).unwrap() {
+                Levels::Gsd(list) => list[0],
+                Levels::Auto => panic!("{mode}: all levels"),
+            }
+        };
+        assert!((gsd_m("paper") * f64::from(TILE_PX) - 200.0).abs() < 1e-9);
+        assert!((gsd_m("default") * Options::default().query_width_px - 200.0).abs() < 1e-9);
+    }
 }

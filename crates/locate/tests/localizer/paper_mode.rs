@@ -126,6 +126,34 @@ fn paper_mode_neither_uses_nor_claims_to_use_what_is_known_of_the_view() {
 }
 
 #[test]
+fn statistics_of_a_flight_are_those_of_the_photos_as_paper_mode_sees_them() {
+    let (place, _) = PLACES[1];
+    let query = photo(&scene().picture, place, 0.0);
+    // The most similar tile alone, so that it is the answer's.
+    let options = |adapt| Options {
+        top_k: 1,
+        adapt,
+        ..Options::paper()
+    };
+    let similarity = |localizer: Localizer| {
+        let outcome = localizer.locate(&query, &Prior::none()).unwrap();
+        outcome.fix().unwrap().tile.similarity
+    };
+    let given = Prior::none()
+        .with_heading(90.0, 5.0)
+        .with_gsd_m(2.0 * PHOTO_GSD_M);
+    let [with, without] = [given, Prior::none()].map(|prior| {
+        let localizer = paper_localizer(options(Adapt::None));
+        similarity(localizer.adapted_to_flight([(&query, &prior)]).unwrap())
+    });
+    assert_eq!(with, without);
+    assert_ne!(with, similarity(paper_localizer(options(Adapt::None))));
+    // The same statistics, but for rounding.
+    let of_photo = similarity(paper_localizer(options(Adapt::Photo)));
+    assert!((with - of_photo).abs() < 1e-3, "{with} and {of_photo}");
+}
+
+#[test]
 fn default_mode_votes_on_a_pack_of_paper_mode_at_the_resolution_of_its_tiles() {
     // The network saw each tile of 512 map pixels as 320, and sees a photo at the same resolution.
     let localizer = paper_localizer(Options::default());

@@ -144,17 +144,10 @@ impl Answer {
 
     /// What fixes and refusals have in common.
     fn of_photo(photo: &str, evidence: &EvidenceUsed, time_ms: &TimeMs) -> Self {
-        let stages = [
-            ("query", time_ms.query),
-            ("features", time_ms.features),
-            ("search", time_ms.search),
-            ("vote", time_ms.vote),
-            ("matching", time_ms.matching),
-            ("total", time_ms.total),
-        ];
         Self {
             photo: photo.to_owned(),
-            time_ms: stages
+            time_ms: time_ms
+                .stages()
                 .map(|(name, ms)| (name.to_owned(), rounded(ms, 3)))
                 .into(),
             used: evidence.used.clone(),

@@ -42,6 +42,7 @@ pub mod track_session;
 pub mod track_source;
 pub mod train;
 
+use grimnet_pack::BuildOptions;
 pub use grimnet_program::limits_choice::LimitsChoice;
 pub use grimnet_program::map_place;
 pub use grimnet_program::model_choice::ModelChoice;
@@ -54,4 +55,14 @@ pub enum ModeChoice {
     Default,
     /// The paper's procedure (see EVALUATION.md): independent tiles, 320 x 320, IVF-PQ, top 5, always an answer
     Paper,
+}
+
+impl ModeChoice {
+    /// What a pack for this method is built with.
+    fn build_options(self) -> BuildOptions {
+        match self {
+            Self::Default => BuildOptions::standard(),
+            Self::Paper => BuildOptions::paper(),
+        }
+    }
 }

@@ -81,16 +81,10 @@ impl Found {
 }
 
 fn stage_ms(time_ms: &TimeMs) -> BTreeMap<String, f64> {
-    [
-        ("query", time_ms.query),
-        ("features", time_ms.features),
-        ("search", time_ms.search),
-        ("vote", time_ms.vote),
-        ("matching", time_ms.matching),
-        ("total", time_ms.total),
-    ]
-    .map(|(name, ms)| (name.to_owned(), rounded(ms, 3)))
-    .into()
+    time_ms
+        .stages()
+        .map(|(name, ms)| (name.to_owned(), rounded(ms, 3)))
+        .into()
 }
 
 impl Method for Localizer {

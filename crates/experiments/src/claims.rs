@@ -7,35 +7,13 @@
 //! `cargo run -p grimnet-experiments --example evaluation`; a test fails if the page and the stored figures differ.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::claim::Claim;
 use crate::claim_section::{Figures, section};
 use crate::experiment_table::ExperimentTable;
-use crate::track_claims::{self, TrackClaimError};
-
-/// Why the page cannot be made.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum ClaimError {
-    /// A file or folder cannot be read.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// A file is no JSON of the expected form.
-    #[error("{path}: {source}")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: serde_json::Error,
-    },
-    /// The sections on tracks cannot be made.
-    #[error(transparent)]
-    Tracks(#[from] TrackClaimError),
-    /// An experiment's table cannot be read.
-    #[error(transparent)]
-    Table(#[from] crate::experiment_table::TableError),
-}
+use crate::stored::{ClaimError, read, sorted};
+use crate::track_claims;
 
 const HEAD: &str = "\
 # Evaluation
@@ -94,21 +72,6 @@ pub fn page(folder: &Path) -> Result<String, ClaimError> {
         }
     }
     Ok(page)
-}
-
-fn sorted(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut paths: Vec<PathBuf> = fs_err::read_dir(folder)?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .collect();
-    paths.sort();
-    Ok(paths)
-}
-
-fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, ClaimError> {
-    serde_json::from_slice(&fs_err::read(path)?).map_err(|source| ClaimError::Json {
-        path: path.to_owned(),
-        source,
-    })
 }
 
 #[cfg(test)]

@@ -160,16 +160,6 @@ impl Gallery {
             size_px: (whole.x.round() as u64, whole.y.round() as u64),
         })
     }
-
-    /// Number of foreign pictures.
-    pub fn foreign_count(&self) -> usize {
-        self.foreign.len()
-    }
-
-    /// Size of the map without the foreign pictures, pixels.
-    pub fn map_size_px(&self) -> (u64, u64) {
-        self.map.size_px()
-    }
 }
 
 /// Level pixels of a side that fill whole cells.
@@ -303,7 +293,7 @@ mod tests {
         picture(&foreign, "small.png", 100, green);
         let opened = open_foreign(&foreign, 1.0).unwrap();
         let gallery = Gallery::new(map, opened, 1.0, &foreign).unwrap();
-        assert_eq!(gallery.foreign_count(), 1, "the small one fills no cell");
+        assert_eq!(gallery.foreign.len(), 1, "the small one fills no cell");
         // The level: 512 of map (500 and the rest of a cell), 512 of nothing, 512 of the 600 foreign pixels.
         let (width, height) = gallery.size_px();
         assert!(
@@ -328,7 +318,6 @@ mod tests {
         assert_eq!(at(250), (red.0, 255));
         assert_eq!(at(700).1, 0);
         assert_eq!(at(1300), (green.0, 255));
-        assert_eq!(gallery.map_size_px(), (1000, 1000));
     }
 
     #[test]

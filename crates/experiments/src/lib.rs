@@ -23,6 +23,7 @@ mod scene_rows;
 pub mod sift;
 pub mod sift_map;
 pub mod sift_method;
+pub mod stored;
 pub mod sweep;
 pub mod tables;
 pub mod track_claims;

@@ -4,10 +4,12 @@
 //! wrote.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+
+use crate::stored::{ClaimError, read, sorted};
 
 /// The description of a stored `track_summary.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -21,23 +23,6 @@ pub struct TrackClaim {
     /// Remarks on the figures.
     #[serde(default)]
     pub remarks: Vec<String>,
-}
-
-/// Why the sections cannot be made.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TrackClaimError {
-    /// A file or folder cannot be read.
-    #[error(transparent)]
-    Io(#[from] std::io::Error),
-    /// A file is no JSON of the expected form.
-    #[error("{path}: {source}")]
-    Json {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: serde_json::Error,
-    },
 }
 
 /// The runs of a summary: key and name.
@@ -59,25 +44,14 @@ const RUNS: [(&str, &str); 5] = [
 ///
 /// # Errors
 /// A stored file is missing or of another form.
-pub fn sections(folder: &Path) -> Result<String, TrackClaimError> {
-    let mut names: Vec<PathBuf> = fs_err::read_dir(folder)?
-        .filter_map(|entry| Some(entry.ok()?.path()))
-        .collect();
-    names.sort();
+pub fn sections(folder: &Path) -> Result<String, ClaimError> {
     let mut page = String::new();
-    for folder in names {
+    for folder in sorted(folder)? {
         let claim: TrackClaim = read(&folder.join("claim.json"))?;
         let summary: Value = read(&folder.join("track_summary.json"))?;
         section(&mut page, &claim, &summary);
     }
     Ok(page)
-}
-
-fn read<T: serde::de::DeserializeOwned>(path: &Path) -> Result<T, TrackClaimError> {
-    serde_json::from_slice(&fs_err::read(path)?).map_err(|source| TrackClaimError::Json {
-        path: path.to_owned(),
-        source,
-    })
 }
 
 fn section(page: &mut String, claim: &TrackClaim, summary: &Value) {

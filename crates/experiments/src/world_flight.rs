@@ -72,8 +72,6 @@ pub enum PoseChange {
     None,
     /// All photos point this way, degrees clockwise from north.
     Heading(f64),
-    /// Error of the reported heading, degrees.
-    HeadingError(f64),
     /// Heights times this, also in the metadata.
     Height(f64),
     /// Heights times this; the metadata keep the original heights.
@@ -214,7 +212,6 @@ impl PoseChange {
         match self {
             Self::None => {}
             Self::Heading(deg) => (pose.heading_deg, reported.heading_deg) = (deg, deg + error_deg),
-            Self::HeadingError(deg) => reported.heading_deg += deg,
             Self::Height(factor) => {
                 pose.height_agl_m *= factor;
                 reported.height_agl_m *= factor;
@@ -245,8 +242,6 @@ mod tests {
         assert_eq!((flown.heading_deg, said.heading_deg), (90.0, 90.0));
         let (flown, said) = PoseChange::UnreportedHeight(2.0).of(pose, pose);
         assert_eq!((flown.height_agl_m, said.height_agl_m), (240.0, 120.0));
-        let (flown, said) = PoseChange::HeadingError(30.0).of(pose, pose);
-        assert_eq!((flown.heading_deg, said.heading_deg), (0.0, 30.0));
     }
 
     #[test]

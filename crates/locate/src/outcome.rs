@@ -334,6 +334,20 @@ pub struct TimeMs {
     pub total: f64,
 }
 
+impl TimeMs {
+    /// The stages with their names, the total last.
+    pub fn stages(&self) -> [(&'static str, f64); 6] {
+        [
+            ("query", self.query),
+            ("features", self.features),
+            ("search", self.search),
+            ("vote", self.vote),
+            ("matching", self.matching),
+            ("total", self.total),
+        ]
+    }
+}
+
 impl AddAssign for TimeMs {
     fn add_assign(&mut self, other: Self) {
         self.query += other.query;

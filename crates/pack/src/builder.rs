@@ -30,12 +30,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use grimnet_geo::Raster;
-use grimnet_net::Model;
+use grimnet_net::{Model, NetSpec};
 use grimnet_output::{Journal, OutputPolicy, linked_path, rename_into_place};
 
 use self::assemble::write_pack;
 use self::cells::Cells;
 use self::cost::{check_cost, check_enlargement, check_index, check_scale};
+use self::finished_level::FinishedLevel;
 use self::level_build::LevelBuild;
 use self::level_plan::LevelPlan;
 use self::planning::plan_levels;
@@ -44,7 +45,7 @@ use self::recipe::Recipe;
 use self::resume::Resume;
 use self::summary::new_manifest;
 use crate::error::{PackError, Result};
-use crate::manifest::{LevelManifest, MapSummary};
+use crate::manifest::{LevelManifest, Manifest, MapSummary};
 use crate::mode::Mode;
 use crate::options::BuildOptions;
 use crate::pack::Pack;
@@ -119,23 +120,13 @@ pub fn build_interruptible(
     };
     let [partial, aside] = working_files(&place);
     check_outputs(raster, out, [&partial, &aside])?;
-    check_scale(raster, limits)?;
+    let recipe = recipe_of(options);
+    let recipe = recipe.as_ref();
+    let plans = checked_plans(raster, model.spec(), options, recipe, limits)?;
     if options.mode == Mode::Paper {
         warn_of_another_network(model);
         warn_of_linear_coordinates(raster);
     }
-    let recipe = recipe_of(options);
-    let recipe = recipe.as_ref();
-    let plans = plan_levels(
-        raster.georeference(),
-        raster.size_px(),
-        options,
-        recipe,
-        model.spec(),
-    )?;
-    check_cost(&plans, model.spec(), options, recipe, limits)?;
-    check_index(&plans, model.spec(), options)?;
-    check_enlargement(&plans, raster, options)?;
     let manifest = new_manifest(raster, model, options)?;
     let mut meter = Meter::new(plans.iter().map(LevelPlan::grid_tiles).sum());
     if let Some(pack) = finished(out, &manifest.fingerprint) {
@@ -180,17 +171,55 @@ pub fn build_interruptible(
     }
     meter.progress.phase = Phase::Writing;
     notify(&meter.progress)?;
-    let writer = Writer::create_new(&aside)?;
-    if let Err(error) = write_pack(writer, &mut journal, levels, manifest, recipe) {
-        // The journal stays; half a pack would only fill the disk.
-        let _ = fs_err::remove_file(&aside);
-        return Err(error);
-    }
+    write_aside(&aside, &mut journal, levels, manifest, recipe)?;
     rename_into_place(&aside, &place)?;
     // While the work can still be used: a pack that cannot be opened is none.
     let pack = Pack::open(out)?;
     journal.remove().map_err(PackError::of_journal)?;
     Ok(report(&pack, &meter, false))
+}
+
+/// The levels of a build, and all that is refused before work starts.
+///
+/// # Errors
+/// Returns an error if the map's pixels have an implausible size, the options do not fit, or the plan exceeds a limit.
+pub(crate) fn checked_plans(
+    raster: &dyn Raster,
+    spec: &NetSpec,
+    options: &BuildOptions,
+    recipe: &dyn Recipe,
+    limits: &BuildLimits,
+) -> Result<Vec<LevelPlan>> {
+    check_scale(raster, limits)?;
+    let plans = plan_levels(
+        raster.georeference(),
+        raster.size_px(),
+        options,
+        recipe,
+        spec,
+    )?;
+    check_cost(&plans, spec, options, recipe, limits)?;
+    check_index(&plans, spec, options)?;
+    check_enlargement(&plans, raster, options)?;
+    Ok(plans)
+}
+
+/// Writes the pack to `aside`.
+///
+/// # Errors
+/// As [`write_pack`]. The file is then removed.
+fn write_aside(
+    aside: &Path,
+    journal: &mut Journal,
+    levels: Vec<FinishedLevel>,
+    manifest: Manifest,
+    recipe: &dyn Recipe,
+) -> Result<()> {
+    let writer = Writer::create_new(aside)?;
+    write_pack(writer, journal, levels, manifest, recipe).inspect_err(|_| {
+        // The journal stays; half a pack would only fill the disk.
+        let _ = fs_err::remove_file(aside);
+    })
 }
 
 /// The error for a map of which no tile is usable.

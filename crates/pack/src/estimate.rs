@@ -3,9 +3,8 @@
 use grimnet_geo::Raster;
 use grimnet_net::Model;
 
-use crate::builder::cost::{bytes_per_tile, check_cost, check_scale};
-use crate::builder::planning::plan_levels;
-use crate::builder::recipe_of;
+use crate::builder::cost::bytes_per_tile;
+use crate::builder::{checked_plans, recipe_of};
 use crate::error::Result;
 use crate::options::BuildOptions;
 use grimnet_limits::BuildLimits;
@@ -45,18 +44,10 @@ pub fn estimate(
     options: &BuildOptions,
     limits: &BuildLimits,
 ) -> Result<BuildEstimate> {
-    check_scale(raster, limits)?;
     let recipe = recipe_of(options);
     let recipe = recipe.as_ref();
     let spec = model.spec();
-    let plans = plan_levels(
-        raster.georeference(),
-        raster.size_px(),
-        options,
-        recipe,
-        spec,
-    )?;
-    check_cost(&plans, spec, options, recipe, limits)?;
+    let plans = checked_plans(raster, spec, options, recipe, limits)?;
     let levels: Vec<LevelEstimate> = plans
         .iter()
         .map(|plan| LevelEstimate {

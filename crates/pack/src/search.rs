@@ -37,7 +37,7 @@ impl Level {
     }
 
     /// [`Level::search`] with another index: [`Index::Exact`], which every level has, or the level's own with another
-    /// `nprobe` and `rerank_factor` ([`Index::with_probes`]).
+    /// `nprobe` and `rerank_factor`.
     ///
     /// # Errors
     /// Returns [`PackError::Dimension`] for queries of another length, [`PackError::Index`] if the level does not have

@@ -189,7 +189,7 @@ impl Writer {
     ///
     /// # Errors
     /// Returns an error if the file cannot be written.
-    pub fn finish(mut self, mut manifest: Manifest) -> Result<Manifest> {
+    pub fn finish(mut self, mut manifest: Manifest) -> Result<()> {
         self.end()?;
         self.pad()?;
         manifest.sections = std::mem::take(&mut self.sections);
@@ -213,8 +213,7 @@ impl Writer {
             .write_all(bytemuck::bytes_of(&header))
             .map_err(error)?;
         let file = self.file.into_inner().map_err(|e| error(e.into_error()))?;
-        file.sync_all().map_err(error)?;
-        Ok(manifest)
+        file.sync_all().map_err(error)
     }
 
     fn end(&mut self) -> Result<()> {

@@ -346,7 +346,6 @@ fn search_filters_and_takes_several_queries() {
     );
     assert!(level.search(&queries[1..], 4, None).is_err());
     assert_eq!(level.index(), Index::Exact);
-    assert!(level.index().with_probes(1, 0).is_err());
     let error = level
         .search_with(PAPER_INDEX, &queries, 4, None)
         .unwrap_err();

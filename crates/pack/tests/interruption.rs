@@ -11,7 +11,7 @@ use std::process::Command;
 
 use grimnet_geo::{GeoError, Georeference, Raster, RasterPatch, WindowPx};
 use grimnet_pack::{
-    BuildLimits, BuildOptions, Levels, Pack, PackError, Phase, build, build_interruptible,
+    BuildLimits, BuildOptions, Levels, Pack, PackError, Phase, build, build_interruptible, estimate,
 };
 use support::*;
 
@@ -142,6 +142,9 @@ fn a_resolution_far_finer_than_the_map_is_a_slip_of_units() {
     let error = build(&map(), &tiny_model(1), &options, &out, &mut |_| ()).unwrap_err();
     assert!(error.to_string().contains("enlarged"), "{error}");
     assert_eq!(names(folder.path()), [""; 0]);
+    let limits = BuildLimits::default();
+    let estimated = estimate(&map(), &tiny_model(1), &options, &limits);
+    assert_eq!(estimated.unwrap_err().to_string(), error.to_string());
 }
 
 #[test]

@@ -97,18 +97,6 @@ impl Footprint {
     pub fn gsd_m(&self, width_px: u32) -> f64 {
         self.width_m / f64::from(width_px.max(1))
     }
-
-    /// Ground corners of the photo (top left, top right, bottom right, bottom left), metres east and north of its
-    /// centre, for a camera that looks straight down.
-    pub fn corners_en_m(&self, size_px: (u32, u32), heading_deg: f64) -> [[f64; 2]; 4] {
-        let half_right = self.width_m / 2.0;
-        let half_up = half_right * f64::from(size_px.1) / f64::from(size_px.0.max(1));
-        let (sin, cos) = heading_deg.to_radians().sin_cos();
-        [(-1.0, 1.0), (1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)].map(|(x, y)| {
-            let (right, up) = (x * half_right, y * half_up);
-            [right * cos + up * sin, -right * sin + up * cos]
-        })
-    }
 }
 
 /// Attitude of the camera, with the angles of drone metadata ([`Tilt`]).

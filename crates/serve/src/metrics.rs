@@ -46,6 +46,17 @@ impl Histogram {
         self.count += 1;
         self.sum_s += seconds;
     }
+
+    /// Writes the buckets, the sum and the count of the histogram `name`.
+    fn lines(&self, out: &mut String, name: &str) {
+        let bucket = format!("{name}_bucket");
+        for (count, bound) in self.buckets.iter().zip(BUCKETS_S) {
+            line(out, &bucket, &format!("le=\"{bound}\""), count);
+        }
+        line(out, &bucket, "le=\"+Inf\"", self.count);
+        line(out, &format!("{name}_sum"), "", self.sum_s);
+        line(out, &format!("{name}_count"), "", self.count);
+    }
 }
 
 impl Metrics {
@@ -100,30 +111,23 @@ impl Metrics {
             line(&mut out, "grimnet_localisations_total", &labels, count);
         }
         let name = "grimnet_localisation_seconds";
-        family(
-            &mut out,
-            name,
-            "histogram",
-            "Time to decode and localise a photo.",
-        );
-        for (count, bound) in counts.localisation.buckets.iter().zip(BUCKETS_S) {
-            line(
-                &mut out,
-                &format!("{name}_bucket"),
-                &format!("le=\"{bound}\""),
-                count,
-            );
+        let help = "Time to decode and localise a photo.";
+        family(&mut out, name, "histogram", help);
+        counts.localisation.lines(&mut out, name);
+        for (name, help, value) in self.gauges(localisations, conversions) {
+            family(&mut out, name, "gauge", help);
+            line(&mut out, name, "", value);
         }
-        let total = counts.localisation.count;
-        line(&mut out, &format!("{name}_bucket"), "le=\"+Inf\"", total);
-        line(
-            &mut out,
-            &format!("{name}_sum"),
-            "",
-            counts.localisation.sum_s,
-        );
-        line(&mut out, &format!("{name}_count"), "", total);
-        for (name, help, value) in [
+        out
+    }
+
+    /// Name, help and value of what goes up and down.
+    fn gauges(
+        &self,
+        localisations: &Admission,
+        conversions: &Admission,
+    ) -> [(&'static str, &'static str, u64); 7] {
+        [
             (
                 "grimnet_localisations_running",
                 "Localisations that run now.",
@@ -159,11 +163,7 @@ impl Metrics {
                 "Open connections.",
                 self.connections.load(Ordering::Relaxed),
             ),
-        ] {
-            family(&mut out, name, "gauge", help);
-            line(&mut out, name, "", value);
-        }
-        out
+        ]
     }
 }
 

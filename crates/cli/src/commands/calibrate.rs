@@ -315,64 +315,7 @@ fn observe(
     }
     let conditions = conditions(arguments, model, &files)?;
     let made = draw_scenes(arguments, folder.path())?;
-    // A picture must not be on the map: the sources of each scene are those that its map was not made of.
-    let folders = vec![None; arguments.worlds]
-        .into_iter()
-        .chain(arguments.pictures.iter().map(Some));
-    let own: Vec<(&Scene, Option<&PathBuf>, Option<PlacesUsed>)> = made
-        .iter()
-        .zip(folders)
-        .map(|(scene, folder)| (scene, folder, None))
-        .chain(
-            sets.iter()
-                .zip(&arguments.datasets)
-                .map(|(scene, set)| (scene, Some(set), Some(arguments.places.into()))),
-        )
-        .collect();
-    let numbered: Vec<NumberedSource> = sources
-        .into_iter()
-        .zip(0..)
-        .map(|(source, number)| {
-            // Photos cut from these pictures are of the same scene.
-            let cut = arguments
-                .pictures
-                .iter()
-                .position(|folder| is_within(&source, folder));
-            let scene = cut.map_or(made.len() + number, |i| arguments.worlds + i);
-            NumberedSource { source, scene }
-        })
-        .collect();
-    let elsewhere: Vec<Vec<NumberedSource>> = own
-        .iter()
-        .map(|(_, folder, _)| sources_outside(&numbered, *folder))
-        .collect();
-    let real = own
-        .iter()
-        .zip(&elsewhere)
-        .zip(0..)
-        .map(|((&(scene, _, places), elsewhere), number)| {
-            Ok(RealScene {
-                scene,
-                places,
-                elsewhere,
-                trials: ElsewhereOptions {
-                    trials: arguments.elsewhere_trials,
-                    seed: arguments.seed + number,
-                    map_width_m: width_m(scene.map.as_ref())?,
-                    nothing_given: false,
-                    photo_limits: arguments.limits.photo(),
-                },
-            })
-        })
-        .collect::<Result<Vec<_>>>()?;
-    for (real, set) in real.iter().skip(made.len()).zip(&arguments.datasets) {
-        if !real.has_photos() {
-            bail!(
-                "{}: no answerable photo of half of its places: its truth.csv needs a column `place`, with two places at least",
-                set.display()
-            );
-        }
-    }
+    let real = real_scenes(arguments, &made, &sets, sources)?;
     let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<usize>();
     let observing = Observing {
         out: &arguments.out,
@@ -394,6 +337,69 @@ fn observe(
         data: description(arguments, &made, &sets),
         kept,
     }))
+}
+
+/// What is localised on the map of each scene beside the photos of made scenes: pictures that are not on it, and the photos of data
+/// sets. The scenes that are made come first.
+fn real_scenes<'a>(
+    arguments: &CalibrateArgs,
+    made: &'a [Scene],
+    sets: &'a [Scene],
+    sources: Vec<Source>,
+) -> Result<Vec<RealScene<'a>>> {
+    let sources = numbered(arguments, made.len(), sources);
+    // A picture must not be on the map: the sources of each scene are those that its map was not made of.
+    let folders = vec![None; arguments.worlds]
+        .into_iter()
+        .chain(arguments.pictures.iter().map(Some));
+    let of_made = made
+        .iter()
+        .zip(folders)
+        .map(|(scene, folder)| (scene, folder, None));
+    let places: Option<PlacesUsed> = Some(arguments.places.into());
+    let of_sets = sets
+        .iter()
+        .zip(&arguments.datasets)
+        .map(|(scene, set)| (scene, Some(set), places));
+    let real = of_made
+        .chain(of_sets)
+        .zip(0..)
+        .map(|((scene, folder, places), number)| {
+            Ok(RealScene {
+                scene,
+                places,
+                elsewhere: sources_outside(&sources, folder),
+                trials: ElsewhereOptions {
+                    trials: arguments.elsewhere_trials,
+                    seed: arguments.seed + number,
+                    map_width_m: width_m(scene.map.as_ref())?,
+                    nothing_given: false,
+                    photo_limits: arguments.limits.photo(),
+                },
+            })
+        })
+        .collect::<Result<Vec<_>>>()?;
+    for (real, set) in real.iter().skip(made.len()).zip(&arguments.datasets) {
+        if !real.has_photos() {
+            bail!(
+                "{}: no answerable photo of half of its places: its truth.csv needs a column `place`, with two places at least",
+                set.display()
+            );
+        }
+    }
+    Ok(real)
+}
+
+/// The sources with the numbers of their scenes, of which the first `made` are in use: photos cut from the same pictures are of the
+/// same scene.
+fn numbered(arguments: &CalibrateArgs, made: usize, sources: Vec<Source>) -> Vec<NumberedSource> {
+    let with_scene = |(source, number): (Source, usize)| {
+        let mut folders = arguments.pictures.iter();
+        let cut = folders.position(|folder| is_within(&source, folder));
+        let scene = cut.map_or(made + number, |i| arguments.worlds + i);
+        NumberedSource { source, scene }
+    };
+    sources.into_iter().zip(0..).map(with_scene).collect()
 }
 
 /// What the observations depend on, in words: every setting, and the state of every file.

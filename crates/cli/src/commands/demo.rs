@@ -10,7 +10,7 @@ use clap::Args;
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::evaluation::Trial;
 use grimnet_eval::report::results::summary_json;
-use grimnet_eval::report::{Picture, Report};
+use grimnet_eval::report::{Picture, Report, Run};
 use grimnet_eval::scene::{HeadingMode, Scene};
 use grimnet_geo::MapOptions;
 use grimnet_locate::{Localizer, Options};
@@ -148,20 +148,7 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     }
     folder.write_bytes("summary.json", summary_json(None, &runs)?.as_bytes())?;
     let pictures = draw_some(&scene, &first_trials, &matches)?;
-    let report = Report {
-        title: "A flight over a procedural town".into(),
-        description: vec![
-            format!(
-                "{} photos from 100 to 130 m above ground, taken in another season, light and year than the map, with a tilted \
-                 camera and metadata errors; {:.0} m of town and countryside at {MAP_GSD_M} m per pixel.",
-                scene.shots.len(),
-                WorldConfig::default().size_m
-            ),
-            "Everything here was made by this program: there is no such town, and real maps are harder.".into(),
-        ],
-        runs: runs.clone(),
-        pictures,
-    };
+    let report = report(scene.shots.len(), runs.clone(), pictures);
     folder.write_bytes("report.html", report.to_html()?.as_bytes())?;
 
     let tracked = follow_crossing(&folder, arguments.seed, localizer, scene.map.as_ref())?;
@@ -177,6 +164,23 @@ pub fn run(arguments: &DemoArgs) -> Result<Exit> {
     match arguments.serve {
         Some(address) => serve_flight(arguments, address),
         None => Ok(Exit::Done),
+    }
+}
+
+/// The report, with what was made in words.
+fn report(photos: usize, runs: Vec<Run>, pictures: Vec<Picture>) -> Report {
+    Report {
+        title: "A flight over a procedural town".into(),
+        description: vec![
+            format!(
+                "{photos} photos from 100 to 130 m above ground, taken in another season, light and year than the map, with a tilted \
+                 camera and metadata errors; {:.0} m of town and countryside at {MAP_GSD_M} m per pixel.",
+                WorldConfig::default().size_m
+            ),
+            "Everything here was made by this program: there is no such town, and real maps are harder.".into(),
+        ],
+        runs,
+        pictures,
     }
 }
 

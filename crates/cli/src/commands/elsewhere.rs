@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use clap::{ArgGroup, Args};
 use grimnet_eval::elsewhere::{self, ElsewhereTrial, Source};
 use grimnet_eval::elsewhere_summary::{ElsewhereSummary, Group};
-use grimnet_geo::{MapPx, Raster};
+use grimnet_geo::Raster;
 use grimnet_locate::Localizer;
 use grimnet_output::OutputFolder;
 use grimnet_photo::PhotoLimits;
@@ -141,13 +141,9 @@ pub fn run(
 
 /// Width of a map, metres, from the ground resolution in its middle.
 pub fn width_m(map: &dyn Raster) -> Result<f64> {
-    let (width, height) = map.size_px();
-    let middle = MapPx {
-        x: width as f64 / 2.0,
-        y: height as f64 / 2.0,
-    };
-    let (x_m, _) = map.georeference().ground_resolution_m(middle)?;
-    Ok(width as f64 * x_m)
+    let georeference = map.georeference();
+    let (x_m, _) = georeference.ground_resolution_m(georeference.centre_px())?;
+    Ok(map.size_px().0 as f64 * x_m)
 }
 
 fn trials_csv(trials: &[ElsewhereTrial]) -> Result<Vec<u8>> {

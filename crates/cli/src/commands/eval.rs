@@ -15,7 +15,7 @@ use grimnet_eval::tracks::about::TrackAbout;
 use grimnet_eval::tracks::hidden_results::HIDDEN_FILES;
 use grimnet_eval::tracks::results::TRACK_FILES;
 use grimnet_eval::tracks::town::Town;
-use grimnet_geo::{MapPx, Raster};
+use grimnet_geo::Raster;
 use grimnet_locate::{Localizer, Options, Prior};
 use grimnet_net::Model;
 use grimnet_output::{OutputFolder, OutputPolicy};
@@ -327,13 +327,9 @@ fn localizer(
     map: &dyn Raster,
     pack_path: &Path,
 ) -> Result<Localizer> {
-    let build = match arguments.mode {
-        ModeChoice::Default => BuildOptions::standard(),
-        ModeChoice::Paper => BuildOptions::paper(),
-    };
     let build = BuildOptions {
         levels: arguments.retrieval.levels(),
-        ..build
+        ..arguments.mode.build_options()
     };
     build_with_bar(map, model, &build, pack_path)?;
     let options = LocateOptions {
@@ -380,11 +376,8 @@ fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -
 
 /// Area of a map, square kilometres, from the ground resolution in its middle.
 fn area_km2(map: &dyn Raster) -> Result<f64> {
+    let georeference = map.georeference();
+    let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
     let (width, height) = map.size_px();
-    let middle = MapPx {
-        x: width as f64 / 2.0,
-        y: height as f64 / 2.0,
-    };
-    let (x_m, y_m) = map.georeference().ground_resolution_m(middle)?;
     Ok(width as f64 * x_m * height as f64 * y_m / 1e6)
 }

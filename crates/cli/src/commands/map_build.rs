@@ -126,10 +126,7 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     for working_file in working_files(&linked_path(out)?) {
         policy.check_not_input(working_file)?;
     }
-    let named = match arguments.mode {
-        ModeChoice::Default => BuildOptions::standard(),
-        ModeChoice::Paper => BuildOptions::paper(),
-    };
+    let named = arguments.mode.build_options();
     if arguments.mode == ModeChoice::Default && arguments.resolution.is_some() {
         bail!("--resolution is of paper mode: give --mode paper as well, or leave it out");
     }

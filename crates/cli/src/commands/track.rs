@@ -50,8 +50,7 @@ Examples:
 Exit status: 0 the aircraft was found, 1 it was not, or some frames could not be used, or a replay gave another track, 2 wrong \
 use or input that cannot be read, 130 stopped by Ctrl-C (the track so far is written).";
 
-/// A step of time beyond which the clock of a live source has jumped, seconds. Recorded photos are sorted by time: a long pause is
-/// one.
+/// Longest step of time in recorded photos, seconds: they are sorted by time, and a long pause is no jump of the clock.
 const LONGEST_PAUSE_S: f64 = 1e9;
 
 /// Runs the command.
@@ -81,25 +80,12 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
         .link
         .live_options(arguments.frames.frame_latency)?;
     let truth = output.truth.as_deref().map(Truth::read).transpose()?;
-    inputs::check_regular(pack)?;
-    let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
-        .with_options(arguments.known.options());
-    let localizer = Arc::new(localizer);
-    if let Some(start) = &arguments.known.start {
-        warn_if_off_the_map("--start", start, &localizer)?;
-    }
-    if let Some(truth) = &truth {
-        truth.warn_if_off_the_map(&localizer)?;
-    }
+    let localizer = Arc::new(open_localizer(arguments, pack, truth.as_ref())?);
     let session_file = session_file(arguments, &policy, &localizer)?;
     let report = report_folder(arguments, &policy, localizer.pack())?;
-    let clock_jump_s = if source.is_live() {
-        TrackOptions::default().clock_jump_s
-    } else {
-        LONGEST_PAUSE_S
-    };
     let needed = localizer.needed_pixels(&arguments.known.known().prior);
-    let flight = Flight::new(localizer, arguments.known.flight_options(clock_jump_s))?;
+    let options = arguments.known.flight_options(clock_jump_s(&source));
+    let flight = Flight::new(localizer, options)?;
     let recorder = match &output.record {
         Some(folder) => Some(Recorder::create(folder, &policy)?),
         None => None,
@@ -147,6 +133,32 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
     }
     followed.session.finish()?;
     Ok(exit)
+}
+
+/// Opens model and pack. Warns of a start and of a truth that are not on the map.
+///
+/// # Errors
+/// Model or pack cannot be read, or they do not fit together.
+fn open_localizer(arguments: &TrackArgs, pack: &Path, truth: Option<&Truth>) -> Result<Localizer> {
+    inputs::check_regular(pack)?;
+    let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
+        .with_options(arguments.known.options());
+    if let Some(start) = &arguments.known.start {
+        warn_if_off_the_map("--start", start, &localizer)?;
+    }
+    if let Some(truth) = truth {
+        truth.warn_if_off_the_map(&localizer)?;
+    }
+    Ok(localizer)
+}
+
+/// A step of time beyond which the clock of the source has jumped, seconds.
+fn clock_jump_s(source: &Source) -> f64 {
+    if source.is_live() {
+        TrackOptions::default().clock_jump_s
+    } else {
+        LONGEST_PAUSE_S
+    }
 }
 
 /// The file of `--session`.

@@ -56,7 +56,7 @@ pub struct RealScene<'a> {
     /// The places that are used; `None` for the map alone, on which only photos taken elsewhere are localised.
     pub places: Option<PlacesUsed>,
     /// Pictures that are not on the map.
-    pub elsewhere: &'a [NumberedSource],
+    pub elsewhere: Vec<NumberedSource>,
     /// How often they are tried. The width of the map is that of `scene`.
     pub trials: ElsewhereOptions,
 }

@@ -93,7 +93,7 @@ pub fn count(scenes: &[Scene]) -> usize {
 ///
 /// # Errors
 /// The map or the pack is refused, or the build was stopped.
-pub fn localizer(
+pub(crate) fn localizer(
     model: &Model,
     scene: &Scene,
     pack: &Path,
@@ -118,7 +118,7 @@ pub fn localizer(
 
 /// The [`localizer`] of a scene, made when the first photo needs it: not where an earlier
 /// run made all observations.
-pub struct SceneLocalizer<'a> {
+pub(crate) struct SceneLocalizer<'a> {
     model: &'a Model,
     scene: &'a Scene,
     pack: PathBuf,
@@ -156,7 +156,7 @@ impl<'a> SceneLocalizer<'a> {
 ///
 /// # Errors
 /// The localiser refuses the photo.
-pub fn answer(
+pub(crate) fn answer(
     localizer: &Localizer,
     shot: &Shot,
     heading: HeadingMode,

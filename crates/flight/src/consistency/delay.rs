@@ -60,7 +60,7 @@ pub(crate) struct DelayCheck {
 }
 
 impl DelayCheck {
-    /// Takes in the heading of a fix, and compares those whose yaws are there by now. `yaw_at` gives the attitude nearest to a time, and
+    /// Takes in the heading of a fix, and compares those whose yaws are there by now. `nearest` gives the attitude nearest to a time, and
     /// `newest_s` is the time of the newest.
     pub fn fix<'a>(
         &mut self,

@@ -15,7 +15,7 @@ use crate::manifest::{LevelManifest, Manifest};
 use crate::quantise::{descriptor_scale, quantise_row};
 use crate::writer::Writer;
 
-/// Writes the pack and returns its manifest.
+/// Writes the pack.
 ///
 /// # Errors
 /// Returns an error if a file cannot be read or written, or if the options choose an index that cannot be trained.
@@ -25,7 +25,7 @@ pub fn write_pack(
     levels: Vec<FinishedLevel>,
     mut manifest: Manifest,
     recipe: &dyn Recipe,
-) -> Result<Manifest> {
+) -> Result<()> {
     for (number, level) in levels.into_iter().enumerate() {
         let entry = write_level(&mut writer, journal, level, number, &manifest, recipe)?;
         manifest.levels.push(entry);

@@ -457,7 +457,8 @@ async function main() {
     });
     await two.setInputFiles("#files", files[2]);
     await two.click("#answers li:nth-child(2) button");
-    await two.waitForFunction(() => document.getElementById("map-choice").value === "area", null, { timeout });
+    await two.waitForFunction(() => document.getElementById("map-choice").value === "area" && document.getElementById("facts").textContent.includes("area"), null, { timeout });
+    assert.equal(await two.getAttribute("#answers li:nth-child(2) button", "aria-pressed"), "true");
     await two.selectOption("#map-choice", "other");
     const track = await (await fetch(`${url}/v1/tracks`, { method: "POST", body: JSON.stringify({ map: "area" }) })).json();
     await two.click("#tracks summary");
@@ -473,6 +474,8 @@ async function main() {
     assert.equal(await two.inputValue("#map-choice"), "area");
     await two.click("#answers li:nth-child(1) button");
     await two.waitForFunction(() => document.getElementById("map-choice").value === "other", null, { timeout });
+    await two.click("#answers li:nth-child(3) button");
+    await two.waitForFunction(() => document.getElementById("map-choice").value === "area", null, { timeout });
     await two.close();
   });
 

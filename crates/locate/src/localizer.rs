@@ -6,6 +6,7 @@ use std::path::Path;
 use grimnet_net::{Domain, Extractor, Model, Precision, Statistics};
 use grimnet_pack::{Mode, Pack};
 use grimnet_photo::Photo;
+use image::{GrayImage, RgbImage};
 
 use crate::{
     context::Context,
@@ -261,28 +262,10 @@ impl Localizer {
             if photo.damage.is_some() {
                 continue;
             }
-            if self.options.mode == Mode::Paper {
-                // The whole photo, whatever is known of its view.
-                check_pack(&self.pack)?;
-                let seen = self.network_image(photo, prior)?;
-                let (_, of_photo) = self
-                    .extractor
-                    .dense_instance(&seen.rgb, seen.mask.as_ref())?;
-                statistics.push(of_photo);
-                continue;
-            }
-            let view = photo.view(&prior.view);
-            let Some(hypothesis) = rounds(&view, &self.pack, &self.options)
-                .first()
-                .and_then(|round| round.hypotheses.first().copied())
-            else {
+            let Some((picture, mask)) = self.first_picture(photo, prior)? else {
                 continue;
             };
-            let maker = query_maker(self.context(), photo, &view, &hypothesis, u32::MAX)?;
-            let query = maker.make(0.0);
-            let (_, of_photo) = self
-                .extractor
-                .dense_instance(&query.image, Some(&query.mask))?;
+            let (_, of_photo) = self.extractor.dense_instance(&picture, mask.as_ref())?;
             statistics.push(of_photo);
         }
         let statistics = Statistics::mean_of(&statistics)?;
@@ -292,6 +275,30 @@ impl Localizer {
             ..self.options.clone()
         };
         Ok(Self { extractor, ..self }.with_options(options))
+    }
+
+    /// The first picture that the network sees of a photo, and its mask if a part is black: the whole photo in paper mode, else a query
+    /// for the first hypothesis. `None` for a pack without tiles.
+    fn first_picture(
+        &self,
+        photo: &Photo,
+        prior: &Prior,
+    ) -> Result<Option<(RgbImage, Option<GrayImage>)>> {
+        if self.options.mode == Mode::Paper {
+            check_pack(&self.pack)?;
+            let seen = self.network_image(photo, prior)?;
+            return Ok(Some((seen.rgb, seen.mask)));
+        }
+        let view = photo.view(&prior.view);
+        let Some(hypothesis) = rounds(&view, &self.pack, &self.options)
+            .first()
+            .and_then(|round| round.hypotheses.first().copied())
+        else {
+            return Ok(None);
+        };
+        let maker = query_maker(self.context(), photo, &view, &hypothesis, u32::MAX)?;
+        let query = maker.make(0.0);
+        Ok(Some((query.image, Some(query.mask))))
     }
 
     /// The same localiser with photos normalised by the statistics of another domain, to measure what domain-aware batch

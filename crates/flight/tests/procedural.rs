@@ -2,7 +2,8 @@
 
 #![allow(clippy::unwrap_used)]
 
-use std::sync::{Arc, OnceLock};
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, OnceLock};
 
 use grimnet_flight::{Flight, FlightOptions, FrameAnswer, Known, Searched, Warning};
 use grimnet_geo::{LonLat, MapOptions, distance_m, open_map};
@@ -95,11 +96,19 @@ fn pose(x_m: f64, y_m: f64) -> Pose {
     }
 }
 
+/// Several flights go along one path: each of its photos is rendered once.
 fn photo(pose: &Pose) -> Photo {
+    static RENDERED: Mutex<BTreeMap<String, Photo>> = Mutex::new(BTreeMap::new());
+    let key = format!("{pose:?}");
+    if let Some(photo) = RENDERED.lock().unwrap().get(&key) {
+        return photo.clone();
+    }
     let picture = scene()
         .world
         .render_photo(pose, &CAMERA, &Look::drone(Season::Summer));
-    Photo::from_image(picture, Metadata::default())
+    let photo = Photo::from_image(picture, Metadata::default());
+    RENDERED.lock().unwrap().insert(key, photo.clone());
+    photo
 }
 
 fn lonlat(pose: &Pose) -> LonLat {

@@ -2,6 +2,8 @@
 
 use std::sync::LazyLock;
 
+use wide::{f32x8, i32x8};
+
 use crate::random::{hash_cell, unit};
 
 const SIDE: usize = 512;
@@ -17,7 +19,8 @@ pub(crate) struct Clump {
 }
 
 struct Tables {
-    white: Vec<i8>,
+    /// Values at the four corners of each cell, -127 to 127, from the low byte on: top left, top right, bottom left, bottom right.
+    white: Vec<i32>,
     clump: Vec<[i8; 3]>,
 }
 
@@ -26,42 +29,68 @@ static TABLES: LazyLock<Tables> = LazyLock::new(|| Tables {
     clump: bake_clumps(),
 });
 
-/// An octave of [`fbm`]: the white table, turned and stretched.
-struct Octave {
+/// How each octave of [`fbm`] reads the white table: turned and stretched. Each is rotated by another angle, so that their
+/// periods never coincide. Lanes without an octave have no weight.
+struct Octaves {
     /// Cosine and sine of the turn over the octave's wavelength: table points per unit.
-    along: [f32; 2],
+    cos: f32x8,
+    sin: f32x8,
     /// Where the table begins, table points.
-    start: [f32; 2],
-    weight: f32,
+    start_x: f32x8,
+    start_y: f32x8,
+    weight: f32x8,
 }
 
-/// Each octave is rotated by another angle, so that their periods never coincide.
-const OCTAVES: [Octave; 6] = [
-    octave(64.0, 0.8, [0.9689, 0.2474], 11.3),
-    octave(32.0, 0.8, [0.7373, 0.6755], 97.1),
-    octave(16.0, 0.7, [-0.4161, 0.9093], 203.7),
-    octave(8.0, 0.6, [0.2675, -0.9636], 311.9),
-    octave(4.0, 0.5, [-0.8391, -0.5440], 401.3),
-    octave(2.0, 0.45, [0.5403, 0.8415], 467.7),
-];
+const OCTAVES: usize = 6;
 
-const fn octave(wavelength: f32, weight: f32, turn: [f32; 2], start: f32) -> Octave {
-    Octave {
-        along: [turn[0] / wavelength, turn[1] / wavelength],
-        start: [start, 1.7 * start],
-        weight: weight * (74.0 / 127.0 / 127.0),
+const WHITE: Octaves = Octaves::of([
+    (64.0, 0.8, [0.9689, 0.2474], 11.3),
+    (32.0, 0.8, [0.7373, 0.6755], 97.1),
+    (16.0, 0.7, [-0.4161, 0.9093], 203.7),
+    (8.0, 0.6, [0.2675, -0.9636], 311.9),
+    (4.0, 0.5, [-0.8391, -0.5440], 401.3),
+    (2.0, 0.45, [0.5403, 0.8415], 467.7),
+]);
+
+impl Octaves {
+    /// Wavelength, weight, turn and start of each.
+    const fn of(octaves: [(f32, f32, [f32; 2], f32); OCTAVES]) -> Self {
+        let [mut cos, mut sin, mut start_x, mut start_y, mut weight] = [[0.0; 8]; 5];
+        let mut i = 0;
+        while i < OCTAVES {
+            let (wavelength, share, turn, start) = octaves[i];
+            (cos[i], sin[i]) = (turn[0] / wavelength, turn[1] / wavelength);
+            (start_x[i], start_y[i]) = (start, 1.7 * start);
+            weight[i] = share * (74.0 / 127.0 / 127.0);
+            i += 1;
+        }
+        Self {
+            cos: f32x8::new(cos),
+            sin: f32x8::new(sin),
+            start_x: f32x8::new(start_x),
+            start_y: f32x8::new(start_y),
+            weight: f32x8::new(weight),
+        }
     }
 }
 
-fn smooth(t: f32) -> f32 {
+fn smooth(t: f32x8) -> f32x8 {
     t * t * (3.0 - 2.0 * t)
 }
 
-fn bake_white() -> Vec<i8> {
+fn bake_white() -> Vec<i32> {
+    let value = |x: i32, y: i32| {
+        let random = unit(hash_cell(11, x & MASK, y & MASK));
+        ((random * 2.0 - 1.0) * 127.0) as i8
+    };
+    let corners = |x: i32, y: i32| [(x, y), (x + 1, y), (x, y + 1), (x + 1, y + 1)];
     let side = SIDE as i32;
-    let points = (0..side).flat_map(|y| (0..side).map(move |x| (x, y)));
-    points
-        .map(|(x, y)| ((unit(hash_cell(11, x, y)) * 2.0 - 1.0) * 127.0) as i8)
+    let cells = (0..side).flat_map(|y| (0..side).map(move |x| (x, y)));
+    cells
+        .map(|(x, y)| {
+            let bytes = corners(x, y).map(|(x, y)| value(x, y).cast_unsigned());
+            i32::from_le_bytes(bytes)
+        })
         .collect()
 }
 
@@ -113,6 +142,15 @@ pub(crate) fn split_floor(x: f32) -> (i32, f32) {
     (whole, whole as f32)
 }
 
+/// The whole part of each number, rounded down, and what is above it.
+#[inline]
+fn split_floors(x: f32x8) -> (i32x8, f32x8) {
+    let cut = x.fast_trunc_int();
+    let cut_f = f32x8::from_i32x8(cut);
+    let one_less = cut_f.simd_gt(x) & f32x8::splat(1.0);
+    (cut - one_less.fast_trunc_int(), x - (cut_f - one_less))
+}
+
 struct Corners {
     at: [usize; 4],
     u: f32,
@@ -134,45 +172,42 @@ fn corners(x: f32, y: f32) -> Corners {
     }
 }
 
-impl Corners {
-    /// Between the values at the four corners.
-    #[inline]
-    fn blend(&self, f: impl Fn(usize) -> f32) -> f32 {
-        let [a, b, c, d] = self.at.map(f);
-        let top = a + (b - a) * self.u;
-        let bottom = c + (d - c) * self.u;
-        top + (bottom - top) * self.v
-    }
-}
-
 /// Fractal value noise, about -1 to 1 (deviation about 0.35); features from 2 to 64 units. The octaves are independent, so that
 /// no place within many thousand units looks like another.
 #[inline]
 pub(crate) fn fbm(x: f32, y: f32) -> f32 {
-    let t = &TABLES.white;
-    let mut sum = 0.0;
-    for octave in &OCTAVES {
-        let [c, s] = octave.along;
-        let linear = corners(
-            x * c - y * s + octave.start[0],
-            x * s + y * c + octave.start[1],
-        );
-        let smoothed = Corners {
-            u: smooth(linear.u),
-            v: smooth(linear.v),
-            ..linear
-        };
-        sum += octave.weight * smoothed.blend(|i| f32::from(t[i]));
+    let (x, y) = (f32x8::splat(x), f32x8::splat(y));
+    let (column, u) = split_floors(x * WHITE.cos - y * WHITE.sin + WHITE.start_x);
+    let (row, v) = split_floors(x * WHITE.sin + y * WHITE.cos + WHITE.start_y);
+    let mask = i32x8::splat(MASK);
+    let cells = ((row & mask) << SIDE.ilog2()) | (column & mask);
+    let white = &TABLES.white;
+    let mut corners = [0; 8];
+    for (corners, cell) in corners.iter_mut().zip(&cells.to_array()[..OCTAVES]) {
+        *corners = white[*cell as usize];
     }
+    let corners = i32x8::new(corners);
+    let corner = |number: u32| f32x8::from_i32x8((corners << (24 - 8 * number)) >> 24_u32);
+    let (u, v) = (smooth(u), smooth(v));
+    let top = corner(0) + (corner(1) - corner(0)) * u;
+    let bottom = corner(2) + (corner(3) - corner(2)) * u;
+    let octaves = WHITE.weight * (top + (bottom - top) * v);
+    // In this order on every processor.
+    let sum: f32 = octaves.to_array()[..OCTAVES].iter().sum();
     sum.clamp(-1.0, 1.0)
 }
 
 /// Foliage clumps, period 512 along each axis; balls of 9 to 30 units radius.
 #[inline]
 pub(crate) fn clump(x: f32, y: f32) -> Clump {
-    let corners = corners(x, y);
-    let t = &TABLES.clump;
-    let lerp = |k: usize| corners.blend(|i| f32::from(t[i][k])) * (1.0 / 127.0);
+    let Corners { at, u, v } = corners(x, y);
+    let corners = at.map(|i| TABLES.clump[i]);
+    let lerp = |k: usize| {
+        let [a, b, c, d] = corners.map(|corner| f32::from(corner[k]));
+        let top = a + (b - a) * u;
+        let bottom = c + (d - c) * u;
+        (top + (bottom - top) * v) * (1.0 / 127.0)
+    };
     Clump {
         height: lerp(0),
         slope: [lerp(1), lerp(2)],

@@ -210,14 +210,15 @@ impl Objects {
         let mut count = 0;
         while let Some((cell, from, _)) = walk.next() {
             let Some(cell) = cell else { continue };
-            if o.z + sun.z * from > self.cell_top_m[cell] {
+            let lowest_m = o.z + sun.z * from;
+            if lowest_m > self.cell_top_m[cell] {
                 continue;
             }
             for &index in self.solid_grid.in_cell(cell) {
-                if skip == Skip::Solid(index) {
+                let solid = &self.solids[index as usize];
+                if skip == Skip::Solid(index) || lowest_m > solid.top_m() {
                     continue;
                 }
-                let solid = &self.solids[index as usize];
                 if solid.intersect(o, sun, 1e-3, t_top).is_some_and(|h| {
                     h.face == Face::Wall || h.face == Face::Roof && solid.finish != Finish::Glass
                 }) && solid.life.present(solid.seed, look.epoch, look.change)
@@ -226,10 +227,10 @@ impl Objects {
                 }
             }
             for &index in self.tree_grid.in_cell(cell) {
-                if skip == Skip::Tree(index) || dimmed.contains(&index) {
+                let tree = &self.trees[index as usize];
+                if skip == Skip::Tree(index) || lowest_m > tree.top_m || dimmed.contains(&index) {
                     continue;
                 }
-                let tree = &self.trees[index as usize];
                 if tree.life.present(tree.seed, look.epoch, look.change)
                     && tree.intersect(o, sun, 1e-3, t_top, look.season).is_some()
                 {

@@ -52,8 +52,12 @@ impl Span {
     /// Clips by the half space `n . x <= c`.
     #[inline]
     fn clip(&mut self, n: V3, c: f32, index: u8) {
-        let speed = n.dot(&self.d);
-        let gap = c - n.dot(&self.o);
+        self.clip_where(n.dot(&self.d), c - n.dot(&self.o), index);
+    }
+
+    /// Clips by a half space whose border the ray approaches at `speed` and that is `gap` away from its origin.
+    #[inline]
+    fn clip_where(&mut self, speed: f32, gap: f32, index: u8) {
         if speed < 0.0 {
             let t = gap / speed;
             if t > self.enter.0 {
@@ -84,14 +88,14 @@ impl Solid {
         }
         let h = self.half;
         let mut span = Span::new(lo, ld, t_min, t_max);
-        span.clip(V3::x(), h.x, 0);
-        span.clip(-V3::x(), h.x, 1);
-        span.clip(V3::y(), h.y, 2);
-        span.clip(-V3::y(), h.y, 3);
+        span.clip_where(ld.x, h.x - lo.x, 0);
+        span.clip_where(-ld.x, h.x + lo.x, 1);
+        span.clip_where(ld.y, h.y - lo.y, 2);
+        span.clip_where(-ld.y, h.y + lo.y, 3);
         if span.enter.0 > span.leave {
             return None;
         }
-        span.clip(-V3::z(), -self.base_m, 4);
+        span.clip_where(-ld.z, lo.z - self.base_m, 4);
         self.clip_by_roof(&mut span);
         let (t, index) = span.enter;
         if t > span.leave || index == u8::MAX || index == 4 {

@@ -3,14 +3,15 @@
 
 Cargo packages crates of one workspace that depend on each other in dependency order, as if the earlier ones were in the
 registry already. Its own verification would build every dependency once for each crate; here all crates are checked together,
-and those that users name, the program and the library, by themselves as well, with no more features than they ask for.
+with features, so that what lints with the same features checked of other crates is used again, and the program by itself as
+well, with no more features than it asks for. The wheel of the Python package does so for the library.
 Exits with 1 if a package is incomplete or larger than the registry accepts.
-Usage: .ci/package.py [--no-verify] (in the root of the workspace)
+Usage: .ci/package.py [--no-verify] [--features FEATURES] (in the root of the workspace)
 """
 
+import argparse
 import json
 import pathlib
-import re
 import shutil
 import subprocess
 import sys
@@ -20,11 +21,14 @@ import tarfile
 MAX_BYTES = 10 * 1024 * 1024
 METADATA = ("description", "keywords", "categories", "license", "readme", "repository", "rust_version")
 FILES = ("Cargo.toml", "README.md", "LICENSE-MIT", "LICENSE-APACHE")
-# What users install and depend on.
-CHECKED_ALONE = ("grimnet-cli", "grimnet")
 
 
 def main():
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--no-verify", action="store_true", help="compile nothing")
+    parser.add_argument("--features", default="", help="of the crates that are checked together")
+    arguments = parser.parse_args()
+
     command = ["cargo", "metadata", "--format-version", "1", "--locked", "--no-deps"]
     metadata = json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout)
     # `publish = false` is an empty list of registries.
@@ -46,8 +50,8 @@ def main():
             command += ["--exclude", package["name"]]
     target = pathlib.Path(metadata["target_directory"])
     subprocess.run(command, check=True)
-    if "--no-verify" not in sys.argv[1:]:
-        check_from_packages(published, target)
+    if not arguments.no_verify:
+        check_from_packages(metadata["packages"], target, arguments.features)
 
     folder = target / "package"
     for package in sorted(published, key=lambda package: package["name"]):
@@ -66,26 +70,29 @@ def main():
     return 1 if findings else 0
 
 
-def check_from_packages(published, target):
-    """Compiles the packages in a workspace of the unpacked ones."""
+def check_from_packages(packages, target, features):
+    """Compiles a copy of the workspace in which every published crate is its unpacked package."""
     root = target / "package" / "unpacked"
     shutil.rmtree(root, ignore_errors=True)
-    root.mkdir(parents=True)
-    stems = {package["name"]: f"{package['name']}-{package['version']}" for package in published}
-    for stem in stems.values():
+    (root / "crates").mkdir(parents=True)
+    manifest = [pathlib.Path("Cargo.toml").read_text(), "[patch.crates-io]"]
+    for package in packages:
+        source = pathlib.Path(package["manifest_path"]).parent
+        crate = root / "crates" / source.name
+        if package["publish"] == []:
+            shutil.copytree(source, crate)
+            continue
+        stem = f"{package['name']}-{package['version']}"
         with tarfile.open(target / "package" / f"{stem}.crate") as archive:
             archive.extractall(root, filter="data")
-    # The profile of the repository: what the lints checked of other crates is used again.
-    profile = re.search(r"^\[profile\.release\]\n[^\[]*", pathlib.Path("Cargo.toml").read_text(), re.M).group()
-    manifest = ["[workspace]", 'resolver = "3"', f"members = {json.dumps(list(stems.values()))}", profile, "[patch.crates-io]"]
-    manifest += [f'{name} = {{ path = "{stem}" }}' for name, stem in stems.items()]
+        (root / stem).rename(crate)
+        manifest.append(f'{package["name"]} = {{ path = "crates/{source.name}" }}')
     (root / "Cargo.toml").write_text("\n".join(manifest) + "\n")
-    # The same versions; entries of crates that are not published go.
     shutil.copy("Cargo.lock", root)
     command = ["cargo", "check", "--release", "--offline", "--manifest-path", root / "Cargo.toml", "--target-dir", target]
-    subprocess.run([*command, "--workspace"], check=True)
-    for name in CHECKED_ALONE:
-        subprocess.run([*command, "-p", name], check=True)
+    # With examples, whose dependencies give others their features as in the lints of all targets.
+    subprocess.run([*command, "--workspace", "--lib", "--bins", "--examples", "--features", features], check=True)
+    subprocess.run([*command, "-p", "grimnet-cli"], check=True)
 
 
 if __name__ == "__main__":

@@ -53,8 +53,9 @@ impl Axis {
             let sum: f64 = (first..=last).map(weight).sum();
             let inside_first = first.max(0);
             let inside_last = last.min(source_len as i64 - 1);
+            // Without weights, taps lie at the end that they are beyond: rows are found by bisection.
             let mut tap = Taps {
-                start: 0,
+                start: if centre < 0.0 { 0 } else { source_len },
                 weights: Vec::new(),
             };
             for k in inside_first..=inside_last {
@@ -309,6 +310,37 @@ mod tests {
                 y = next;
             }
             assert_eq!(r.finish(), whole, "pieces of {piece}");
+        }
+    }
+
+    #[test]
+    fn rows_beyond_the_source_take_none_from_those_within() {
+        let values: Vec<Vec<u8>> = (0..20).map(|y| vec![10 * y + 5; 6]).collect();
+        let all: Vec<&[u8]> = values.iter().map(Vec::as_slice).collect();
+        // Output rows of two source rows, from so many before the source to so many after it.
+        let resampled = |before: usize, after: usize, piece: usize| {
+            let count = before + 10 + after;
+            let down = Axis::new(-2.0 * before as f64, 2.0 * count as f64, count, 20);
+            assert_eq!((down.source_start, down.source_end), (0, 20));
+            let mut r = Resampler::new(Axis::new(0.0, 6.0, 3, 6), down);
+            for (i, rows_of_piece) in all.chunks(piece).enumerate() {
+                r.add(rows(i * piece, rows_of_piece, None));
+            }
+            r.finish()
+        };
+        let within = resampled(0, 0, 20);
+        assert!(within.valid.iter().all(|&v| v == 255));
+        for (before, after) in [(0, 4), (0, 90), (7, 0), (90, 0), (30, 40)] {
+            for piece in [1, 3, 8, 20] {
+                let patch = resampled(before, after, piece);
+                let row = 3 * before..3 * (before + 10);
+                let rgb = &patch.rgb.as_raw()[3 * row.start..3 * row.end];
+                let case = format!("{before} rows before, {after} after, pieces of {piece}");
+                assert_eq!(rgb, within.rgb.as_raw(), "{case}");
+                assert_eq!(&patch.valid.as_raw()[row], within.valid.as_raw(), "{case}");
+                let valid = patch.valid.iter().filter(|&&v| v == 255).count();
+                assert_eq!(valid, 30, "{case}");
+            }
         }
     }
 

@@ -38,14 +38,30 @@ pub(crate) fn usable(
     }
 }
 
-/// Whether the position has been carried on by the autopilot's own velocity for so long that it must not be sent back.
-///
-/// It tells the autopilot nothing, whatever the error of that velocity, and hides from it that it is lost.
-pub(crate) fn is_own_velocity_sent_back(state: TrackState, estimate: &Estimate) -> bool {
-    let is_old = |age_s: f64| age_s > LONGEST_BY_OWN_VELOCITY_S;
-    state == TrackState::Coasting
-        && estimate.source == Source::Velocity
-        && estimate.age_of_last_fix_s.is_none_or(is_old)
+/// Whether positions are carried on by the autopilot's own velocity.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct OwnVelocity {
+    /// Also by the last one that it told, from which a position is predicted further.
+    carries: bool,
+}
+
+impl OwnVelocity {
+    /// Takes in what a position rests on. Says whether the autopilot's own velocity has carried it on for so long that it must not be
+    /// sent back.
+    ///
+    /// It tells the autopilot nothing, whatever the error of that velocity, and hides from it that it is lost. One that is lost tells no
+    /// velocity any more: what is predicted from its last one is no news to it either.
+    pub fn is_sent_back(&mut self, state: TrackState, estimate: &Estimate) -> bool {
+        self.carries = match estimate.source {
+            Source::Velocity => true,
+            Source::Prediction => self.carries && state == TrackState::Coasting,
+            _ => false,
+        };
+        let is_old = |age_s: f64| age_s > LONGEST_BY_OWN_VELOCITY_S;
+        self.carries
+            && state == TrackState::Coasting
+            && estimate.age_of_last_fix_s.is_none_or(is_old)
+    }
 }
 
 /// Standard deviation along the longer axis of the position's ellipse, metres: for receivers that know one number.

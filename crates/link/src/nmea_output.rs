@@ -97,6 +97,8 @@ impl NmeaOutput {
                     let point = point_at(clock.now_s());
                     let text = point.and_then(|point| nmea_sentences(&point, max_radius95_m));
                     let mut happened = Vec::new();
+                    // A wrong port shows before there is a position.
+                    receiver.keep_open(&mut happened);
                     if let Some(text) = text {
                         receiver.send(text.as_bytes(), &mut happened);
                     }

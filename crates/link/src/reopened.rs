@@ -65,6 +65,11 @@ impl Reopened {
         }
     }
 
+    /// Opens the address if it is not open and it is time to try, though there is nothing to read or to send.
+    pub fn keep_open(&mut self, events: &mut Vec<LinkEvent>) {
+        self.open(events);
+    }
+
     fn open(&mut self, events: &mut Vec<LinkEvent>) -> Option<&mut Transport> {
         if self.transport.is_none() && Instant::now() >= self.retry_at {
             self.retry_at = Instant::now() + RETRY;

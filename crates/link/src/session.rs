@@ -17,7 +17,7 @@ use crate::{
     describe::describe,
     event::{LinkEvent, NotSending},
     every::Every,
-    gate::{Jumps, is_own_velocity_sent_back, usable},
+    gate::{Jumps, OwnVelocity, usable},
     messages::{Position, odometry_without_position},
     options::LinkOptions,
     output::Output,
@@ -66,6 +66,7 @@ pub(crate) struct Session {
     asked_ns: VecDeque<i64>,
     position: Every,
     jumps: Jumps,
+    own_velocity: OwnVelocity,
     /// What was said last of sending: the message, or why none.
     said: Option<Result<Output, NotSending>>,
     /// With which result the autopilot refuses positions.
@@ -98,6 +99,7 @@ impl Session {
             asked_ns: VecDeque::new(),
             position: Every::seconds(0.1),
             jumps: Jumps::default(),
+            own_velocity: OwnVelocity::default(),
             said: None,
             refused: None,
             sent: 0,
@@ -233,6 +235,7 @@ impl Session {
         if self.silent {
             // It may have started again meanwhile, without an origin.
             self.origin = None;
+            self.time_sync.forget_start();
         }
         if !same || self.silent {
             self.requests.again();
@@ -479,7 +482,7 @@ impl Session {
         if output == Output::PositionEstimate && state != TrackState::Tracking {
             return Err(NotSending::NoRecentFix);
         }
-        if is_own_velocity_sent_back(state, &estimate) {
+        if self.own_velocity.is_sent_back(state, &estimate) {
             return Err(NotSending::OwnVelocity);
         }
         self.position

@@ -612,8 +612,13 @@ fn the_autopilots_own_velocity_is_not_sent_back_for_long() {
     };
     assert!(sent(TrackState::Coasting, Source::Velocity, 9.9));
     assert!(!sent(TrackState::Coasting, Source::Velocity, 10.1));
+    // Without positions it gives up its own, and tells no velocity any more.
+    assert!(!sent(TrackState::Coasting, Source::Prediction, 20.0));
     assert!(sent(TrackState::Coasting, Source::Motion, 10.1));
     assert!(sent(TrackState::Tracking, Source::Velocity, 10.1));
+    // A prediction from fixes, without a velocity of the autopilot.
+    assert!(sent(TrackState::Tracking, Source::Prediction, 1.0));
+    assert!(sent(TrackState::Coasting, Source::Prediction, 20.0));
     let why = LinkEvent::NotSending(NotSending::OwnVelocity);
     assert!(flight.events.contains(&why));
 }
@@ -633,6 +638,21 @@ fn an_autopilot_that_was_silent_is_asked_for_its_origin_again() {
     flight.says_origin();
     flight.second(ARDUPILOT);
     assert!(!flight.odometry().is_empty());
+}
+
+/// Likewise: what it says then has the times of its new start.
+#[test]
+fn an_autopilot_that_was_silent_may_have_another_clock() {
+    let mut flight = Flight::new(|_| {});
+    flight.restarted_s = 990.0;
+    flight.second(ARDUPILOT);
+    (0..80).for_each(|_| flight.step(0.5));
+    flight.restarted_s = 1015.0;
+    flight.session.inputs.clear();
+    let began_s = flight.now_s;
+    flight.second(ARDUPILOT);
+    let first_s = flight.session.inputs.first().unwrap().time_s();
+    assert!((first_s - began_s).abs() < 0.1, "{first_s} {began_s}");
 }
 
 #[test]

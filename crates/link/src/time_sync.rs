@@ -84,6 +84,15 @@ impl TimeSync {
         restarted
     }
 
+    /// Forgets when the autopilot started, as after a silence in which it may have started again. A clock that goes back still shows
+    /// that it did.
+    pub fn forget_start(&mut self) {
+        *self = Self {
+            newest_boot_s: self.newest_boot_s,
+            ..Self::default()
+        };
+    }
+
     /// A time since the autopilot's start on the link's clock. `None` before anything was heard.
     pub fn time_s(&self, boot_s: f64) -> Option<f64> {
         let earliest_s = self.arrivals.map(|(_, earliest_s)| {

@@ -362,6 +362,18 @@ fn sentences_arrive() {
     assert!(text.contains(",2415.09000,N,12042.09000,E,"), "{text}");
 }
 
+#[test]
+fn a_port_for_sentences_that_is_not_there_shows_before_there_is_a_position() {
+    let nowhere: PointAt = Arc::new(|_| None);
+    let address = "serial:/no/such/port:9600".parse().unwrap();
+    let output = NmeaOutput::start(address, 100.0, LinkClock::unix(), nowhere).unwrap();
+    wait_for("the failure", || {
+        output
+            .events()
+            .find(|event| matches!(event, LinkEvent::CannotOpen { .. }))
+    });
+}
+
 /// What a check finds, which changes nothing of the autopilot: parameters and versions are asked for, and nothing else.
 fn checked(stand_in: StandIn, address: Address) -> grimnet_link::CheckReport {
     let running = stand_in.start();

@@ -131,7 +131,7 @@ impl Filter {
         self.keep_open(options);
         self.lose_if_too_wide(options);
         let measured_m = plane.en_from_lonlat(fix.lonlat);
-        let fix = &self.sensors.with_nadir_gsd(fix);
+        let fix = &self.sensors.levelled(fix);
         let usual = Usual {
             rate: &self.rate,
             confidence: &self.confidence,

@@ -256,8 +256,65 @@ impl Hypothesis {
 
 #[cfg(test)]
 mod tests {
+    use grimnet_geo::{LonLat, destination_en_m, offset_en_m, turn_deg};
+
     use super::*;
-    use crate::{input::Input, input::tests::fix, options::Start, tracker::Tracker};
+    use crate::{
+        input::{Height, Input, tests::fix},
+        options::Start,
+        tracker::Tracker,
+    };
+
+    /// In a view that is tilted ahead and to the side the photo's top is turned from the yaw on the ground.
+    #[test]
+    fn the_heading_of_a_fix_in_a_tilted_view_is_that_of_the_photos_top() {
+        let attitude = Attitude {
+            time_s: 0.0,
+            yaw_deg: 0.0,
+            pitch_deg: 20.0,
+            roll_deg: 20.0,
+        };
+        let centre = CentreOffset::new(&attitude, Vector2::zeros(), 120.0).unwrap();
+        let [ahead_e_m, ahead_n_m] = [0, 1].map(|axis| centre.by_boresight_m[(axis, 0)]);
+        let top_deg = ahead_e_m.atan2(ahead_n_m).to_degrees();
+        assert!((-7.2..-7.0).contains(&top_deg), "{top_deg}");
+        let place = LonLat::new(120.7, 24.2);
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        for number in 0..10 {
+            let time_s = f64::from(number);
+            let inputs = [
+                Input::Attitude(Attitude { time_s, ..attitude }),
+                Input::Height(Height {
+                    time_s,
+                    agl_m: 120.0,
+                    amsl_m: None,
+                }),
+                Input::Fix(PositionFix {
+                    time_s,
+                    lonlat: destination_en_m(place, centre.offset_en_m.x, centre.offset_en_m.y),
+                    heading_deg: Some(top_deg),
+                    ..fix()
+                }),
+            ];
+            for input in inputs {
+                tracker.push(input).unwrap();
+            }
+        }
+        let estimate = tracker
+            .point_at(9.0)
+            .and_then(|point| point.estimate)
+            .unwrap();
+        let found = LonLat::new(estimate.lon_deg, estimate.lat_deg);
+        let (east_m, north_m) = offset_en_m(place, found);
+        assert!(east_m.hypot(north_m) < 0.5, "{east_m} {north_m}");
+        assert!(turn_deg(0.0, estimate.heading_deg.unwrap()).abs() < 0.5);
+        let window = tracker.search(9.0, 50.0).windows[0];
+        let (expected_deg, _) = window.heading_deg.unwrap();
+        assert!(
+            turn_deg(top_deg, expected_deg).abs() < 0.5,
+            "{expected_deg}"
+        );
+    }
 
     #[test]
     fn after_a_start_the_maps_error_does_not_average_away() {

@@ -27,11 +27,11 @@ impl Vehicle {
     }
 
     /// Spectral density of the acceleration per axis, square metres per second cubed: about 2 m/s2 held for a second by a
-    /// multirotor, 3 m/s2 across the path by a plane that banks.
+    /// multirotor; for a plane what turns it into another direction, at its speed, every half minute.
     pub(crate) fn acceleration_density_m2_s3(self) -> f64 {
         match self {
             Self::Multirotor => 4.0,
-            Self::Plane => 9.0,
+            Self::Plane => 20.0,
         }
     }
 }

@@ -8,7 +8,7 @@ use crate::{
     climb::{Climb, ReferenceStep},
     input::{Height, Input, PositionFix, RelativeMotion, Velocity},
     options::TrackOptions,
-    tilt::{CentreOffset, gsd_over_nadir},
+    tilt::{CentreOffset, gsd_over_nadir, top_from_yaw_deg},
     velocity_gate::{VelocityGate, VelocityUse},
 };
 
@@ -77,7 +77,7 @@ pub(crate) enum View {
         reference_step_m: f64,
         /// Error that comes from the attitude's age, degrees.
         sigma_deg: f64,
-        /// Bearing of the photo's top as the fix in it shows it, degrees clockwise from true north. `None` without a fix that does.
+        /// Yaw as the fix in the photo shows it, degrees clockwise from true north. `None` without a fix that does.
         heading_deg: Option<f64>,
     },
     /// The height is known: the aircraft is within an unknown tilt of the image centre.
@@ -153,13 +153,18 @@ impl Sensors {
         self.telemetry.gsd_over_nadir(time_s)
     }
 
+    /// Bearing of the top of a photo taken at `time_s` from the yaw, degrees clockwise; 0 if no attitude is known.
+    pub fn top_from_yaw_deg(&self, time_s: f64) -> f64 {
+        self.telemetry.top_from_yaw_deg(time_s)
+    }
+
     /// How a photo taken at `time_s` with this ground resolution straight below was directed.
     pub fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {
         self.telemetry.view(time_s, gsd_m, options)
     }
 
-    /// How a photo with `fix` was directed. Its ground resolution, straight below, tells how far the surface is that was matched
-    /// with the map, and its heading where the photo's top was.
+    /// How a photo with `fix`, [levelled](Self::levelled), was directed. Its ground resolution tells how far the surface is that was
+    /// matched with the map, and its heading the yaw.
     pub fn view_of(&self, fix: &PositionFix, options: &TrackOptions) -> View {
         let mut view = self.view(fix.time_s, Some(fix.gsd_m), options);
         if let View::Attitude {
@@ -184,10 +189,13 @@ impl Sensors {
         view
     }
 
-    /// A fix with the ground resolution straight below, which tilt does not change and which hypotheses know.
-    pub fn with_nadir_gsd(&self, fix: &PositionFix) -> PositionFix {
+    /// A fix with the ground resolution straight below, and with the yaw as its heading: tilt does not change them, and hypotheses know
+    /// them.
+    pub fn levelled(&self, fix: &PositionFix) -> PositionFix {
+        let top_from_yaw_deg = self.top_from_yaw_deg(fix.time_s);
         PositionFix {
             gsd_m: fix.gsd_m / self.gsd_over_nadir(fix.time_s),
+            heading_deg: fix.heading_deg.map(|top_deg| top_deg - top_from_yaw_deg),
             ..*fix
         }
     }
@@ -236,6 +244,11 @@ impl Telemetry {
     fn gsd_over_nadir(&self, time_s: f64) -> f64 {
         self.extrapolated(time_s)
             .map_or(1.0, |(attitude, _)| gsd_over_nadir(&attitude))
+    }
+
+    fn top_from_yaw_deg(&self, time_s: f64) -> f64 {
+        self.extrapolated(time_s)
+            .map_or(0.0, |(attitude, _)| top_from_yaw_deg(&attitude))
     }
 
     fn view(&self, time_s: f64, gsd_m: Option<f64>, options: &TrackOptions) -> View {

@@ -74,7 +74,7 @@ pub fn smooth(
                 fix_number += 1;
                 sensors.take(input);
                 let Some(root) = root else { continue };
-                let fix = &sensors.with_nadir_gsd(fix);
+                let fix = &sensors.levelled(fix);
                 if let Some(piece) = piece.as_mut().filter(|piece| piece.root == root) {
                     piece.fix(fix, &sensors, options);
                     continue;

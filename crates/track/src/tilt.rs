@@ -75,6 +75,14 @@ pub(crate) fn gsd_over_nadir(attitude: &Attitude) -> f64 {
     cos.max(LARGEST_TILT_COS).powf(-1.5)
 }
 
+/// Bearing of the photo's top, at its centre on the ground, from the attitude's yaw, degrees clockwise: the ground is sheared where the
+/// view is tilted to the side as well as ahead.
+pub(crate) fn top_from_yaw_deg(attitude: &Attitude) -> f64 {
+    let sin_pitch = attitude.pitch_deg.to_radians().sin();
+    let tan_roll = attitude.roll_deg.to_radians().tan();
+    (-sin_pitch * tan_roll).atan().to_degrees()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,6 +140,20 @@ mod tests {
             tilted,
             epsilon = 1e-12
         );
+    }
+
+    #[test]
+    fn the_top_is_where_the_view_moves_that_leans_forward() {
+        for (pitch_deg, roll_deg) in [(8.0, -20.0), (-6.0, 12.0), (30.0, 15.0), (20.0, 0.0)] {
+            let attitude = attitude(0.0, pitch_deg, roll_deg);
+            let centre = CentreOffset::new(&attitude, Vector2::zeros(), 150.0).unwrap();
+            let [east_m, north_m] = [0, 1].map(|axis| centre.by_boresight_m[(axis, 0)]);
+            assert_relative_eq!(
+                top_from_yaw_deg(&attitude),
+                east_m.atan2(north_m).to_degrees(),
+                epsilon = 1e-9
+            );
+        }
     }
 
     #[test]

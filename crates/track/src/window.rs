@@ -116,8 +116,9 @@ fn window(
         observation * hypothesis.covariance * observation.transpose() + noise;
     let sigma_m = covariance.symmetric_eigenvalues().max().max(0.0).sqrt();
     let heading_deg = hypothesis.heading_at(time_s).and_then(|heading| {
+        let top_deg = heading.heading_deg + filter.sensors.top_from_yaw_deg(time_s);
         let side_deg = (HEADING_SIGMAS * heading.sigma_deg()).max(LEAST_HEADING_DEG);
-        (side_deg <= MOST_HEADING_DEG).then_some((heading.heading_deg, side_deg))
+        (side_deg <= MOST_HEADING_DEG).then_some((top_deg.rem_euclid(360.0), side_deg))
     });
     let gsd_m = gsd.map(|gsd| {
         let factor = (HEADING_SIGMAS * gsd.variance.sqrt())

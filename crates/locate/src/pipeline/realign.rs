@@ -1,6 +1,6 @@
 //! A second matching of the best answer, with the photo rotated and scaled as that answer says and cropped less.
 
-use std::time::Instant;
+use std::{iter, time::Instant};
 
 use grimnet_net::Purpose;
 use grimnet_pack::Level;
@@ -104,24 +104,12 @@ fn realigned_hypothesis(context: Context<'_>, best: &RankedAnswer<'_>) -> Option
 
 /// The tile of an answer, and the tile whose centre is nearest to the answer's position.
 fn tiles_around(level: &Level, verified: &VerifiedCandidate) -> Vec<usize> {
-    let tile = level.tile(verified.candidate.tile);
-    let mut tiles = vec![verified.candidate.tile];
-    if let Some(centre) = verified.centre_level_px {
-        let stride_px = f64::from(level.manifest().stride_px);
-        let nearest = |index: u32, difference_px: f64| {
-            (f64::from(index) + (difference_px / stride_px).round()).max(0.0) as u32
-        };
-        let grid = [
-            nearest(tile.grid[0], centre.x - tile.centre_px.x),
-            nearest(tile.grid[1], centre.y - tile.centre_px.y),
-        ];
-        tiles.extend(
-            level
-                .tile_at(grid)
-                .filter(|&nearest| nearest != verified.candidate.tile),
-        );
-    }
-    tiles
+    let tile = verified.candidate.tile;
+    let nearest = verified
+        .centre_level_px
+        .and_then(|centre| level.tile_around(centre))
+        .filter(|&nearest| nearest != tile);
+    iter::once(tile).chain(nearest).collect()
 }
 
 /// Whether more matches could remove the reason for the rejection.

@@ -149,38 +149,57 @@ fn allowed_tiles(level: &Level, near: Option<&Near>) -> Result<Option<Vec<bool>>
 const BLOCK_TILES: u32 = 32;
 
 /// For each tile, whether it may show a part of the area.
-///
-/// A projection and a geodesic for each tile of a large map would take longer than the search that the area makes smaller.
 pub(crate) fn tiles_near(level: &Level, near: &Near) -> impl Iterator<Item = Result<bool>> {
     let reach_m = near.radius_m + level.tile_m() * std::f64::consts::FRAC_1_SQRT_2;
+    let first = level.centre_px([0, 0]);
+    let stride_px = f64::from(level.manifest().stride_px);
+    let place = move |[column, row]: [f64; 2]| -> Result<LonLat> {
+        let centre_px = first.offset(column * stride_px, row * stride_px);
+        Ok(level.lonlat_from_level_px(centre_px)?)
+    };
+    let tiles = (0..level.tile_count()).map(move |tile| level.tile(tile).grid);
+    near_by_blocks(tiles, place, (near.centre, reach_m), BLOCK_TILES)
+}
+
+/// For each tile, given by column and row of the tile grid, whether its centre is within `reach_m` of `centre`. `place` gives the centre
+/// of a tile, or a point between centres; blocks are of `block_tiles` columns and rows.
+///
+/// A projection and a geodesic for each tile of a large map would take longer than the search that the area makes smaller.
+fn near_by_blocks(
+    tiles: impl Iterator<Item = [u32; 2]>,
+    place: impl Fn([f64; 2]) -> Result<LonLat>,
+    (centre, reach_m): (LonLat, f64),
+    block_tiles: u32,
+) -> impl Iterator<Item = Result<bool>> {
     let mut far_blocks: HashMap<[u32; 2], bool> = HashMap::new();
-    (0..level.tile_count()).map(move |tile| {
-        let tile = level.tile(tile);
-        let block = tile.grid.map(|along| along / BLOCK_TILES);
+    tiles.map(move |tile| {
+        let block = tile.map(|along| along / block_tiles);
         let is_far = far_blocks
             .entry(block)
-            .or_insert_with(|| is_block_far(level, block, near.centre, reach_m));
+            .or_insert_with(|| is_block_far(block, block_tiles, &place, (centre, reach_m)));
         if *is_far {
             return Ok(false);
         }
-        let centre: LonLat = level.lonlat_from_level_px(tile.centre_px)?;
-        Ok(distance_m(centre, near.centre) <= reach_m)
+        Ok(distance_m(place(tile.map(f64::from))?, centre) <= reach_m)
     })
 }
 
 /// Whether the centres of all tiles of a block are farther from `centre` than `reach_m`; false if a corner has no coordinates.
-fn is_block_far(level: &Level, block: [u32; 2], centre: LonLat, reach_m: f64) -> bool {
-    let first = block.map(|along| along * BLOCK_TILES);
-    let last = first.map(|along| along + BLOCK_TILES - 1);
-    let [first, last] = [first, last].map(|grid| level.centre_px(grid));
-    let place = |x: f64, y: f64| level.lonlat_from_level_px(LevelPx::new(x, y)).ok();
-    let Some(middle) = place(0.5 * (first.x + last.x), 0.5 * (first.y + last.y)) else {
+fn is_block_far(
+    block: [u32; 2],
+    block_tiles: u32,
+    place: impl Fn([f64; 2]) -> Result<LonLat>,
+    (centre, reach_m): (LonLat, f64),
+) -> bool {
+    let first = block.map(|along| f64::from(along * block_tiles));
+    let last = first.map(|along| along + f64::from(block_tiles - 1));
+    let Ok(middle) = place([0, 1].map(|a| 0.5 * (first[a] + last[a]))) else {
         return false;
     };
     let mut half_m = 0.0f64;
-    for x in [first.x, last.x] {
-        for y in [first.y, last.y] {
-            let Some(corner) = place(x, y) else {
+    for x in [first[0], last[0]] {
+        for y in [first[1], last[1]] {
+            let Ok(corner) = place([x, y]) else {
                 return false;
             };
             half_m = half_m.max(distance_m(middle, corner));
@@ -265,7 +284,70 @@ pub(crate) fn distinct_tiles<'a>(
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
+    use grimnet_geo::{Affine, Crs, Georeference, MapPx};
+
     use super::*;
+
+    /// Where the tiles of a map in UTM lie, the axes of which are turned against the grid's.
+    fn place_on_turned_map() -> impl Fn([f64; 2]) -> Result<LonLat> {
+        let affine = Affine::from_gdal([500_000.0, 0.8, 0.6, 4_982_950.0, 0.6, -0.8]).unwrap();
+        let crs = Crs::parse("EPSG:32632").unwrap();
+        let map = Georeference::new(affine, crs, (3328, 2560));
+        move |grid: [f64; 2]| -> Result<LonLat> {
+            let [x, y] = grid.map(|along| 256.0 * (along + 1.0));
+            Ok(map.lonlat_from_map_px(MapPx::new(x, y))?)
+        }
+    }
+
+    #[test]
+    fn tiles_are_near_whatever_the_size_of_the_blocks() {
+        const COLUMNS: u32 = 12;
+        const ROWS: u32 = 9;
+        let place = place_on_turned_map();
+        // Some tiles of the grid are not stored.
+        let tiles: Vec<[u32; 2]> = (0..ROWS)
+            .flat_map(|row| (0..COLUMNS).map(move |column| [column, row]))
+            .filter(|&[column, row]| (column + 2 * row) % 7 != 3)
+            .collect();
+        let mut counts = Vec::new();
+        for at in [[0.0, 0.0], [5.5, 4.0], [11.0, 8.0], [30.0, -7.0]] {
+            let centre = place(at).unwrap();
+            for reach_m in [1.0, 300.0, 1000.0, 100_000.0] {
+                let is_near = |&tile: &[u32; 2]| {
+                    distance_m(place(tile.map(f64::from)).unwrap(), centre) <= reach_m
+                };
+                let plain: Vec<bool> = tiles.iter().map(is_near).collect();
+                for block_tiles in [1, 2, 5, ROWS, COLUMNS, 32] {
+                    let area = (centre, reach_m);
+                    let by_blocks: Result<Vec<bool>> =
+                        near_by_blocks(tiles.iter().copied(), &place, area, block_tiles).collect();
+                    let case = format!("{reach_m} m around {at:?}, blocks of {block_tiles}");
+                    assert_eq!(by_blocks.unwrap(), plain, "{case}");
+                }
+                counts.push(plain.iter().filter(|&&near| near).count());
+            }
+        }
+        assert!(counts.contains(&0) && counts.contains(&tiles.len()));
+        assert!(counts.iter().any(|near| (2..tiles.len()).contains(near)));
+    }
+
+    #[test]
+    fn blocks_that_are_far_away_are_not_looked_into() {
+        let place = place_on_turned_map();
+        let placed = Cell::new(0);
+        let counted = |grid: [f64; 2]| {
+            placed.set(placed.get() + 1);
+            place(grid)
+        };
+        let tiles = (0..100).flat_map(|row| (0..100).map(move |column| [column, row]));
+        let area = (place([3.0, 3.0]).unwrap(), 300.0);
+        let near = near_by_blocks(tiles, counted, area, 10).filter(|near| matches!(near, Ok(true)));
+        assert_eq!(near.count(), 5, "the tile and its four neighbours");
+        // Five points of each of a hundred blocks, and the tiles of a block.
+        assert!(placed.get() <= 5 * 100 + 100, "{}", placed.get());
+    }
 
     #[test]
     fn similarity_counts_as_votes() {

@@ -52,10 +52,13 @@ pub fn new_manifest(
     Ok(manifest)
 }
 
+/// Raised where the same map, network and options give other contents: packs of before are built again.
+const CONTENTS_REVISION: u32 = 1;
+
 /// Of all but the map's description: it has the name of the file, and a renamed map is the same map.
 fn fingerprint_of(manifest: &Manifest) -> serde_json::Result<String> {
     let mut nameless = manifest.clone();
     nameless.map.description.clear();
-    let all = serde_json::to_vec(&nameless)?;
+    let all = serde_json::to_vec(&(CONTENTS_REVISION, nameless))?;
     Ok(blake3::hash(&all).to_hex().to_string())
 }

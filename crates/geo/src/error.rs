@@ -61,7 +61,7 @@ pub enum GeoError {
     },
 
     /// The coordinate system in the file is unknown or not supported.
-    #[error("{}: unknown coordinate system '{crs}': {reason}{}", path.display(), advice_on_crs(reason))]
+    #[error("{}: the coordinate system '{crs}' cannot be used: {reason}{}", path.display(), advice_on_crs(reason))]
     UnsupportedCrs {
         /// The file.
         path: PathBuf,

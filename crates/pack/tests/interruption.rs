@@ -141,6 +141,8 @@ fn a_resolution_far_finer_than_the_map_is_a_slip_of_units() {
     let out = folder.path().join("area.grim");
     let error = build(&map(), &tiny_model(1), &options, &out, &mut |_| ()).unwrap_err();
     assert!(error.to_string().contains("enlarged"), "{error}");
+    // What `--height-agl` and `--hfov` of `grim map build` give.
+    assert!(error.to_string().contains("field of view"), "{error}");
     assert_eq!(names(folder.path()), [""; 0]);
     let limits = BuildLimits::default();
     let estimated = estimate(&map(), &tiny_model(1), &options, &limits);

@@ -62,7 +62,7 @@ pub(crate) async fn answers(
 /// A list of answers as JSON in another format.
 fn converted(json: &[u8], kind: AnswerType) -> Result<String, Problem> {
     let Answers { answers, are_all } = serde_json::from_slice(json).map_err(|error| {
-        Problem::bad_request(format!("the body is no list of answers: {error}"))
+        Problem::bad_request(format!("the body is no JSON array of answers: {error}"))
     })?;
     if !are_all {
         return Err(Problem::too_large(format!(

@@ -6,14 +6,14 @@ mod observing;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
 use grimnet_answer::printable;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
 use grimnet_eval::calibration::observation::Observation;
 use grimnet_eval::calibration::real::{NumberedSource, PlacesUsed, RealScene};
 use grimnet_eval::calibration::{self, observation, scenes, trial};
-use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::datasets::{DataSet, DataSetError, DataSetRequest};
 use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
 use grimnet_eval::scene::Scene;
 use grimnet_geo::MapOptions;
@@ -66,7 +66,7 @@ pub struct CalibrateArgs {
     pictures: Vec<PathBuf>,
 
     /// Assumed ground resolution of the pictures, metres per pixel
-    #[arg(long, value_name = "M", default_value_t = 0.15, value_parser = values::gsd_m, allow_hyphen_values = true)]
+    #[arg(long, value_name = "M", default_value_t = 0.15, value_parser = values::gsd_m, allow_hyphen_values = true, requires = "pictures")]
     pictures_gsd: f64,
 
     /// Data sets whose photos name their place (column `place` of truth.csv); half of the places are used
@@ -76,7 +76,7 @@ pub struct CalibrateArgs {
     datasets: Vec<PathBuf>,
 
     /// Which places of the data sets are used, by their number in the order of their names
-    #[arg(long, value_name = "HALF", value_enum, default_value_t = PlacesChoice::Odd)]
+    #[arg(long, value_name = "HALF", value_enum, default_value_t = PlacesChoice::Odd, requires = "datasets")]
     places: PlacesChoice,
 
     /// Folders of pictures that are localised on every map and must get no fix
@@ -84,7 +84,7 @@ pub struct CalibrateArgs {
     elsewhere: Vec<PathBuf>,
 
     /// Pictures of each of these folders on each map
-    #[arg(long, value_name = "N", default_value_t = 12, value_parser = values::photo_count)]
+    #[arg(long, value_name = "N", default_value_t = 12, value_parser = values::photo_count, requires = "elsewhere")]
     elsewhere_trials: usize,
 
     /// Share of photos taken elsewhere that may get a fix; a smaller share costs right fixes
@@ -104,7 +104,11 @@ pub struct CalibrateArgs {
     observations: Option<PathBuf>,
 
     /// Fit to the observations of an earlier run with the same model
-    #[arg(long, value_name = "FILE.csv", conflicts_with_all = ["observations", "pictures", "datasets", "elsewhere"])]
+    #[arg(
+        long,
+        value_name = "FILE.csv",
+        conflicts_with_all = ["observations", "worlds", "photos", "seed", "pictures", "datasets", "elsewhere"]
+    )]
     observed: Option<PathBuf>,
 
     #[command(flatten)]
@@ -275,12 +279,25 @@ fn data_set(
         map_options: MapOptions::default(),
         scratch,
         photo_limits,
+    })
+    .map_err(|error| match error {
+        // Another map would not help: only a truth.csv names places.
+        DataSetError::MsdiNeedsMap(_) | DataSetError::UnknownLayout(_) => without_places(folder),
+        error => error.into(),
     })?;
     let map = open_map(&set, policy)?;
     // What is written for this run is as the files that it comes from.
     let all = set.files().map(Path::to_owned).chain(map.files());
     let files = all.filter(|path| !path.starts_with(scratch)).collect();
     Ok((set.into_scene(map)?, files))
+}
+
+/// The error of a data set of which no photo is used.
+fn without_places(folder: &Path) -> anyhow::Error {
+    anyhow!(
+        "{}: no answerable photo of half of its places: its truth.csv needs a column `place`, with two places at least",
+        folder.display()
+    )
 }
 
 /// Makes the scenes and localises their photos. All files that are read become inputs of `policy`. `None` if Ctrl-C ended it.
@@ -312,6 +329,11 @@ fn observe(
             PlannedOutput::file("--out", kept),
             PlannedOutput::file("--observations", written),
         ])?;
+    }
+    for (scene, set) in sets.iter().zip(&arguments.datasets) {
+        if !PlacesUsed::from(arguments.places).has_photos(scene) {
+            return Err(without_places(set));
+        }
     }
     let conditions = conditions(arguments, model, &files)?;
     let made = draw_scenes(arguments, folder.path())?;
@@ -361,7 +383,7 @@ fn real_scenes<'a>(
         .iter()
         .zip(&arguments.datasets)
         .map(|(scene, set)| (scene, Some(set), places));
-    let real = of_made
+    of_made
         .chain(of_sets)
         .zip(0..)
         .map(|((scene, folder, places), number)| {
@@ -378,16 +400,7 @@ fn real_scenes<'a>(
                 },
             })
         })
-        .collect::<Result<Vec<_>>>()?;
-    for (real, set) in real.iter().skip(made.len()).zip(&arguments.datasets) {
-        if !real.has_photos() {
-            bail!(
-                "{}: no answerable photo of half of its places: its truth.csv needs a column `place`, with two places at least",
-                set.display()
-            );
-        }
-    }
-    Ok(real)
+        .collect()
 }
 
 /// The sources with the numbers of their scenes, of which the first `made` are in use: photos cut from the same pictures are of the

@@ -47,8 +47,8 @@ Examples:
   grim track --pack town.grim rtsp://10.0.0.2/stream --hfov 73 --mavlink udpin:0.0.0.0:14550 --frame-latency 0.3
   grim track --replay recorded
 
-Exit status: 0 the aircraft was found, 1 it was not, or some frames could not be used, or a replay gave another track, 2 wrong \
-use or input that cannot be read, 130 stopped by Ctrl-C (the track so far is written).";
+Exit status: 0 the aircraft was found, or a replay gave the same track, 1 it was not, or some frames could not be used, or a replay \
+gave another track, 2 wrong use or input that cannot be read, 130 stopped by Ctrl-C (the track so far is written).";
 
 /// Longest step of time in recorded photos, seconds: they are sorted by time, and a long pause is no jump of the clock.
 const LONGEST_PAUSE_S: f64 = 1e9;
@@ -405,7 +405,9 @@ fn summarise(followed: &Followed<'_>, frames: &dyn Frames, interrupted: bool) ->
             counts.frames
         );
     }
-    if counts.usable == 0 && counts.frames > 0 {
+    if counts.frames == 0 && !interrupted {
+        tracing::warn!("no frame came that can be used");
+    } else if counts.usable == 0 && counts.frames > 0 {
         tracing::warn!(
             "the track has no position: {} of {} frames have a fix; `frame` and `reason` of --format jsonl or csv say more",
             counts.fixes,

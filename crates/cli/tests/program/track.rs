@@ -386,6 +386,28 @@ fn a_folder_is_followed_while_it_is_written_to() {
     assert_eq!(features[7]["properties"]["frame"], "fix");
 }
 
+/// A camera's program that fails, or the wrong folder.
+#[test]
+fn a_source_without_a_frame_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for arguments in [
+        &["-", "--fps", "1"][..],
+        &[".", "--follow", "--idle", "0.1"],
+    ] {
+        grim()
+            .current_dir(folder.path())
+            .args(["track", "--pack"])
+            .arg(pack())
+            .args(arguments)
+            .write_stdin("")
+            .timeout(Duration::from_secs(60))
+            .assert()
+            .code(1)
+            .stdout("")
+            .stderr(contains("no frame came that can be used"));
+    }
+}
+
 #[test]
 fn frames_come_on_standard_input_as_pictures_or_as_names() {
     let mut pictures = Vec::new();

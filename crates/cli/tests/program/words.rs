@@ -206,6 +206,13 @@ fn options_without_effect_are_refused_before_any_work() {
             "--footprint-width",
         ),
         ("eval f --out OUT --elsewhere-seed 2", "--elsewhere"),
+        ("calibrate -o OUT --places even", "--datasets <FOLDER>"),
+        ("calibrate -o OUT --pictures-gsd 0.2", "--pictures <DIR>"),
+        (
+            "calibrate -o OUT --elsewhere-trials 3",
+            "--elsewhere <FOLDER>",
+        ),
+        ("calibrate -o OUT --observed a --worlds 3", "--worlds <N>"),
         ("map build MAP -o OUT --resolution 640", "--mode paper"),
         ("locate -p PACK PHOTO --out OUT --zoom 7", "--map"),
         (
@@ -277,6 +284,22 @@ fn options_without_effect_are_refused_before_any_work() {
         }
         command.assert().code(2).stderr(contains(said));
         assert!(!out.exists(), "{arguments:?}");
+    }
+}
+
+/// Not after the worlds were drawn; and without an option of other commands.
+#[test]
+fn a_calibration_on_photos_without_places_is_refused_before_the_work() {
+    let folder = tempfile::tempdir().unwrap();
+    for data in [demo().to_owned(), demo().join("photos")] {
+        grim()
+            .current_dir(folder.path())
+            .args(["calibrate", "-o", "m", "--worlds", "1000", "--datasets"])
+            .arg(data)
+            .timeout(Duration::from_secs(60))
+            .assert()
+            .code(2)
+            .stderr(contains("needs a column `place`").and(contains("--map").not()));
     }
 }
 

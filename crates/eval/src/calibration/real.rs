@@ -22,6 +22,12 @@ pub enum PlacesUsed {
 }
 
 impl PlacesUsed {
+    /// Whether a data set has an answerable photo of one of these places.
+    #[must_use]
+    pub fn has_photos(self, scene: &Scene) -> bool {
+        !self.of(scene).is_empty()
+    }
+
     /// The answerable photos of these places with the number of their place. Photos without a place are not used.
     fn of(self, scene: &Scene) -> Vec<(usize, &Shot)> {
         let place = |shot: &Shot| shot.truth.place.clone();
@@ -62,13 +68,6 @@ pub struct RealScene<'a> {
 }
 
 impl RealScene<'_> {
-    /// Whether the data set has an answerable photo of one of the places that are used, where places are asked for.
-    #[must_use]
-    pub fn has_photos(&self) -> bool {
-        self.places
-            .is_none_or(|places| !places.of(self.scene).is_empty())
-    }
-
     /// How many photos [`RealScene::observe`] will localise.
     #[must_use]
     pub fn count(&self) -> usize {

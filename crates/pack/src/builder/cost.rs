@@ -56,8 +56,8 @@ pub fn check_enlargement(
         let times = map_gsd_m / plan.frame.gsd_m;
         if times > MOST_ENLARGED {
             return Err(PackError::Options(format!(
-                "at {} m per pixel the map would be enlarged {times:.0} times: its own pixels measure {map_gsd_m:.3} m; choose a ground \
-                 resolution in metres that is not far below that",
+                "at {:.4} m per pixel the map would be enlarged {times:.0} times: its own pixels measure {map_gsd_m:.3} m; choose a ground \
+                 resolution in metres that is not far below that, or check the height and the field of view that it comes from",
                 plan.frame.gsd_m
             )));
         }

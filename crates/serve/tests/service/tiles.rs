@@ -206,7 +206,9 @@ fn answers_are_written_in_other_formats() {
         let answer = post(&[&format!("accept: {media_type}")]);
         assert_eq!(answer.header("content-type"), Some(media_type.as_str()));
     }
-    send(shared(), "POST /v1/answers", &headers, b"{}").problem(400, "bad-request");
+    let single = send(shared(), "POST /v1/answers", &headers, b"{}");
+    let said = single.problem(400, "bad-request");
+    assert!(said.contains("no JSON array"), "{said}");
     let long = vec![b'['; 9 << 20];
     send(shared(), "POST /v1/answers", &headers, &long).problem(413, "too-large");
 }

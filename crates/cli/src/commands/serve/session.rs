@@ -97,8 +97,8 @@ fn access(listen: SocketAddr, token_file: Option<&Path>, no_token: bool) -> Resu
             Ok(text) => (text, TOKEN_VARIABLE.to_owned()),
             Err(_) if listen.ip().is_loopback() => return Ok(Access::ThisMachine),
             Err(_) => bail!(
-                "{listen} can be reached from other machines; give a token that clients must send with --token-file FILE, or serve \
-                 everybody with --no-token"
+                "{listen} can be reached from other machines; give a token that clients must send, in the variable {TOKEN_VARIABLE} or \
+                 with --token-file FILE of `grim serve`, or serve everybody with its --no-token"
             ),
         },
     };

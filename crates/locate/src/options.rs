@@ -230,7 +230,8 @@ pub struct Options {
     pub joint_matched: usize,
     /// Minimum number of candidates that are matched in full before a clear answer ends the search.
     pub min_matched: usize,
-    /// An answer with this many inliers, and twice as many as any at another position, ends the search.
+    /// An answer with this many inliers, and twice as many as any at another position, ends the search, once candidates elsewhere that
+    /// have half of its votes, at most 16, were matched besides.
     pub clear_inliers: usize,
     /// Lowe's ratio test: largest ratio of the distances to the nearest and the second nearest descriptor; `None` for no test.
     pub max_ratio: Option<f32>,

@@ -2,6 +2,8 @@
 
 use std::time::Instant;
 
+use grimnet_geo::LevelPx;
+use grimnet_pack::Level;
 use grimnet_photo::{Photo, View};
 use rayon::prelude::*;
 
@@ -12,8 +14,9 @@ use crate::{
     outcome::{TimeMs, elapsed_ms},
     pipeline::{
         queries::{Queries, QueryKey, extract_queries, side_px},
-        ranking::{best_candidate, is_clear},
+        ranking::{SAME_POSITION_PX, best_candidate, is_clear},
         round_result::RoundResult,
+        tile_frame::{TileFrame, TilePx},
         verification::{VerifiedCandidate, verify},
     },
     prior::{Near, Prior},
@@ -28,6 +31,14 @@ use crate::{
 
 /// Number of candidates that are matched in parallel. It is a constant so that the answer does not depend on the number of threads.
 pub(crate) const BATCH: usize = 4;
+
+/// A candidate whose votes are for a position at least so far from the answer's is of another place, level pixels: of a photo that is
+/// turned by some degrees against its query the votes are tens of pixels off.
+const ELSEWHERE_PX: f64 = 4.0 * SAME_POSITION_PX;
+
+/// Candidates elsewhere that are matched before a clear answer ends the search, at most. Those with half of its votes are few where votes
+/// tell places apart, and many where it has hardly more of them than chance gives: four did not contain the twin there.
+const MAX_LOOK_ALIKES: usize = 4 * BATCH;
 
 /// What was matched at a time.
 #[derive(Debug, Clone, Copy, Default)]
@@ -197,7 +208,8 @@ impl OpenRound {
         self.entered_evidence(options).next()
     }
 
-    /// Matches the next candidates in full, at most `most`, in batches until the answer is clear or the time is used up.
+    /// Matches the next candidates in full, at most `most`, in batches until the answer is clear or the time is used up. Before a clear
+    /// answer ends the search, candidates of other places that have half of its votes are matched besides: they may look alike.
     pub fn match_next(
         &mut self,
         context: Context<'_>,
@@ -216,23 +228,38 @@ impl OpenRound {
             ..
         } = &mut self.result;
         let level = context.level(*level);
+        let match_in_full = |batch: &[Candidate]| -> Result<Vec<VerifiedCandidate>> {
+            batch
+                .par_iter()
+                .map(|candidate| verify(context, level, hypotheses, queries, *candidate, near))
+                .collect()
+        };
+        let clear_among = |verified: &[VerifiedCandidate]| {
+            best_candidate(verified, options)
+                .is_some_and(|(best, runner_up)| is_clear(best, runner_up, options))
+        };
         let mut matched = Matched::default();
         while matched.count < most && !matched.is_clear {
             let batch = self.cascade.next_batch(BATCH.min(most - matched.count));
             if batch.is_empty() {
                 break;
             }
-            let more: Vec<VerifiedCandidate> = batch
-                .par_iter()
-                .map(|candidate| verify(context, level, hypotheses, queries, *candidate, near))
-                .collect::<Result<_>>()?;
-            verified.extend(more);
+            verified.extend(match_in_full(&batch)?);
             matched.count += batch.len();
             if verified.len() < options.min_matched {
                 continue;
             }
-            matched.is_clear = best_candidate(verified, options)
-                .is_some_and(|(best, runner_up)| is_clear(best, runner_up, options));
+            matched.is_clear = clear_among(verified);
+            if matched.is_clear
+                && let Some((best, _)) = best_candidate(verified, options)
+            {
+                let alike = self.cascade.next_wanted(MAX_LOOK_ALIKES, |candidate| {
+                    may_look_alike(level, queries, candidate, best)
+                });
+                verified.extend(match_in_full(&alike)?);
+                matched.count += alike.len();
+                matched.is_clear = clear_among(verified);
+            }
             if budget.is_spent() {
                 break;
             }
@@ -249,5 +276,50 @@ impl OpenRound {
         result.trace.matched = distinct_tiles(&matched);
         result.trace.by_vote = distinct_tiles(matched.iter().chain(&rest));
         result
+    }
+}
+
+/// Whether a candidate has the votes of another place that looks like that of `best`.
+fn may_look_alike(
+    level: &Level,
+    queries: &[QueryFeatures],
+    candidate: &Candidate,
+    best: &VerifiedCandidate,
+) -> bool {
+    let Some(answer) = best.centre_level_px else {
+        return false;
+    };
+    let (centre, shift) = (queries[candidate.query].centre_px, candidate.peak.shift_px);
+    let voted_for = TileFrame::new(level, candidate.tile).level_px_from_tile_px(TilePx {
+        x: centre.x + shift.x,
+        y: centre.y + shift.y,
+    });
+    has_votes_elsewhere(
+        (voted_for, candidate.peak.votes),
+        (answer, best.candidate.peak.votes),
+    )
+}
+
+/// Whether the first position has at least half of the votes of the second and is another.
+fn has_votes_elsewhere((at, votes): (LevelPx, u32), (answer, of_answer): (LevelPx, u32)) -> bool {
+    votes > 0 && 2 * votes >= of_answer && (at.x - answer.x).hypot(at.y - answer.y) >= ELSEWHERE_PX
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn other_places_with_half_of_the_votes_may_look_alike() {
+        let answer = (LevelPx::new(500.0, 400.0), 60);
+        let elsewhere = LevelPx::new(500.0 + ELSEWHERE_PX, 400.0);
+        let beside = LevelPx::new(500.0, 401.0 - ELSEWHERE_PX);
+        assert!(has_votes_elsewhere((elsewhere, 60), answer));
+        assert!(has_votes_elsewhere((elsewhere, 30), answer));
+        assert!(!has_votes_elsewhere((elsewhere, 29), answer));
+        assert!(!has_votes_elsewhere((beside, 60), answer));
+        // Without a vote nothing is known of them.
+        let without = (LevelPx::new(500.0, 400.0), 0);
+        assert!(!has_votes_elsewhere((elsewhere, 0), without));
     }
 }

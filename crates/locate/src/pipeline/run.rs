@@ -233,7 +233,7 @@ fn match_best(
         if matched.is_clear || budget.is_spent() {
             return Ok(true);
         }
-        left -= matched.count;
+        left = left.saturating_sub(matched.count);
     }
     Ok(false)
 }

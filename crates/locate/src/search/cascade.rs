@@ -135,6 +135,23 @@ impl Cascade {
         self.entered.drain(..count).collect()
     }
 
+    /// The next candidates to match in full among those that are `wanted`, at most `most`.
+    pub fn next_wanted(
+        &mut self,
+        most: usize,
+        wanted: impl Fn(&Candidate) -> bool,
+    ) -> Vec<Candidate> {
+        let mut taken = Vec::new();
+        self.entered.retain(|candidate| {
+            let is_taken = taken.len() < most && wanted(candidate);
+            if is_taken {
+                taken.push(*candidate);
+            }
+            !is_taken
+        });
+        taken
+    }
+
     /// The candidates that were not matched, in the order in which they would have been.
     pub fn into_rest(self) -> impl Iterator<Item = Candidate> {
         self.entered
@@ -182,5 +199,31 @@ impl Cascade {
         }
         let listed = options.stages.get(self.stages_begun).copied();
         Some(listed.unwrap_or(usize::MAX))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::search::vote::Peak;
+
+    #[test]
+    fn wanted_candidates_are_taken_before_their_turn() {
+        let candidate = |tile| Candidate {
+            query: 0,
+            tile,
+            similarity: 0.0,
+            score: 0.0,
+            peak: Peak::default(),
+        };
+        let mut cascade = Cascade {
+            entered: (0..6).map(candidate).collect(),
+            ..Cascade::default()
+        };
+        let tiles = |of: Vec<Candidate>| of.iter().map(|c| c.tile).collect::<Vec<_>>();
+        let odd = cascade.next_wanted(2, |candidate| candidate.tile % 2 == 1);
+        assert_eq!(tiles(odd), [1, 3]);
+        assert!(cascade.next_wanted(2, |_| false).is_empty());
+        assert_eq!(tiles(cascade.next_batch(9)), [0, 2, 4, 5]);
     }
 }

@@ -99,16 +99,31 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
     let uncertain = view
         .heading
         .filter(|heading| heading.sigma_deg > UNCERTAIN_HEADING_DEG);
-    if let (Some(heading), Some(first)) = (uncertain, widths.first()) {
-        let mut hypotheses = around_circle(first, view, options.headings, heading.heading_deg);
-        let others = hypotheses.split_off(1);
-        if !others.is_empty() {
-            rounds.push(Round {
+    if let Some(heading) = uncertain {
+        // Where no ground width is stated the first is not more than a guess.
+        let count = if view.footprint.is_some() {
+            1
+        } else {
+            widths.len()
+        };
+        let others = |assumed: &AssumedWidth| {
+            let mut hypotheses =
+                around_circle(assumed, view, options.headings, heading.heading_deg);
+            let others = hypotheses.split_off(1);
+            (!others.is_empty()).then(|| Round {
+                purpose: if assumed.is_searched {
+                    purpose(widths.len(), others.len())
+                } else {
+                    Purpose::Answer
+                },
                 hypotheses: others,
-                assumption: "other headings than the uncertain one".into(),
-                purpose: Purpose::Answer,
-            });
-        }
+                assumption: format!(
+                    "{}; other headings than the uncertain one",
+                    assumed.assumption
+                ),
+            })
+        };
+        rounds.extend(widths.iter().take(count).filter_map(others));
     }
     rounds
 }

@@ -82,6 +82,44 @@ fn unknown_heading_and_scale_are_found() {
     }
 }
 
+/// Each half of the photo fits its own place: neither is the answer.
+#[test]
+fn a_photo_of_two_places_gets_no_fix() {
+    let localizer = localizer(Options::default());
+    let [(left, _), (right, _), ..] = PLACES;
+    let mut picture = photo(&scene().picture, left, 0.0).image;
+    let half = photo(&scene().picture, right, 0.0);
+    for (x, y, pixel) in half.image.enumerate_pixels() {
+        if x >= PHOTO_PX.0 / 2 {
+            picture.put_pixel(x, y, *pixel);
+        }
+    }
+    let photo = Photo::from_image(picture, Metadata::default());
+    let unknown = Prior::none().with_gsd_m(PHOTO_GSD_M);
+    for prior in [unknown, known_view(left, 0.0)] {
+        let outcome = localizer.locate(&photo, &prior).unwrap();
+        assert!(outcome.fix().is_none(), "{outcome:?}");
+    }
+}
+
+/// An uncertain heading that is wrong costs no fix at whatever ground width.
+#[test]
+fn a_wrong_image_direction_costs_no_fix() {
+    let localizer = localizer(Options::default());
+    let (place, heading_deg) = PLACES[1];
+    // 100 m across: the third of the widths that are tried.
+    let scale = 100.0 / f64::from(PHOTO_PX.0) / GSD_M;
+    let mut photo = photo_of(&scene().picture, place, heading_deg, PHOTO_PX, scale);
+    photo.metadata.image_direction = Some(ImageDirection {
+        bearing_deg: heading_deg - 180.0,
+        magnetic: false,
+    });
+    let outcome = localizer.locate(&photo, &Prior::none()).unwrap();
+    assert!(error_m(&outcome, place) < 2.0);
+    let found_deg = outcome.fix().unwrap().heading_deg.unwrap();
+    assert!(turn_deg(heading_deg, found_deg).abs() < 3.0);
+}
+
 /// The height above the take-off point says little of the ground width over hills.
 #[test]
 fn a_wrong_height_above_the_take_off_point_costs_no_fix() {

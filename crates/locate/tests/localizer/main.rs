@@ -18,7 +18,7 @@ use grimnet_locate::{
 };
 use grimnet_net::Model;
 use grimnet_pack::{BuildOptions, Levels, Pack, build};
-use grimnet_photo::{Metadata, Photo};
+use grimnet_photo::{ImageDirection, Metadata, Photo};
 use image::{Rgb, RgbImage};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -3,7 +3,7 @@
 use image::RgbImage;
 use std::fmt;
 
-use crate::corners::SQUARE_IN_DEGREES;
+use crate::corners::{ODD_ASPECT, SQUARE_ASPECT, SQUARE_IN_DEGREES};
 use crate::{GeoError, MapPx, Raster, RasterPatch, WindowPx, turn_deg};
 
 /// Longer side of the picture of a map that is looked at, pixels.
@@ -21,9 +21,6 @@ const MUCH: f64 = 0.4;
 const FLAT: f64 = 3.0;
 /// Ground resolutions that maps for drone photos have, metres per pixel.
 const USUAL_GSD_M: std::ops::RangeInclusive<f64> = 0.01..=1.0;
-/// Ratio of the sides of a pixel on the ground above which axes may be swapped, and below which it counts as square.
-const ODD_ASPECT: f64 = 1.6;
-const SQUARE_ASPECT: f64 = 1.15;
 /// Larger pixels are not those of a map in degrees, units of its coordinates (100 m if they were degrees).
 const MAX_PIXEL_DEG: f64 = 1e-3;
 /// Maps nearer to latitude 0, longitude 0 are there by mistake, degrees.
@@ -33,6 +30,9 @@ const UNEVEN: f64 = 1.05;
 /// Difference between the bearings of up at the corners and at the centre above which one does not describe it, degrees. Headings have
 /// errors of their own, and descriptors tolerate a turn of about 15 degrees.
 const UNEVEN_DEG: f64 = 10.0;
+/// Degrees by which the angle between rows and columns on the ground differs from a right one, above which it is reported: photos are
+/// turned and scaled to fit a map and not sheared. On a map of noise all photos had a fix at 11 degrees, one of three at 15, none at 19.
+const SHEARED_DEG: f64 = 10.0;
 
 /// Something that looks wrong. The map can be used all the same.
 #[derive(Debug, Clone, PartialEq)]
@@ -74,6 +74,11 @@ pub enum Concern {
         /// The finest and the coarsest, metres per pixel.
         gsd_m: (f64, f64),
     },
+    /// Rows and columns are far from a right angle on the ground, as those of a map in degrees that is turned.
+    Sheared {
+        /// Difference from a right angle at the centre, degrees.
+        off_deg: f64,
+    },
     /// North lies in other directions at the corners than at the centre, as around a pole.
     UnevenNorth {
         /// The largest difference, degrees.
@@ -95,6 +100,7 @@ impl Concern {
             Self::OneColour => "one_colour",
             Self::Resolution { .. } => "resolution",
             Self::UnevenResolution { .. } => "uneven_resolution",
+            Self::Sheared { .. } => "sheared",
             Self::UnevenNorth { .. } => "uneven_north",
             Self::Source(_) => "source",
         }
@@ -146,6 +152,11 @@ impl fmt::Display for Concern {
                 f,
                 "its ground resolution differs between its edges ({fine:.3} to {coarse:.3} m per pixel): the levels of a pack are \
                  right at its centre; cut it into smaller maps"
+            ),
+            Self::Sheared { off_deg } => write!(
+                f,
+                "it is sheared: its rows and columns are {off_deg:.0} degrees from a right angle on the ground, and photos get no fix \
+                 on it; turn it north up: gdalwarp IN OUT.tif"
             ),
             Self::UnevenNorth { turn_deg } => write!(
                 f,
@@ -269,6 +280,13 @@ fn of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
         found.push(Concern::UnevenResolution {
             gsd_m: (fine, coarse),
         });
+    }
+    let jacobian = georeference.east_north_m_from_map_px_jacobian(centre)?;
+    let (across, down) = (jacobian.column(0), jacobian.column(1));
+    let cosine = across.dot(&down) / (across.norm() * down.norm());
+    let off_deg = cosine.clamp(-1.0, 1.0).asin().to_degrees().abs();
+    if off_deg > SHEARED_DEG {
+        found.push(Concern::Sheared { off_deg });
     }
     let up_deg = georeference.up_bearing_deg(centre)?;
     let corners = [(0.0, 0.0), (2.0, 0.0), (0.0, 2.0), (2.0, 2.0)];

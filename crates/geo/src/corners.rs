@@ -5,10 +5,10 @@ use serde::{Deserialize, Serialize};
 use crate::metres::metres_per_radian;
 use crate::{Affine, GeoError, LonLat};
 
-/// Ratio of the sides of a pixel above which the corners may be swapped.
-const ODD_ASPECT: f64 = 1.6;
-/// Ratio of the sides of a pixel below which it counts as square.
-const SQUARE_ASPECT: f64 = 1.15;
+/// Ratio of the sides of a pixel on the ground above which corners or axes may be swapped.
+pub(crate) const ODD_ASPECT: f64 = 1.6;
+/// Ratio of the sides of a pixel on the ground below which it counts as square.
+pub(crate) const SQUARE_ASPECT: f64 = 1.15;
 /// Ratio of the sides of a pixel in degrees below which it counts as square.
 pub(crate) const SQUARE_IN_DEGREES: f64 = 1.05;
 

@@ -44,11 +44,12 @@ const CHANGED: &str = "it changed while it was open";
 pub(crate) struct Picture {
     path: PathBuf,
     format: ImageFormat,
+    is_grey: bool,
     layout: [BlockLayout; 1],
 }
 
 impl Picture {
-    /// Opens a picture and reads its size, not its pixels.
+    /// Opens a picture and reads its size and kind of colours, not its pixels.
     pub fn open(path: &Path) -> Result<Self, GeoError> {
         // By what it begins with: its name may be that of another format.
         let reader = File::open(path)
@@ -67,9 +68,11 @@ impl Picture {
             }
             None => return Err(not_a_map(kind_of_no_picture(path)?)),
         };
-        let (width, height) = reader
-            .into_dimensions()
+        let decoder = reader
+            .into_decoder()
             .map_err(|e| GeoError::damaged(path, e))?;
+        let is_grey = !decoder.color_type().has_color();
+        let (width, height) = decoder.dimensions();
         let (width, height) = (u64::from(width), u64::from(height));
         if width == 0 || height == 0 {
             return Err(GeoError::damaged(
@@ -93,6 +96,7 @@ impl Picture {
         Ok(Self {
             path: path.to_path_buf(),
             format,
+            is_grey,
             layout,
         })
     }
@@ -100,6 +104,11 @@ impl Picture {
     /// Width and height, pixels.
     pub fn size_px(&self) -> (u64, u64) {
         (self.layout[0].width, self.layout[0].height)
+    }
+
+    /// Whether it has no colours.
+    pub fn is_grey(&self) -> bool {
+        self.is_grey
     }
 
     /// The name of its format.

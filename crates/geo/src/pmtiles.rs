@@ -11,7 +11,9 @@ use grimnet_limits::MapLimits;
 use crate::GeoError;
 use crate::content_hash::hash_file;
 use crate::hilbert::{number_of_tile, tile_of_number};
-use crate::pmtiles_directory::{Problem, Run, read_header, read_runs, read_section};
+use crate::pmtiles_directory::{
+    COMPRESSION_GZIP, Problem, Run, read_header, read_runs, read_section,
+};
 use crate::tile_address::TileAddress;
 use crate::tile_index::{MAX_TILES, TileIndex};
 use crate::tile_store::TileStore;
@@ -22,9 +24,8 @@ const MAX_TILE_BYTES: u64 = MapLimits::DEFAULT.max_tile_bytes;
 const TYPE_UNKNOWN: u8 = 0;
 const TYPE_PICTURES: std::ops::RangeInclusive<u8> = 2..=4;
 const TYPE_AVIF: u8 = 5;
-/// Compressions of tiles: unknown, none, gzip.
+/// Compressions of tiles besides gzip: unknown, none.
 const COMPRESSIONS_PLAIN: std::ops::RangeInclusive<u8> = 0..=1;
-const COMPRESSION_GZIP: u8 = 2;
 
 /// A PMTiles file.
 pub(crate) struct PmTiles {

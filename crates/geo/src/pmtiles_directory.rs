@@ -19,9 +19,10 @@ const VERSION: u8 = 3;
 const MAX_DEPTH: usize = 4;
 /// All directories together after decompression, bytes.
 const MAX_DIRECTORY_BYTES: u64 = MapLimits::DEFAULT.max_directory_bytes;
-/// Compression by gzip, and none.
+/// No compression.
 const COMPRESSION_NONE: u8 = 1;
-const COMPRESSION_GZIP: u8 = 2;
+/// Compression by gzip, of directories and tiles.
+pub(crate) const COMPRESSION_GZIP: u8 = 2;
 
 /// Why a file cannot be read.
 #[derive(Debug)]

@@ -139,7 +139,7 @@ impl Source {
     pub fn is_grey(&self) -> bool {
         match self {
             Self::Tiff(map) => map.is_grey(),
-            Self::Picture(_) => false,
+            Self::Picture(picture) => picture.is_grey(),
         }
     }
 

@@ -207,6 +207,7 @@ impl TiffMap {
             Access::Direct => image.read_direct(level.kind, level.bands.count, x, y, w, h),
         }
         .map_err(|e| image.error(e))?;
+        let bytes = level.as_kind(bytes);
         let mut mask = vec![255_u8; w * h];
         image.mark_unwritten(x, y, w, &mut mask);
         if let Some((kind, bands)) = level.nodata_samples.filter(|_| self.nodata.is_some()) {

@@ -52,15 +52,13 @@ pub(crate) fn place_of(image: &TiffImage) -> Result<TiffPlace, GeoError> {
         .and_then(|keys| keys.get_short(geokeys::GT_RASTER_TYPE))
         .map_or(RasterType::PixelIsArea, RasterType::from_code);
     let tiepoints = doubles(ifd, TAG_MODEL_TIEPOINT).unwrap_or_default();
-    let transform = if let Some(matrix) = doubles(ifd, TAG_MODEL_TRANSFORMATION) {
-        let matrix: [f64; 16] = matrix
-            .try_into()
-            .map_err(|_| damaged("its ModelTransformation does not have 16 numbers"))?;
-        Some(GeoTransform::from_transformation_matrix_with_raster_type(
-            &matrix,
-            raster_type,
-        ))
-    } else if let Some(scale) = doubles(ifd, TAG_MODEL_PIXEL_SCALE) {
+    let matrix = doubles(ifd, TAG_MODEL_TRANSFORMATION);
+    // Of a file with both, GDAL takes scale and tie point, and the matrix only where those give no place.
+    let scale = doubles(ifd, TAG_MODEL_PIXEL_SCALE).filter(|scale| {
+        let has_sides = matches!(scale[..], [x, y, ..] if x != 0.0 && y != 0.0);
+        matrix.is_none() || has_sides && tiepoints.len() >= 6
+    });
+    let transform = if let Some(scale) = scale {
         match (&scale[..], tiepoints.first_chunk::<6>()) {
             (&[x, y, ..], Some(tiepoint)) => {
                 Some(GeoTransform::from_tiepoint_and_scale_with_raster_type(
@@ -71,6 +69,14 @@ pub(crate) fn place_of(image: &TiffImage) -> Result<TiffPlace, GeoError> {
             }
             _ => return Err(damaged("it has a pixel scale without a tie point")),
         }
+    } else if let Some(matrix) = matrix {
+        let matrix: [f64; 16] = matrix
+            .try_into()
+            .map_err(|_| damaged("its ModelTransformation does not have 16 numbers"))?;
+        Some(GeoTransform::from_transformation_matrix_with_raster_type(
+            &matrix,
+            raster_type,
+        ))
     } else {
         None
     };

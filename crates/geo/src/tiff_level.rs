@@ -37,6 +37,8 @@ pub(crate) struct Level {
     pub bands: Bands,
     /// Its colours are those of a palette.
     pub palette: bool,
+    /// Bits by which the decoder's 16-bit colours of a palette are shifted to 8 bits; `None` where they have 8 already.
+    palette_shift: Option<u32>,
     /// Samples as they are stored, which nodata is one of, where they are decoded to others: an index into a palette, or fewer bits.
     pub nodata_samples: Option<(SampleKind, Bands)>,
 }
@@ -72,7 +74,20 @@ impl Level {
         } else {
             (Access::Stored, stored)
         };
-        let kind = SampleKind::of(&layout).ok_or_else(|| GeoError::Unsupported {
+        // Writers store 8-bit colours times 257, for which the decoder gives 8 bits, times 256, or as they are.
+        let palette_shift = match &model {
+            ColorModel::Palette { color_map, .. } if layout.bytes_per_sample == 2 => {
+                let planes = [color_map.red(), color_map.green(), color_map.blue()];
+                let as_they_are = planes.iter().copied().flatten().all(|&value| value < 256);
+                Some(if as_they_are { 0 } else { 8 })
+            }
+            _ => None,
+        };
+        let kind = match palette_shift {
+            Some(_) => Some(SampleKind::U8),
+            None => SampleKind::of(&layout),
+        };
+        let kind = kind.ok_or_else(|| GeoError::Unsupported {
             path: image.path.to_path_buf(),
             what: format!(
                 "samples of {} bits, format {}",
@@ -98,8 +113,20 @@ impl Level {
             kind,
             bands,
             palette,
+            palette_shift,
             nodata_samples: SampleKind::of(&stored).zip(stored_bands),
         })
+    }
+
+    /// The decoder's samples as those of [`Level::kind`].
+    pub fn as_kind(&self, bytes: Vec<u8>) -> Vec<u8> {
+        let Some(shift) = self.palette_shift else {
+            return bytes;
+        };
+        bytes
+            .chunks_exact(2)
+            .map(|sample| (u16::from_ne_bytes([sample[0], sample[1]]) >> shift) as u8)
+            .collect()
     }
 
     /// Samples as they were decoded, with their meaning.

@@ -9,6 +9,7 @@ use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use crate::block::{Block, BlockLayout, BlockSource};
 use crate::block_canvas::{BlockCanvas, Part};
 use crate::flipped_rows::rows_look_flipped;
+use crate::metres::WGS84_A_M;
 use crate::picture_block::{block_of_picture, decode_jpeg};
 use crate::tile_address::TileAddress;
 use crate::tile_index::TileRange;
@@ -16,7 +17,7 @@ use crate::tile_store::TileStore;
 use crate::{Affine, Crs, GeoError, Georeference};
 
 /// EPSG:3857: half the side of the square that zoom 0 covers, metres of Mercator (not of the ground).
-const HALF_WORLD: f64 = PI * 6_378_137.0;
+const HALF_WORLD: f64 = PI * WGS84_A_M;
 /// Largest side of a tile, pixels.
 const MAX_TILE_SIDE_PX: u32 = MapLimits::DEFAULT.max_tile_side_px;
 /// Smallest side of a tile, pixels.

@@ -45,7 +45,9 @@ pub(crate) fn read_world_file(path: &Path) -> Result<Affine, GeoError> {
     let numbers: Vec<f64> = text
         .split_whitespace()
         .map(|word| {
-            word.parse()
+            // As programs write it where the comma is the decimal sign, and as GDAL reads it.
+            word.replace(',', ".")
+                .parse()
                 .map_err(|_| bad(path, &format!("'{word}' is not a number")))
         })
         .collect::<Result<_, _>>()?;

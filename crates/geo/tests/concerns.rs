@@ -65,6 +65,37 @@ fn nothing_looks_wrong_with_a_usual_map() {
 }
 
 #[test]
+fn a_map_in_degrees_that_is_turned_is_sheared() {
+    // Square degrees, turned by 45 degrees: pixels are rhombi on the ground, with sides of 79 degrees at 35 N and of 53 at 60 N.
+    for (lat, off_deg) in [
+        (20.0, None),
+        (35.0, Some("11 degrees")),
+        (60.0, Some("37 degrees")),
+    ] {
+        let mut tags = degrees(25.0, lat, [5e-6, 5e-6]);
+        let side = 3e-6;
+        let rows = [
+            [side, side, 0.0, 25.0],
+            [side, -side, 0.0, lat],
+            [0.0; 4],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        // In place of scale and tie point.
+        tags.drain(..2);
+        tags.push(double(34264, rows.as_flattened()));
+        let (_dir, path) = map(tags, colours);
+        let (names, text) = found(&path, None);
+        match off_deg {
+            None => assert_eq!(names, [""; 0], "{text}"),
+            Some(off_deg) => {
+                assert_eq!(names, ["sheared"], "{text}");
+                assert!(text.contains(off_deg), "{text}");
+            }
+        }
+    }
+}
+
+#[test]
 fn swapped_axes() {
     // 52 N, 5 E with pixels that are square there, written as latitude, longitude.
     let (_dir, path) = map(degrees(60.0, 5.0, [6e-6, 3e-6]), colours);

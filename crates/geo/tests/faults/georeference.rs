@@ -250,6 +250,35 @@ fn a_mirrored_map_is_refused() {
     assert!(matches!(error, GeoError::Mirrored { .. }), "{error}");
 }
 
+/// As GDAL reads them.
+#[test]
+fn scale_and_tie_point_come_before_a_matrix() {
+    let dir = folder();
+    let path = dir.path().join("map.tif");
+    let matrix = |left: f64, pixel: f64| {
+        let rows = [
+            [pixel, 0.0, 0.0, left],
+            [0.0, -pixel, 0.0, 2_700_000.0],
+            [0.0; 4],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        double(34264, rows.as_flattened())
+    };
+    let left = |tags: Vec<Tag>| {
+        write_map(&path, (20, 10), tags, colours);
+        open(&path).unwrap().georeference().affine().to_gdal()[0]
+    };
+    for pixel in [0.5, 0.0] {
+        let mut tags = geo_tags(32651);
+        tags.push(matrix(310_000.0, pixel));
+        assert_eq!(left(tags), 300_000.0, "{pixel}");
+    }
+    let mut tags = geo_tags(32651);
+    tags[0] = double(33550, &[0.0, 0.0, 0.0]);
+    tags.push(matrix(310_000.0, 0.5));
+    assert_eq!(left(tags), 310_000.0);
+}
+
 #[test]
 fn swapped_corners_are_reported() {
     let dir = folder();

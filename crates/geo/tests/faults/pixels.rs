@@ -57,6 +57,44 @@ fn nodata_is_a_sample_as_it_is_stored() {
     assert_eq!(row_seen(grey, "15", &[0xff, 0x12]), [0, 0, 255, 255]);
 }
 
+/// Writers store 8-bit colours times 257, times 256 or as they are (GDAL's open option `COLOR_TABLE_MULTIPLIER`).
+#[test]
+fn colours_of_a_palette_are_shown_as_they_are() {
+    let dir = folder();
+    let path = dir.path().join("map.tif");
+    let at = 400_000;
+    let row: Vec<u8> = (0..=255).collect();
+    // From 40 to 167: a stretch would change them.
+    let colour = |index: u16, band: u16| 40 + (index + 50 * band) % 128;
+    for factor in [257, 256, 1] {
+        let entries = (0..3).flat_map(|band| (0..256).map(move |index| colour(index, band)));
+        let palette: Vec<u16> = entries.map(|entry| entry * factor).collect();
+        let mut tags = vec![
+            long(256, &[256]),
+            long(257, &[1]),
+            short(258, &[8]),
+            short(259, &[1]),
+            short(262, &[3]),
+            short(277, &[1]),
+            long8(273, &[at]),
+            long(278, &[1]),
+            long8(279, &[256]),
+            short(320, &palette),
+        ];
+        tags.extend(geo_tags(32651));
+        assert!(write_bigtiff(&path, tags, at + 256) <= at);
+        write_at(&path, at, &row);
+        let map = open(&path).unwrap();
+        let patch = map
+            .read(WindowPx::new(0.0, 0.0, 256.0, 1.0), 256, 1)
+            .unwrap();
+        for (index, pixel) in (0..).zip(patch.rgb.pixels()) {
+            let expected = [0, 1, 2].map(|band| colour(index, band) as u8);
+            assert_eq!(pixel.0, expected, "{factor}: {index}");
+        }
+    }
+}
+
 #[test]
 fn windows_that_cannot_be_read_are_refused() {
     let dir = folder();

@@ -363,7 +363,7 @@ fn what_may_be_wrong_is_logged_when_a_map_is_opened() {
 }
 
 #[test]
-fn world_files_may_begin_with_a_byte_order_mark() {
+fn world_files_may_have_a_byte_order_mark_and_decimal_commas() {
     let dir = folder();
     let path = dir.path().join("town.png");
     picture(&path, 20, 10);
@@ -372,6 +372,12 @@ fn world_files_may_begin_with_a_byte_order_mark() {
     std::fs::write(&world, format!("\u{feff}{numbers}")).unwrap();
     let map = with_crs(&path, "EPSG:32632").unwrap();
     assert_eq!(map.georeference().affine().to_gdal()[0], 300_000.0);
+    std::fs::write(&world, numbers.replace('.', ",")).unwrap();
+    let with_commas = with_crs(&path, "EPSG:32632").unwrap();
+    assert_eq!(
+        with_commas.georeference().affine(),
+        map.georeference().affine()
+    );
     let utf_16: Vec<u8> = numbers.encode_utf16().flat_map(u16::to_le_bytes).collect();
     std::fs::write(&world, [&[0xFF, 0xFE][..], &utf_16].concat()).unwrap();
     refused(with_crs(&path, "EPSG:32632"), &world, &["UTF-8"]);

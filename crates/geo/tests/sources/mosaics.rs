@@ -98,6 +98,44 @@ fn what_a_vrt_does_beyond_putting_pictures_together_is_refused() {
 }
 
 #[test]
+fn a_vrt_of_one_band_takes_grey_pictures() {
+    let dir = tempfile::tempdir().unwrap();
+    let path = dir.path().join("map.vrt");
+    let write_vrt_of = |picture: &str| {
+        let text = format!(
+            "<VRTDataset rasterXSize=\"20\" rasterYSize=\"10\"><SRS>EPSG:32632</SRS>\
+             <GeoTransform>300000, 0.5, 0, 2700000, 0, -0.5</GeoTransform>\
+             <VRTRasterBand dataType=\"Byte\" band=\"1\"><ColorInterp>Gray</ColorInterp><SimpleSource>\
+             <SourceFilename relativeToVRT=\"1\">{picture}</SourceFilename><SourceBand>1</SourceBand>\
+             <SrcRect xOff=\"0\" yOff=\"0\" xSize=\"20\" ySize=\"10\"/>\
+             <DstRect xOff=\"0\" yOff=\"0\" xSize=\"20\" ySize=\"10\"/>\
+             </SimpleSource></VRTRasterBand></VRTDataset>"
+        );
+        std::fs::write(&path, text).unwrap();
+    };
+    let grey = image::GrayImage::from_fn(20, 10, |x, y| image::Luma([(100 + x + y) as u8]));
+    for name in ["grey.png", "grey.jpg"] {
+        grey.save(dir.path().join(name)).unwrap();
+        write_vrt_of(name);
+        let map = open_map(&path, &MapOptions::default()).unwrap();
+        let patch = map
+            .read(WindowPx::new(0.0, 0.0, 20.0, 10.0), 20, 10)
+            .unwrap();
+        for (x, y, pixel) in patch.rgb.enumerate_pixels() {
+            let [value] = grey.get_pixel(x, y).0;
+            // JPEG changes values a little.
+            let is_near = pixel.0.iter().all(|&seen| seen.abs_diff(value) < 8);
+            assert!(is_near, "{name} {x} {y}: {pixel:?}");
+        }
+    }
+    let colours = image::RgbImage::from_fn(20, 10, |x, _| image::Rgb([200, x as u8, 0]));
+    colours.save(dir.path().join("colours.png")).unwrap();
+    write_vrt_of("colours.png");
+    let error = refused(&path).to_string();
+    assert!(error.contains("one band of the colours"), "{error}");
+}
+
+#[test]
 fn a_vrt_lies_where_its_own_coordinate_system_says() {
     let text = std::fs::read_to_string(path_of("parts.vrt")).unwrap();
     let dir = parts();

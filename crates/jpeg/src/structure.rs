@@ -80,6 +80,12 @@ impl Frame {
         side(width, component.h, h_max) * side(height, component.v, v_max)
     }
 
+    /// Whether the components have the names R, G and B, by which libjpeg and the decoder at full size know RGB without an Adobe
+    /// segment.
+    fn is_named_rgb(&self) -> bool {
+        self.components.iter().map(|c| c.id).eq(*b"RGB")
+    }
+
     /// Samples of all components for each pixel, at most: 3 without subsampling of the chrominance, 1.5 with one chrominance sample
     /// for four pixels.
     pub(crate) fn samples_per_px(&self) -> f64 {
@@ -94,7 +100,7 @@ impl Frame {
 pub(crate) struct JpegStructure {
     /// The frame header.
     pub frame: Frame,
-    /// Whether three components are not YCbCr: an Adobe segment (APP14) says so.
+    /// Whether three components are not YCbCr: an Adobe segment (APP14) or their names say so.
     pub has_other_colours: bool,
     /// Number of components in the first scan.
     pub first_scan_components: usize,
@@ -146,8 +152,8 @@ impl JpegStructure {
                 0xDA => {
                     let Some(frame) = frame else { break };
                     return Ok(Self {
+                        has_other_colours: has_other_colours || frame.is_named_rgb(),
                         frame,
-                        has_other_colours,
                         first_scan_components: body.first().map_or(0, |&count| count.into()),
                         scan_at: segments.position,
                     });

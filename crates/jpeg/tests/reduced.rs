@@ -84,6 +84,21 @@ fn pixels_are_means_over_their_areas() {
     }
 }
 
+/// Components with the names R, G and B are no YCbCr, also without an Adobe segment: they come at full size.
+#[test]
+fn rgb_by_the_names_of_the_components_is_not_converted() {
+    let mut bytes = golden("444.jpg");
+    // Behind marker, length, precision, size and count there are three bytes for each component, and two in the scan's header.
+    for (marker, behind, step) in [([0xFF, 0xC0], 10, 3), ([0xFF, 0xDA], 5, 2)] {
+        let at = bytes.windows(2).position(|pair| pair == marker).unwrap();
+        for (component, name) in b"RGB".iter().enumerate() {
+            bytes[at + behind + step * component] = *name;
+        }
+    }
+    let full = Jpeg::read(&bytes).unwrap().decode().unwrap().image;
+    assert_eq!(reduced(&bytes, Reduction::Half), full);
+}
+
 #[test]
 fn the_long_side_chooses_the_reduction() {
     let of = |min_long_side_px| Reduction::to_long_side((4000, 2250), min_long_side_px);

@@ -138,7 +138,7 @@ fn attitude(metadata: &Metadata, pitch: f64, view: &mut View) -> Option<CameraAt
         );
         return None;
     }
-    if metadata.orientation != 1 && pitch_from_nadir_deg.abs() >= MIN_TILT_DEG {
+    if metadata.is_stored_turned() && pitch_from_nadir_deg.abs() >= MIN_TILT_DEG {
         view.set_aside(
             "gimbal pitch",
             degrees(pitch),

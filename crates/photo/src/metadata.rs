@@ -69,7 +69,7 @@ pub struct Metadata {
     pub digital_zoom: Option<f64>,
     /// Size that the camera stored, px, before orientation (EXIF `PixelXDimension`, `PixelYDimension`).
     pub original_size_px: Option<(u32, u32)>,
-    /// EXIF orientation, 1 to 8; 1 where absent.
+    /// EXIF orientation, 1 to 8; 1 where absent. 0, which [`Metadata::default`] has, counts as 1.
     pub orientation: u8,
     /// Camera maker.
     pub make: Option<String>,
@@ -85,6 +85,11 @@ impl Metadata {
     /// Whether EXIF orientation turns the stored picture by a quarter, so that width and height change places.
     pub fn swaps_sides(&self) -> bool {
         (5..=8).contains(&self.orientation)
+    }
+
+    /// Whether the stored picture is turned or mirrored for display.
+    pub(crate) fn is_stored_turned(&self) -> bool {
+        (2..=8).contains(&self.orientation)
     }
 
     /// The size of the file's picture, of which that of the displayed one is given, pixels.

@@ -32,6 +32,32 @@ pub const HEADING_RANGE_DEG: std::ops::RangeInclusive<f64> = -720.0..=720.0;
 /// Assumed 1-sigma of a heading that is given without one, degrees.
 const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
 
+impl HeadingPrior {
+    /// The same heading with this 1-sigma, degrees, in place of the assumed one; without one as it is.
+    ///
+    /// # Errors
+    /// What is wrong and what was expected: the 1-sigma is out of range, or the heading is not known.
+    pub fn with_sigma_deg(self, sigma_deg: Option<f64>) -> Result<Self, String> {
+        match (self, sigma_deg) {
+            (heading, None) => Ok(heading),
+            (Self::Known { heading_deg, .. }, Some(sigma_deg))
+                if sigma_deg > 0.0 && sigma_deg <= 180.0 =>
+            {
+                Ok(Self::Known {
+                    heading_deg,
+                    sigma_deg,
+                })
+            }
+            (Self::Known { .. }, Some(sigma_deg)) => Err(format!(
+                "heading_sigma_deg is {sigma_deg}; expected above 0 and up to 180 degrees"
+            )),
+            (_, Some(_)) => {
+                Err("heading_sigma_deg is given without a heading in degrees".to_owned())
+            }
+        }
+    }
+}
+
 /// `exif` (from metadata), `unknown`, or degrees clockwise from true north with an assumed 1-sigma of 5 degrees.
 impl FromStr for HeadingPrior {
     type Err = String;
@@ -165,6 +191,28 @@ mod tests {
         assert_eq!("-90".parse(), Ok(west));
         for bad in ["north", "NaN", "", "inf", "1e308", "720.5", "-721"] {
             assert!(bad.parse::<HeadingPrior>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_sigma_belongs_to_a_known_heading() {
+        let west: HeadingPrior = "-90".parse().unwrap();
+        assert_eq!(west.with_sigma_deg(None), Ok(west));
+        assert_eq!(
+            west.with_sigma_deg(Some(180.0)),
+            Ok(HeadingPrior::Known {
+                heading_deg: 270.0,
+                sigma_deg: 180.0,
+            })
+        );
+        for bad in [0.0, -1.0, 180.5, f64::NAN, f64::INFINITY] {
+            let error = west.with_sigma_deg(Some(bad)).unwrap_err();
+            assert!(error.contains("up to 180 degrees"), "{error}");
+        }
+        for other in [HeadingPrior::FromMetadata, HeadingPrior::Unknown] {
+            assert_eq!(other.with_sigma_deg(None), Ok(other));
+            let error = other.with_sigma_deg(Some(3.0)).unwrap_err();
+            assert!(error.contains("without a heading"), "{error}");
         }
     }
 }

@@ -50,26 +50,12 @@ impl PriorArguments<'_, '_> {
             Some(text) if text.is_instance_of::<PyString>() => text.extract()?,
             Some(number) => number.extract::<f64>()?.to_string(),
         };
-        let heading = text
+        let heading: HeadingPrior = text
             .parse()
             .map_err(|expected| invalid_value(format!("heading is {text:?}; {expected}")))?;
-        match (heading, self.heading_sigma_deg) {
-            (heading, None) => Ok(heading),
-            (HeadingPrior::Known { heading_deg, .. }, Some(sigma_deg))
-                if sigma_deg > 0.0 && sigma_deg <= 180.0 =>
-            {
-                Ok(HeadingPrior::Known {
-                    heading_deg,
-                    sigma_deg,
-                })
-            }
-            (HeadingPrior::Known { .. }, Some(sigma_deg)) => Err(invalid_value(format!(
-                "heading_sigma_deg is {sigma_deg}; expected above 0 and up to 180 degrees"
-            ))),
-            (_, Some(_)) => Err(invalid_value(
-                "heading_sigma_deg is given without a heading in degrees",
-            )),
-        }
+        heading
+            .with_sigma_deg(self.heading_sigma_deg)
+            .map_err(invalid_value)
     }
 
     fn near(&self) -> PyResult<Option<Near>> {

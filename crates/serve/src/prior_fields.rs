@@ -132,23 +132,9 @@ impl PriorFields {
         let heading: HeadingPrior = text
             .parse()
             .map_err(|expected| Problem::bad_value(format!("heading is {text:?}; {expected}")))?;
-        match (heading, self.heading_sigma_deg) {
-            (heading, None) => Ok(heading),
-            (HeadingPrior::Known { heading_deg, .. }, Some(sigma_deg))
-                if sigma_deg > 0.0 && sigma_deg <= 180.0 =>
-            {
-                Ok(HeadingPrior::Known {
-                    heading_deg,
-                    sigma_deg,
-                })
-            }
-            (HeadingPrior::Known { .. }, Some(sigma_deg)) => Err(Problem::bad_value(format!(
-                "heading_sigma_deg is {sigma_deg}; expected above 0 and up to 180 degrees"
-            ))),
-            (_, Some(_)) => Err(Problem::bad_value(
-                "heading_sigma_deg is given without a heading in degrees",
-            )),
-        }
+        heading
+            .with_sigma_deg(self.heading_sigma_deg)
+            .map_err(Problem::bad_value)
     }
 
     fn near(&self) -> Result<Option<Near>, Problem> {

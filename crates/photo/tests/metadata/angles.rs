@@ -166,6 +166,19 @@ fn a_yaw_turns_with_the_stored_picture(#[case] orientation: u8, #[case] heading_
     assert_eq!(resolve(&metadata).heading.unwrap().heading_deg, heading_deg);
 }
 
+/// Metadata that a program puts together for a picture in memory.
+#[test]
+fn metadata_without_an_orientation_keep_their_tilt() {
+    let metadata = Metadata {
+        gimbal_pitch_deg: Some(-60.0),
+        calibrated_focal_px: Some(4000.0),
+        ..Metadata::default()
+    };
+    let view = resolve(&metadata);
+    assert!(used(&view, "gimbal pitch"));
+    assert_eq!(view.tilt.unwrap().pitch_from_nadir_deg, 30.0);
+}
+
 /// A program turned the pixels by a quarter and left the metadata: the heading of the top is not the yaw, and the field of view is
 /// still known.
 #[test]

@@ -1,9 +1,9 @@
 //! Numbers with as many digits as they are worth.
 
-/// Rounds to `decimals`: 8 decimals of a degree are a millimetre.
+/// Rounds to `decimals`: 8 decimals of a degree are a millimetre. Zero has no sign.
 pub fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
-    (value * scale).round() / scale
+    (value * scale).round() / scale + 0.0
 }
 
 /// A heading from 0 to below 360 degrees, rounded to so many decimals: 359.999 to 0.
@@ -14,6 +14,12 @@ pub fn rounded_heading(heading_deg: f64, decimals: i32) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn zero_has_no_sign() {
+        assert!(rounded(-0.004, 2).is_sign_positive());
+        assert_eq!(rounded(-0.006, 2), -0.01);
+    }
 
     #[test]
     fn a_heading_stays_below_a_full_turn() {

@@ -111,8 +111,12 @@ pub(crate) fn paused(limits: &Limits) -> Problem {
     ))
 }
 
-/// The value of a JSON text. The error names the field that it is about.
+/// The value of the text of a JSON object. The error names the field that it is about.
 pub(crate) fn of_json<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
+    // Serde also takes an array as the fields of a structure by their order.
+    if !json.trim_ascii_start().starts_with(b"{") {
+        return Err("expected a JSON object".to_owned());
+    }
     let mut reader = serde_json::Deserializer::from_slice(json);
     let value = serde_path_to_error::deserialize(&mut reader).map_err(|error| error.to_string())?;
     reader.end().map_err(|error| error.to_string())?;

@@ -69,11 +69,13 @@ pub(crate) async fn begin(
         None,
     )
     .await?;
-    let new: Option<NewTrack> = if body.is_empty() {
+    let new: Option<NewTrack> = if matches!(body.trim_ascii(), b"" | b"null") {
         None
     } else {
-        of_json(&body)
-            .map_err(|error| Problem::bad_request(format!("the body is not understood: {error}")))?
+        let understood = of_json(&body).map_err(|error| {
+            Problem::bad_request(format!("the body is not understood: {error}"))
+        })?;
+        Some(understood)
     };
     let map = new.and_then(|new| new.map);
     let map = state.maps.get_or_only(map.as_deref())?;
@@ -235,7 +237,12 @@ fn take_in(
         prior,
         attitude: None,
     };
-    let found = track.flight().frame(&photo, time_s, &known);
+    let (found, is_after_restart) = {
+        let mut flight = track.flight();
+        let restarts = flight.tracker().counts().restarts;
+        let found = flight.frame(&photo, time_s, &known);
+        (found, flight.tracker().counts().restarts != restarts)
+    };
     let answer = match &found.outcome {
         Ok(outcome) => Answer::of(name, outcome),
         // So the camera looked: no other request could say it better, and the flight goes on.
@@ -253,5 +260,5 @@ fn take_in(
     );
     // It gets its number there.
     let frame = TrackFrame::new(0, time_s, &found.searched, found.point, answer);
-    Ok(track.add(frame))
+    Ok(track.add(frame, is_after_restart))
 }

@@ -1,6 +1,7 @@
 //! The tracks that clients have begun.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
@@ -29,6 +30,8 @@ pub(crate) struct Track {
     pub turn: Arc<Semaphore>,
     flight: Mutex<Flight>,
     frames: Mutex<VecDeque<Arc<TrackFrame>>>,
+    /// Number of the frame with which the flight last began again: the frames before may be of another clock.
+    first_since_restart: AtomicU64,
     /// Number of the latest frame.
     latest: watch::Sender<u64>,
     /// Becomes true when the track ends.
@@ -47,7 +50,7 @@ pub(crate) struct TrackSummary {
     /// Frames that it got.
     frames: u64,
     /// State at the latest time of its frames, some of which may come late: `searching`, `tracking`, `coasting`, `ambiguous` or `lost`;
-    /// `null` while nothing is known of the aircraft.
+    /// `null` while nothing is known of the aircraft. Where a clock was set, of the frames since then.
     #[schema(value_type = Option<String>)]
     state: Option<grimnet_track::TrackState>,
 }
@@ -63,10 +66,14 @@ impl Track {
         locked(&self.flight)
     }
 
-    /// Adds a frame under the next number, and tells those who listen.
-    pub(crate) fn add(&self, mut frame: TrackFrame) -> Arc<TrackFrame> {
+    /// Adds a frame under the next number, and tells those who listen. `is_after_restart`: the flight began again with it.
+    pub(crate) fn add(&self, mut frame: TrackFrame, is_after_restart: bool) -> Arc<TrackFrame> {
         let mut frames = locked(&self.frames);
         frame.number = *self.latest.borrow() + 1;
+        if is_after_restart {
+            self.first_since_restart
+                .store(frame.number, Ordering::Relaxed);
+        }
         if frames.len() >= MAX_FRAMES {
             frames.pop_front();
         }
@@ -112,8 +119,10 @@ impl Track {
     }
 
     pub(crate) fn summary(&self) -> TrackSummary {
+        let first = self.first_since_restart.load(Ordering::Relaxed);
         let state = locked(&self.frames)
             .iter()
+            .filter(|frame| frame.number >= first)
             .filter_map(|frame| frame.point)
             .max_by(|a, b| a.time_s.total_cmp(&b.time_s))
             .map(|point| point.state);
@@ -180,6 +189,7 @@ impl Tracks {
             turn: Arc::new(Semaphore::new(1)),
             flight: Mutex::new(flight),
             frames: Mutex::default(),
+            first_since_restart: AtomicU64::new(0),
             latest: watch::Sender::new(0),
             ended: watch::Sender::new(false),
             used: Mutex::new(Instant::now()),

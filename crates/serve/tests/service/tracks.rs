@@ -27,6 +27,14 @@ fn frame(address: SocketAddr, id: &str, time_s: f64) -> Answer {
     send(address, &line, &[PHOTO], &area().photo)
 }
 
+/// The track `id` of the shared service, as the list of tracks has it.
+fn listed(id: &str) -> Value {
+    let tracks = get(shared(), "/v1/tracks").json();
+    let same = |track: &&Value| track["id"].as_u64() == id.parse().ok();
+    let track = tracks["tracks"].as_array().unwrap().iter().find(same);
+    track.unwrap().clone()
+}
+
 #[test]
 fn frames_become_a_track() {
     let id = begin(shared());
@@ -147,22 +155,14 @@ fn a_frame_that_is_sent_again_counts_once() {
     for _ in 0..5 {
         assert_eq!(frame(shared(), &id, 7.5).json(), first);
     }
-    let tracks = get(shared(), "/v1/tracks").json();
-    let same = |track: &&Value| track["id"].as_u64() == id.parse().ok();
-    let track = tracks["tracks"].as_array().unwrap().iter().find(same);
-    assert_eq!(track.unwrap()["frames"], 1);
+    assert_eq!(listed(&id)["frames"], 1);
     assert_eq!(frame(shared(), &id, 8.5).json()["number"], 2);
 }
 
 #[test]
 fn a_frame_has_no_point_while_nothing_is_known_and_when_it_is_too_old() {
     let id = begin(shared());
-    let state = || {
-        let tracks = get(shared(), "/v1/tracks").json();
-        let same = |track: &&Value| track["id"].as_u64() == id.parse().ok();
-        let track = tracks["tracks"].as_array().unwrap().iter().find(same);
-        track.unwrap()["state"].clone()
-    };
+    let state = || listed(&id)["state"].clone();
     let mut grey = std::io::Cursor::new(Vec::new());
     image::GrayImage::from_pixel(640, 480, image::Luma([90]))
         .write_to(&mut grey, image::ImageFormat::Png)
@@ -191,6 +191,20 @@ fn a_frame_has_no_point_while_nothing_is_known_and_when_it_is_too_old() {
     let late = frame(shared(), &id, 3.0).json();
     assert_eq!((&late["number"], &late["point"]), (&4.into(), &Value::Null));
     assert_eq!(state(), fix["point"]["state"]);
+}
+
+/// The latest time is then one of the clock before.
+#[test]
+fn the_state_of_a_track_is_that_since_its_clock_was_set() {
+    let id = begin(shared());
+    let before = frame(shared(), &id, 1000.0).json();
+    assert_eq!(before["point"]["state"], "searching");
+    let mut last = Value::Null;
+    for second in 0..9 {
+        last = frame(shared(), &id, f64::from(second)).json();
+    }
+    assert_eq!(last["point"]["state"], "tracking", "{last}");
+    assert_eq!(listed(&id)["state"], "tracking");
 }
 
 #[test]
@@ -320,7 +334,11 @@ fn tracks_that_do_not_exist_and_frames_without_time() {
     let begun = send(shared(), "POST /v1/tracks", &[], b"null");
     assert_eq!(begun.status, 201);
     send(shared(), "POST /v1/tracks", &[], b"{\"map\": \"nowhere\"}").problem(404, "not-found");
-    send(shared(), "POST /v1/tracks", &[], b"[]x").problem(400, "bad-request");
+    for no_object in ["[]", "[]x", "1"] {
+        let refused = send(shared(), "POST /v1/tracks", &[], no_object.as_bytes());
+        let detail = refused.problem(400, "bad-request");
+        assert!(detail.contains("expected a JSON object"), "{detail}");
+    }
     send(shared(), "POST /v1/tracks", &[], &[b' '; 20_000]).problem(413, "too-large");
     let delete = send(shared(), &format!("DELETE /v1/tracks/{id}"), &[], &[]);
     assert_eq!(delete.status, 204);

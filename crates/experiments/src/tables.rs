@@ -35,6 +35,10 @@ const RESIZED: [Variant; 3] = [
 /// K of table 6.
 const ERROR_K: [usize; 4] = [1, 3, 5, 10];
 
+/// What K is in default mode, which searches several headings and ground widths ([`Options::top_k`]).
+const K_NOTE: &str = "In default mode K counts for each heading and ground width that is tried: one of each with heading and scale given; with \
+    nothing given twelve headings and, for each level of the map, two ground widths, so that up to 24 times K tiles of a level are candidates.";
+
 /// K at which G + S retrieves, as in the paper.
 pub(super) const PAPER_K: usize = 5;
 
@@ -233,12 +237,13 @@ fn top_k(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, Ben
         setup.options.min_matched = k;
         setup
     })?;
-    let made = table(
+    let mut made = table(
         Experiment::TopK.id(),
         "Error and time for K candidates by descriptor",
         6,
         scenes,
     );
+    made.notes.push(K_NOTE.to_owned());
     Ok(filled(made, rows, &paper))
 }
 

@@ -9,7 +9,8 @@ use grimnet_output::OutputPolicy;
 use grimnet_train::data::{PairOptions, WorldOptions};
 use grimnet_train::{
     Checkpoint, Data, Detector, Device, ExportOptions, Exported, Figures, Norms, Parameters,
-    RunFolder, TrainConfig, Trainer, Validator, checkpoint_path, export, with_export_statistics,
+    RunFolder, TrainConfig, Trainer, Validator, Weights, checkpoint_path, export,
+    with_export_statistics,
 };
 use rstest::rstest;
 
@@ -109,6 +110,29 @@ fn statistics_are_those_of_training_where_nothing_is_averaged(
         let running = values(&state.average, name);
         assert_eq!(values(&exported, name) == running, are_kept, "{name}");
     }
+}
+
+/// The second step is one of retrieval: a network that is trained for matching alone does not normalise by its pictures.
+#[test]
+fn a_step_of_a_task_without_weight_changes_nothing() {
+    let after = |steps: u64| -> Vec<Vec<f32>> {
+        let folder = tempfile::tempdir().unwrap();
+        let config = TrainConfig {
+            alternate: true,
+            average_decay: 0.0,
+            steps: Some(steps),
+            weights: Weights {
+                global: 0.0,
+                ..Weights::default()
+            },
+            ..short(folder.path())
+        };
+        let (_, trainer) = run(&config);
+        let parameters = &trainer.state().parameters;
+        let names = parameters.names();
+        names.iter().map(|name| values(parameters, name)).collect()
+    };
+    assert!(after(1) == after(2), "the second step changed the network");
 }
 
 #[test]

@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Views in a batch: half of them as maps, half as photos.
 const TOGETHER: usize = 8;
-/// Least distance of keypoints from the edge of the picture, as in inference.
+/// Least distance of keypoints from the edge of the picture: views show nothing beyond it.
 const MARGIN_PX: usize = 4;
 /// A keypoint is placed at the centre of mass of the probabilities within this distance of their peak.
 const REFINE_PX: usize = 2;

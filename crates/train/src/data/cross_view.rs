@@ -5,12 +5,12 @@
 use super::cell_labels::LABEL_NONE;
 use super::layout::{Fold, Folder, layout_error};
 use super::mapping::Mapping;
-use super::pair::{Pair, PairOptions, Place, Source, seen_cells};
+use super::pair::{Pair, PairOptions, Place, Source};
 use super::picture_file;
-use super::resample::warp;
 use crate::error::TrainError;
 use grimnet_limits::PhotoLimits;
 use image::RgbImage;
+use image::imageops::{FilterType, resize};
 use nalgebra::Matrix3;
 use rand::Rng as _;
 use rand_chacha::ChaCha8Rng;
@@ -176,33 +176,19 @@ fn positions_m(file: &Path) -> Result<HashMap<String, [f64; 2]>, TrainError> {
     Ok(out)
 }
 
-/// A whole picture as a square view; bilinear on its resolution pyramid.
-fn squared(path: &Path, side_px: u32, limits: PhotoLimits) -> Option<(RgbImage, Vec<bool>)> {
+/// A whole picture as a square view: bilinear and antialiased (paper, section 3.1), as paper mode resizes tiles and photos.
+fn squared(path: &Path, side_px: u32, limits: PhotoLimits) -> Option<RgbImage> {
     let picture = picture_file::open(path, limits)?;
-    let (width, height) = picture.size_px();
-    let [sx, sy] = [width, height].map(|px| f64::from(px) / f64::from(side_px));
-    // Pixel centres: picture = (view + 0.5) * scale - 0.5.
-    let picture_from_view = Matrix3::new(
-        sx,
-        0.0,
-        0.5 * sx - 0.5,
-        0.0,
-        sy,
-        0.5 * sy - 0.5,
-        0.0,
-        0.0,
-        1.0,
-    );
-    let (view, _) = warp(&picture, &picture_from_view, side_px);
-    Some((view, vec![true; (side_px * side_px) as usize]))
+    let (whole, _) = picture.level(0);
+    Some(resize(whole, side_px, side_px, FilterType::Triangle))
 }
 
 impl Match {
     fn pair(&self, options: &PairOptions, limits: PhotoLimits) -> Option<Pair> {
         let side_px = options.side_px;
-        let (sat, _) = squared(&self.map, side_px, limits)?;
-        let (uav, seen) = squared(&self.photo, side_px, limits)?;
-        let uav_seen = seen_cells(&seen, side_px as usize);
+        let sat = squared(&self.map, side_px, limits)?;
+        let uav = squared(&self.photo, side_px, limits)?;
+        let uav_seen = vec![true; (side_px as usize / 8).pow(2)];
         let labels = vec![LABEL_NONE; uav_seen.len()];
         Some(Pair {
             sat,
@@ -309,6 +295,20 @@ mod tests {
                 assert!(pair.uav_seen.iter().all(|seen| *seen) && pair.sat_points.is_empty());
             }
         }
+    }
+
+    /// At half of the picture's size its stripes are grey.
+    #[test]
+    fn a_picture_of_vtrn_keeps_the_detail_that_its_view_can_show() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("stripes.png");
+        let stripe = |x: u32| 255 * u8::from(matches!(x % 4, 1 | 2));
+        let picture = RgbImage::from_fn(500, 500, |x, _| Rgb([stripe(x); 3]));
+        picture.save(&path).unwrap();
+        let view = squared(&path, 320, PhotoLimits::DEFAULT).unwrap();
+        let row = (100..200).map(|x| view.get_pixel(x, 160)[0]);
+        let (least, most) = row.fold((255, 0), |(least, most), v| (v.min(least), v.max(most)));
+        assert!(most - least > 100, "{least} to {most}");
     }
 
     #[test]

@@ -174,7 +174,7 @@ impl PairOutputs {
             let dot = |row: &[f32]| row.iter().zip(query).map(|(a, b)| a * b).sum::<f32>();
             let similarities: Vec<f32> = gallery.chunks_exact(length).map(dot).collect();
             let own = similarities[i];
-            // A view that overlaps the place counts as found, too, as the view of the place itself does.
+            // A view that overlaps the place is neither found nor a rival.
             let is_elsewhere = |j: usize| {
                 let other = pairs.get(j);
                 other.is_none_or(|other| other.place.overlap(&pairs[i].place) < 0.3)

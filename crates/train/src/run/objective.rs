@@ -33,7 +33,7 @@ impl Tasks {
     /// The tasks of a step. Retrieval is not trained before NetVLAD is initialised.
     pub fn of(config: &TrainConfig, step: u64, centres_started: bool) -> Self {
         // By turns also where a task has no weight: a network that is trained for one task alone makes as many steps for it then as one
-        // that is trained for both. The other steps change no parameter ([`Sum::add`]).
+        // that is trained for both. The other steps change no parameter ([`Sum::add`]) and no statistics.
         if config.alternate && centres_started {
             let task = Task::of_step(step);
             return Self {

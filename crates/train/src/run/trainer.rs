@@ -198,6 +198,7 @@ impl Trainer {
         let mut network = Network::new(&tracked, Statistics::Batch);
         let (total, losses) = self.objective.compute(&mut network, &input, batch, tasks)?;
         let running = network.into_running();
+        let is_trained = total.is_some();
         let length = match total {
             Some(total) => self.update(&tracked, total, rate)?,
             None => 0.0,
@@ -213,8 +214,11 @@ impl Trainer {
                 });
             }
         }
-        for (name, value) in running {
-            self.state.parameters.set(&name, value)?;
+        // Where no loss has a weight the data are those of a task that is not trained: its statistics are not the network's.
+        if is_trained {
+            for (name, value) in running {
+                self.state.parameters.set(&name, value)?;
+            }
         }
         self.update_average()?;
         Ok((losses, length))

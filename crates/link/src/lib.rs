@@ -7,7 +7,7 @@
 //! - [`check()`] reads an autopilot's parameters and says which must change: what is sent with wrong ones is dropped in silence.
 //! - [`read_telemetry`] reads recorded telemetry: CSV, DJI's SRT subtitles, MISB ST 0601 KLV.
 //!
-//! The contracts were read in the sources of ArduPilot 4.6 and 4.7 and of PX4 1.16 to 1.18.
+//! The contracts were read in the sources of ArduPilot 4.5 to 4.7 and of PX4 1.15 to 1.18.
 
 mod address;
 mod autopilot;
@@ -51,7 +51,7 @@ pub use event::{LinkEvent, NotSending};
 pub use link::{Link, LinkStatus, PointAt};
 pub use nmea::nmea_sentences;
 pub use nmea_output::{NmeaOutput, NmeaTarget, NmeaTargetError};
-pub use options::LinkOptions;
+pub use options::{LinkOptions, MAX_RADIUS95_M};
 pub use output::Output;
 pub use rules::{Finding, Verdict};
 pub use signing::SigningKey;

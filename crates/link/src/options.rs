@@ -4,6 +4,9 @@ use crate::{
     address::Address, output::Output, signing::SigningKey, telemetry::mavlink::TelemetryOptions,
 };
 
+/// Positions with a 95 % radius above this are not for an autopilot, metres.
+pub const MAX_RADIUS95_M: f64 = 150.0;
+
 /// How a link to an autopilot behaves.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LinkOptions {
@@ -35,7 +38,7 @@ impl LinkOptions {
             address,
             output: None,
             system_id: None,
-            max_radius95_m: 150.0,
+            max_radius95_m: MAX_RADIUS95_M,
             set_origin: true,
             telemetry: TelemetryOptions::default(),
             signing: None,

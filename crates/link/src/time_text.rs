@@ -18,7 +18,7 @@ pub(crate) fn unix_s_from_rfc3339(text: &str) -> Option<f64> {
     let (year, month, day) = (digits(0, 4)?, digits(5, 2)?, digits(8, 2)?);
     let (hour, minute, second) = (digits(11, 2)?, digits(14, 2)?, digits(17, 2)?);
     let in_range = (1..=12).contains(&month)
-        && (1..=31).contains(&day)
+        && (1..=days_of_month(year, month)).contains(&day)
         && hour < 24
         && minute < 60
         && second <= 60;
@@ -67,6 +67,15 @@ fn offset_s(text: &str) -> Option<i64> {
     Some(sign * (two(hours)? * 3600 + two(minutes)? * 60))
 }
 
+/// Days of a month, 1 to 12.
+fn days_of_month(year: i64, month: i64) -> i64 {
+    let next = match month {
+        12 => days_from_civil(year + 1, 1, 1),
+        _ => days_from_civil(year, month + 1, 1),
+    };
+    next - days_from_civil(year, month, 1)
+}
+
 /// Days since 1970-01-01 (H. Hinnant, "chrono-compatible low-level date algorithms", days_from_civil).
 fn days_from_civil(year: i64, month: i64, day: i64) -> i64 {
     let year = year - i64::from(month <= 2);
@@ -87,6 +96,7 @@ mod tests {
         for (text, expected) in [
             ("1970-01-01T00:00:00Z", 0.0),
             ("2000-02-29T00:00:00.25Z", 951_782_400.25),
+            ("1999-12-31T23:59:59Z", 946_684_799.0),
             ("2026-09-21 14:13:20", 1_790_000_000.0),
             ("2026-09-21t16:13:20.5+02:00", 1_790_000_000.5),
             ("2026-09-21T08:43:20-05:30", 1_790_000_000.0),
@@ -100,6 +110,10 @@ mod tests {
             "",
             "2026-09-21",
             "2026-13-21T14:13:20Z",
+            "2026-00-21T14:13:20Z",
+            "2026-02-29T14:13:20Z",
+            "2026-04-31T14:13:20Z",
+            "2026-12-32T14:13:20Z",
             "2026-09-21T24:13:20Z",
             "2026-09-21T14:13:20x",
             "2026-09-21T14:13:20+2:00",

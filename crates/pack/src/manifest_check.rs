@@ -18,8 +18,8 @@ const MAX_GLOBAL_DIM: usize = 1 << 17;
 /// 1/32 pixel.
 const MAX_TILE_PX: u32 = 2048;
 
-/// Maximum side of a level, pixels, and distance of its first tile from the map's corner.
-const MAX_LEVEL_PX: u64 = 1 << 24;
+/// Maximum side of a level, pixels (65,536 cells), and distance of its first tile from the map's corner.
+pub(crate) const MAX_LEVEL_PX: u64 = 1 << 24;
 
 /// Maximum columns and rows of a grid.
 const MAX_GRID: u32 = 1 << 17;

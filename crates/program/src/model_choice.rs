@@ -15,8 +15,9 @@ pub struct ModelChoice {
     pub model: Option<PathBuf>,
     /// Precision of the network [default: mixed if network and processor have int8, else f32]
     ///
-    /// int8 changes descriptors by 2 to 4 % and takes about half the time on processors with VNNI (AVX-512 or AVX) or Arm's dot product, longer
-    /// than f32 on others. mixed uses int8 to search heading and ground width where both are unknown, and f32 for all else. Packs of any work with any.
+    /// int8 changes descriptors by 2 to 4 %. It takes about half the time on processors with VNNI (AVX-512 or AVX) and longer than f32 on
+    /// those without; with Arm's dot product it was not timed. mixed uses int8 to search heading and ground width where both are unknown,
+    /// and f32 for all else. Packs of any work with any.
     #[arg(long, value_name = "mixed|f32|int8")]
     pub precision: Option<Precision>,
 }

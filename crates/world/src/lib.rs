@@ -77,4 +77,4 @@ pub use placement::Placement;
 pub use render::{MapFrame, RegionM};
 pub use tagged_jpeg::{PhotoTags, write_jpeg_with_exif};
 pub use truth::{TruthRow, write_truth_csv};
-pub use world::{Land, SurfaceHit, World};
+pub use world::{Land, World};

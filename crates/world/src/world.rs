@@ -2,11 +2,10 @@
 
 use nalgebra::{Vector2, Vector3};
 
-use crate::camera::View;
 use crate::config::WorldConfig;
 use crate::cover::Cover;
 use crate::ground::Ground;
-use crate::look::{Look, Season};
+use crate::look::Look;
 use crate::objects::Objects;
 use crate::populate::populate;
 use crate::random::Stream;
@@ -20,17 +19,6 @@ pub struct World {
     config: WorldConfig,
     pub(crate) ground: Ground,
     pub(crate) objects: Objects,
-}
-
-/// The first surface that a ray hits.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SurfaceHit {
-    /// East, metres.
-    pub x_m: f64,
-    /// North, metres.
-    pub y_m: f64,
-    /// Above the ground, metres; 0 on it.
-    pub height_m: f64,
 }
 
 /// What kind of land a place is.
@@ -81,16 +69,6 @@ impl World {
         }
     }
 
-    /// Display colour (0-255) of the ground at a point, without objects and shadows.
-    pub fn ground_colour(&self, x_m: f64, y_m: f64, season: Season) -> [u8; 3] {
-        let p = Vector2::new(x_m as f32, y_m as f32);
-        self.ground
-            .surface(p, season, 0.2)
-            .albedo
-            .0
-            .map(|v| (v.max(0.0).sqrt() * 255.0).min(255.0) as u8)
-    }
-
     /// What kind of land a place is.
     pub fn land_at(&self, x_m: f64, y_m: f64) -> Land {
         match self.ground.cover(Vector2::new(x_m as f32, y_m as f32)) {
@@ -100,36 +78,5 @@ impl World {
             }
             Some(_) => Land::Town,
         }
-    }
-
-    /// The surface (ground, roof, wall, tree) at a photo pixel; `None` if the pixel is above the horizon.
-    pub fn ground_from_photo_px(
-        &self,
-        view: &View,
-        photo_px: [f64; 2],
-        look: &Look,
-    ) -> Option<SurfaceHit> {
-        let o = Vector3::from(view.position_m());
-        let d = Vector3::from(view.ray(photo_px));
-        if d.z >= -1e-6 {
-            return None;
-        }
-        let (of, df) = (o.map(|v| v as f32), d.normalize().map(|v| v as f32));
-        let t = match self.objects.cast(of, df, look) {
-            Some(hit) => f64::from(hit.t()),
-            None => {
-                return view.plane_from_photo_px(photo_px, 0.0).map(|p| SurfaceHit {
-                    x_m: p[0],
-                    y_m: p[1],
-                    height_m: 0.0,
-                });
-            }
-        };
-        let p = o + d.normalize() * t;
-        Some(SurfaceHit {
-            x_m: p.x,
-            y_m: p.y,
-            height_m: p.z,
-        })
     }
 }

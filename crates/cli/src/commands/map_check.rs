@@ -232,8 +232,9 @@ fn print(out: &mut dyn Write, report: &Report) -> Result<()> {
     for level in &report.levels {
         writeln!(
             out,
-            "level    {:.3} m per pixel: {} tiles",
-            level.gsd_m, level.tiles
+            "level    {:.3} m per pixel: {}",
+            level.gsd_m,
+            in_words(level.tiles)
         )?;
     }
     if let (Some(tiles), Some(bytes)) = (report.tiles, report.pack_bytes) {
@@ -242,7 +243,8 @@ fn print(out: &mut dyn Write, report: &Report) -> Result<()> {
         });
         writeln!(
             out,
-            "pack     {tiles} tiles, about {:.1} MB{time}",
+            "pack     {}, about {:.1} MB{time}",
+            in_words(tiles),
             bytes as f64 / 1e6
         )?;
     }
@@ -253,6 +255,12 @@ fn print(out: &mut dyn Write, report: &Report) -> Result<()> {
         writeln!(out, "warning  {}", printable_text(&concern.text))?;
     }
     Ok(())
+}
+
+/// `1 tile`, `2 tiles`.
+fn in_words(tiles: u64) -> String {
+    let noun = if tiles == 1 { "tile" } else { "tiles" };
+    format!("{tiles} {noun}")
 }
 
 /// `40 s`, `12 min`, `3.5 h`.

@@ -10,7 +10,9 @@ use std::time::Duration;
 use anyhow::{Context as _, Result, bail};
 use grimnet_answer::printable_text;
 use grimnet_flight::{Flight, LeftOut};
-use grimnet_link::{Address, Link, LinkClock, LinkEvent, LinkOptions, NmeaOutput, PointAt};
+use grimnet_link::{
+    Address, Link, LinkClock, LinkEvent, LinkOptions, MAX_RADIUS95_M, NmeaOutput, PointAt,
+};
 use grimnet_track::{Input, TrackPoint, TrackState, Tracker};
 
 use super::frame_clock::{FrameClock, Now};
@@ -22,8 +24,6 @@ const PERIOD: Duration = Duration::from_millis(10);
 /// Telemetry older than this is forgotten while no frame has come, seconds: it says nothing of the first one, and a wait on the ground
 /// may be long.
 const KEPT_BEFORE_FRAMES_S: f64 = 5.0;
-/// Positions with a 95 % radius above this are not written as sentences, metres.
-pub const MAX_NMEA_RADIUS95_M: f64 = 150.0;
 
 /// Which of them run.
 #[derive(Debug, Clone, Default)]
@@ -204,7 +204,7 @@ impl Running {
         let nmea = match &options.nmea {
             Some(address) => Some(NmeaOutput::start(
                 address.clone(),
-                MAX_NMEA_RADIUS95_M,
+                MAX_RADIUS95_M,
                 clock,
                 point_at,
             )?),

@@ -1,10 +1,9 @@
 //! A track as NMEA sentences in a file: GGA and RMC for each frame with a usable position.
 
 use anyhow::Result;
-use grimnet_link::nmea_sentences;
+use grimnet_link::{MAX_RADIUS95_M, nmea_sentences};
 use grimnet_track::TrackPoint;
 
-use super::live::MAX_NMEA_RADIUS95_M;
 use crate::formats::TextFormat;
 
 /// See the module.
@@ -12,6 +11,6 @@ pub struct NmeaRows;
 
 impl TextFormat<TrackPoint> for NmeaRows {
     fn row(&mut self, point: &TrackPoint) -> Result<String> {
-        Ok(nmea_sentences(point, MAX_NMEA_RADIUS95_M).unwrap_or_default())
+        Ok(nmea_sentences(point, MAX_RADIUS95_M).unwrap_or_default())
     }
 }

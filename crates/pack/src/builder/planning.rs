@@ -6,14 +6,11 @@ use grimnet_net::NetSpec;
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
-use crate::manifest_check::MAX_LEVELS;
+use crate::manifest_check::{MAX_LEVEL_PX, MAX_LEVELS};
 use crate::options::{BuildOptions, Levels};
 
 /// Largest side of the image that paper mode resizes a tile to: positions are stored in 16 bits.
 const MAX_RESOLUTION_PX: u32 = 2016;
-
-/// Largest side of a level, pixels: 65,536 cells.
-const MAX_LEVEL_PX: u64 = 1 << 24;
 
 /// Plans the levels for a map of `map_px` pixels, finest first.
 ///

@@ -167,3 +167,17 @@ fn served(
     let localizer = Localizer::new(model.clone(), pack)?.with_options(options.clone());
     Ok(ServedMap::new(&name, localizer, map)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::commands::ModelChoice;
+
+    #[test]
+    fn defaults_of_the_options_are_those_of_the_library() {
+        let (pack, map) = (Path::new("a.grim"), Path::new("a.tif"));
+        let listen = SocketAddr::from(([127, 0, 0, 1], 8080));
+        let arguments = ServeArgs::of_demo(ModelChoice::default(), pack, map, listen);
+        assert_eq!(limits(&arguments), Limits::default());
+    }
+}

@@ -53,7 +53,7 @@ pub fn new_manifest(
 }
 
 /// Raised where the same map, network and options give other contents: packs of before are built again.
-const CONTENTS_REVISION: u32 = 1;
+const CONTENTS_REVISION: u32 = 2;
 
 /// Of all but the map's description: it has the name of the file, and a renamed map is the same map.
 fn fingerprint_of(manifest: &Manifest) -> serde_json::Result<String> {

@@ -42,10 +42,13 @@ pub struct ConvSpec {
 }
 
 impl ConvSpec {
-    /// Number of weights, `out x in x kernel x kernel`.
+    /// Number of weights, `out x in x kernel x kernel`. One that does not fit `usize` is `usize::MAX`, which no slice has: kernels
+    /// write through pointers, so that a slice of the right length must have room for all channels.
     #[must_use]
     pub fn weight_len(&self) -> usize {
-        self.out_channels * self.in_channels * self.kernel * self.kernel
+        [self.in_channels, self.kernel, self.kernel]
+            .into_iter()
+            .fold(self.out_channels, usize::saturating_mul)
     }
 
     /// Height or width of the output for that of the input: `ceil(input / stride)`.

@@ -317,9 +317,10 @@ impl PanelProduct {
                     self.finish.apply(simd, sums[r][1], out, S::LANES);
                 }
             });
-            self.left.start = self.left.start.add(R * self.left.row_stride);
-            self.out.start = self.out.start.add(R * self.out.row_stride);
         }
+        // After the last row they may be beyond the memory: a panel begins in the middle of a row.
+        self.left.start = self.left.start.wrapping_add(R * self.left.row_stride);
+        self.out.start = self.out.start.wrapping_add(R * self.out.row_stride);
         self.left.rows -= R;
     }
 }

@@ -5,8 +5,8 @@
 mod reference;
 
 use grimnet_kernels::{
-    Activation, Conv2d, ConvSpec, ConvTranspose2d, Isa, Tensor, Workspace, channel_moments,
-    max_pool_2x2, scale_shift, upsample_bilinear_add,
+    Activation, Conv2d, ConvSpec, ConvTranspose2d, Isa, KernelError, Tensor, Workspace,
+    channel_moments, max_pool_2x2, scale_shift, upsample_bilinear_add,
 };
 use proptest::prelude::*;
 use reference::random;
@@ -195,4 +195,29 @@ fn moments_are_those_of_the_visible_pixels() {
         let (mean, variance) = channel_moments(isa, &tensor, Some(&vec![0; h * w]));
         assert!(mean.iter().all(|&m| m == 0.0) && variance.iter().all(|&v| v == 1.0));
     }
+}
+
+#[test]
+fn weights_of_more_channels_than_fit_the_address_space_are_refused() {
+    // The least number whose nine taps wrap around, to a few weights.
+    let in_channels = usize::MAX / 9 + 1;
+    let spec = ConvSpec {
+        in_channels,
+        out_channels: 5,
+        kernel: 3,
+        stride: 1,
+    };
+    let weight = vec![0.0; 5 * in_channels.wrapping_mul(9)];
+    let refused = Conv2d::new(
+        Isa::Portable,
+        spec,
+        &weight,
+        &[0.0; 5],
+        Activation::Identity,
+    );
+    let expected = KernelError::WeightLength {
+        expected: usize::MAX,
+        found: weight.len(),
+    };
+    assert_eq!(refused.err(), Some(expected));
 }

@@ -136,3 +136,18 @@ fn gradients_are_the_slopes_of_the_forward() {
         );
     }
 }
+
+#[test]
+#[should_panic(expected = "elements of the weight")]
+fn weights_of_more_channels_than_fit_the_address_space_are_refused() {
+    // A batch without images has no elements, however many channels it has.
+    let spec = BatchConvSpec {
+        batch: 0,
+        height: 4,
+        width: 4,
+        in_channels: usize::MAX / 9 + 1,
+        out_channels: 5,
+    };
+    let weight = vec![0.0; 5 * spec.in_channels.wrapping_mul(9)];
+    conv3x3(Isa::Portable, spec, &[], &weight, &mut []);
+}

@@ -29,9 +29,10 @@ pub struct BatchConvSpec {
 }
 
 impl BatchConvSpec {
-    /// Number of weights, `9 * in_channels * out_channels`.
+    /// Number of weights, `9 * in_channels * out_channels`. One that does not fit `usize` is `usize::MAX`, which no slice has.
     pub fn weight_len(&self) -> usize {
-        9 * self.in_channels * self.out_channels
+        let channels = self.in_channels.saturating_mul(self.out_channels);
+        channels.saturating_mul(9)
     }
 
     fn of_channels(&self, channels: usize) -> BatchShape {

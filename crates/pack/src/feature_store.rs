@@ -1,8 +1,9 @@
 //! The features of a level: in memory or mapped, and verified before use.
 
 use std::ops::Range;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::SystemTime;
 
 use memmap2::Mmap;
 use rayon::prelude::*;
@@ -49,6 +50,7 @@ impl FeatureStore {
             section: section.clone(),
             block_hashes,
             verified: (0..blocks).map(|_| AtomicBool::new(false)).collect(),
+            modified: Mutex::new(file.modified()),
         };
         if section.len <= limits.verify_at_open_bytes {
             features.verify_all()?;
@@ -77,6 +79,8 @@ pub(crate) struct MappedFeatures {
     block_hashes: AlignedBytes,
     /// Which blocks were verified since the file was last modified.
     verified: Box<[AtomicBool]>,
+    /// When that was. Each level keeps its own: all of them have to verify again.
+    modified: Mutex<Option<SystemTime>>,
 }
 
 impl MappedFeatures {
@@ -95,10 +99,15 @@ impl MappedFeatures {
 
     /// Verifies those of some blocks that are not yet verified.
     fn verify(&self, blocks: Range<usize>) -> Result<()> {
-        if self.file.check_unchanged()? {
-            self.verified
-                .iter()
-                .for_each(|v| v.store(false, Ordering::Relaxed));
+        let modified = self.file.check_unchanged()?;
+        {
+            let mut known = self.modified.lock().unwrap_or_else(PoisonError::into_inner);
+            if *known != modified {
+                self.verified
+                    .iter()
+                    .for_each(|v| v.store(false, Ordering::Relaxed));
+                *known = modified;
+            }
         }
         blocks.into_iter().try_for_each(|i| self.verify_block(i))
     }

@@ -1,7 +1,6 @@
 //! The file of a pack: parts are copied into memory or mapped.
 
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
 use bytemuck::Pod;
@@ -16,8 +15,8 @@ pub(crate) struct PackFile {
     path: PathBuf,
     file: File,
     len: u64,
-    /// Time of the last modification that is known.
-    modified: Mutex<Option<SystemTime>>,
+    /// Time of the last modification when it was opened.
+    modified: Option<SystemTime>,
 }
 
 impl PackFile {
@@ -39,7 +38,7 @@ impl PackFile {
             path: path.to_path_buf(),
             file,
             len: metadata.len(),
-            modified: Mutex::new(metadata.modified().ok()),
+            modified: metadata.modified().ok(),
         })
     }
 
@@ -53,12 +52,17 @@ impl PackFile {
         self.len
     }
 
-    /// Checks that the file still has the length it was opened with. Returns whether it was modified since the last
-    /// call.
+    /// Time of the last modification when it was opened, if the system tells it.
+    pub fn modified(&self) -> Option<SystemTime> {
+        self.modified
+    }
+
+    /// Checks that the file still has the length it was opened with. Returns the time of its last modification, if the system
+    /// tells it.
     ///
     /// # Errors
     /// Returns [`PackError::Changed`] if the length differs.
-    pub fn check_unchanged(&self) -> Result<bool> {
+    pub fn check_unchanged(&self) -> Result<Option<SystemTime>> {
         let metadata = self
             .file
             .metadata()
@@ -70,11 +74,7 @@ impl PackFile {
                 found: metadata.len(),
             });
         }
-        let modified = metadata.modified().ok();
-        let mut known = self.modified.lock().unwrap_or_else(PoisonError::into_inner);
-        let is_new = *known != modified;
-        *known = modified;
-        Ok(is_new)
+        Ok(metadata.modified().ok())
     }
 
     /// Copies `len` bytes from `offset` on.

@@ -69,6 +69,34 @@ fn features_that_are_not_verified_at_open_are_verified_on_first_use() {
 }
 
 #[test]
+fn each_level_notices_that_the_pack_was_changed() {
+    let (_folder, path, bytes) = good_of(&BuildOptions {
+        levels: Levels::Gsd(vec![0.25, 0.3]),
+        ..one_level()
+    });
+    let pack = Pack::open_with(&path, &lazy()).unwrap();
+    for level in pack.levels() {
+        level.features(0).unwrap();
+    }
+    let mut other = bytes;
+    for section in &pack.manifest().sections {
+        if section.name.ends_with("/features") {
+            other[section.offset as usize..][..1000].fill(7);
+        }
+    }
+    let file = std::fs::File::options().write(true).open(&path).unwrap();
+    std::io::Write::write_all(&mut &file, &other).unwrap();
+    file.set_modified(std::time::SystemTime::now() + std::time::Duration::from_secs(5))
+        .unwrap();
+    // Whatever else looked at the file before.
+    assert!(pack.verify(&mut |_| {}).is_err());
+    for level in pack.levels() {
+        let error = level.features(0).unwrap_err();
+        assert!(matches!(error, PackError::Corrupt { .. }), "{error}");
+    }
+}
+
+#[test]
 fn a_pack_that_is_changed_while_it_is_open_gives_an_error() {
     let (_folder, path, bytes) = good();
     let write = |bytes: &[u8]| std::fs::write(&path, bytes).unwrap();

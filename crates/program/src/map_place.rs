@@ -61,7 +61,8 @@ impl FromStr for CornersChoice {
 
 impl MapPlace {
     /// Whether any of these options was given.
-    fn is_given(&self) -> bool {
+    #[must_use]
+    pub fn is_given(&self) -> bool {
         self.crs.is_some() || self.corners.is_some() || self.zoom.is_some()
     }
 

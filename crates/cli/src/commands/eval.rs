@@ -145,6 +145,14 @@ fn check_options(arguments: &EvalArgs) -> Result<()> {
     if is_rendered_track && arguments.footprint_width.is_some() {
         bail!("--track flies over --world at heights of its own: leave out --footprint-width");
     }
+    if is_rendered_track && arguments.map.is_some() {
+        bail!("--track flies over the map that --world draws: leave out --map");
+    }
+    if arguments.world.is_some() && arguments.map.is_none() && arguments.place.is_given() {
+        bail!(
+            "--world draws a map that states where it lies: leave out --crs, --corners and --zoom"
+        );
+    }
     Ok(())
 }
 

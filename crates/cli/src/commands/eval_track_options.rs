@@ -8,6 +8,7 @@ use grimnet_track::Vehicle;
 use grimnet_track::simulation::{Camera, FlightArea, FlightOptions};
 use grimnet_world::WorldError;
 
+use super::elsewhere::ELSEWHERE_FOLDERS;
 use crate::values;
 
 /// The longest flight, seconds: a longer evaluation has several.
@@ -31,7 +32,7 @@ pub struct TrackEvalOptions {
     ///
     /// Three runs are compared: fixes only, motion only, and the filter. Writes track_summary.json, track_report.html and tables
     /// to the folder of results.
-    #[arg(long, help_heading = "Tracks")]
+    #[arg(long, conflicts_with = ELSEWHERE_FOLDERS, help_heading = "Tracks")]
     track: bool,
 
     /// Minutes of flight that are rendered, in flights of at most ten
@@ -45,6 +46,7 @@ pub struct TrackEvalOptions {
         allow_hyphen_values = true,
         default_value_t = 4.0,
         requires = "track",
+        conflicts_with = "folder",
         help_heading = "Tracks"
     )]
     minutes: f64,
@@ -56,6 +58,7 @@ pub struct TrackEvalOptions {
         value_parser = clap::value_parser!(u32).range(1..=1000),
         default_value_t = 1,
         requires = "track",
+        conflicts_with = "folder",
         help_heading = "Tracks"
     )]
     worlds: u32,
@@ -68,6 +71,7 @@ pub struct TrackEvalOptions {
         allow_hyphen_values = true,
         default_value_t = 2.0,
         requires = "track",
+        conflicts_with = "folder",
         help_heading = "Tracks"
     )]
     frame_rate: f64,
@@ -78,6 +82,7 @@ pub struct TrackEvalOptions {
         value_name = "N",
         default_value_t = 60,
         requires = "track",
+        conflicts_with = "folder",
         help_heading = "Tracks"
     )]
     pub(super) simulated_flights: u32,

@@ -182,6 +182,8 @@ fn footprint_place_and_answerability_come_from_the_truth_file() {
     assert!(frames.contains(",town,") && frames.contains(",right"));
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("Reliability"));
+    assert!(page.contains("Error of the truth: that of the truth file"));
+    assert!(page.contains("Ground width of the photos: that of the truth file"));
 }
 
 #[test]
@@ -224,4 +226,18 @@ fn published_data_sets_are_told_by_their_files() {
     let summary = json(&folder.path().join("flight/summary.json"));
     assert_eq!(summary["heading_from_the_photo"]["frames"], 1);
     assert_eq!(summary["heading_from_the_photo"]["fixes"], 1, "{summary}");
+
+    let other = msdi.join("data/calibrated_images/park");
+    std::fs::create_dir(&other).unwrap();
+    std::fs::copy(photo(2), other.join("a.jpg")).unwrap();
+    eval(&msdi, "flight")
+        .arg("--map")
+        .arg(demo().join("map.tif"))
+        .assert()
+        .success();
+    let frames = std::fs::read_to_string(folder.path().join("flight/frames.csv")).unwrap();
+    assert!(
+        frames.contains(",museum/a.jpg,") && frames.contains(",park/a.jpg,"),
+        "{frames}"
+    );
 }

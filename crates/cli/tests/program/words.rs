@@ -205,6 +205,31 @@ fn options_without_effect_are_refused_before_any_work() {
             "eval --world 7 --out OUT --track --footprint-width 9",
             "--footprint-width",
         ),
+        (
+            "eval --world 7 --out OUT --track --map MAP",
+            "leave out --map",
+        ),
+        (
+            "eval --world 7 --out OUT --track --crs EPSG:32632",
+            "leave out --crs",
+        ),
+        ("eval --world 7 --out OUT --zoom 7", "leave out --crs"),
+        ("eval f --out OUT --track --minutes 7", "--minutes <M>"),
+        ("eval f --out OUT --track --worlds 2", "--worlds <N>"),
+        (
+            "eval f --out OUT --track --frame-rate 1",
+            "--frame-rate <HZ>",
+        ),
+        (
+            "eval f --out OUT --track --simulated-flights 0",
+            "--simulated-flights <N>",
+        ),
+        ("eval f --out OUT --elsewhere g --track", "--track"),
+        (
+            "eval --world 7 --out OUT --elsewhere g --map MAP",
+            "--world",
+        ),
+        ("eval f --out OUT --elsewhere g --commit a", "--commit"),
         ("eval f --out OUT --elsewhere-seed 2", "--elsewhere"),
         ("calibrate -o OUT --places even", "--datasets <FOLDER>"),
         ("calibrate -o OUT --pictures-gsd 0.2", "--pictures <DIR>"),

@@ -292,11 +292,11 @@ impl DataSet {
                     folder: source.clone(),
                 });
             }
-            frames.extend(
-                found
-                    .into_iter()
-                    .filter_map(|path| frame_from_exif(path, &request.photo_limits)),
-            );
+            // Folders of a camera have files of the same names.
+            let of_scene = (sources.len() > 1).then(|| file_name(source));
+            frames.extend(found.into_iter().filter_map(|path| {
+                frame_from_exif(path, of_scene.as_deref(), &request.photo_limits)
+            }));
         }
         if frames.is_empty() {
             return Err(DataSetError::NoTruth(folder.to_owned()));
@@ -319,7 +319,12 @@ const MAP_FILE: &str = "map.tif";
 /// Name of the folder of photos beside it.
 const PHOTO_FOLDER: &str = "photos";
 
-fn frame_from_exif(path: PathBuf, limits: &PhotoLimits) -> Option<(TruthFrame, PathBuf)> {
+/// A photo with the position in its EXIF; its name begins with that of its scene where there are several.
+fn frame_from_exif(
+    path: PathBuf,
+    scene: Option<&str>,
+    limits: &PhotoLimits,
+) -> Option<(TruthFrame, PathBuf)> {
     let Ok(metadata) = Metadata::read_within(&path, limits) else {
         tracing::warn!("{}: cannot be read; skipped", path.display());
         return None;
@@ -328,8 +333,9 @@ fn frame_from_exif(path: PathBuf, limits: &PhotoLimits) -> Option<(TruthFrame, P
         tracing::warn!("{}: no position in its EXIF; skipped", path.display());
         return None;
     };
+    let name = file_name(&path);
     let frame = TruthFrame {
-        photo: file_name(&path),
+        photo: scene.map_or_else(|| name.clone(), |scene| format!("{scene}/{name}")),
         gps_lat_lon_deg: Some((position.lat_deg, position.lon_deg)),
         ..TruthFrame::default()
     };
@@ -379,7 +385,7 @@ fn scorable(
     let (mut usable, mut listed) = (Vec::new(), HashSet::new());
     for frame in truth {
         let path = photos.join(&frame.photo);
-        if !listed.insert(frame.photo.clone()) {
+        if !listed.insert(plain_path(&path)) {
             tracing::warn!(
                 "{}: listed more than once in the truth file; the first row counts",
                 frame.photo
@@ -396,7 +402,7 @@ fn scorable(
         }
     }
     for path in picture_files(photos).unwrap_or_default() {
-        if !listed.contains(&file_name(&path)) {
+        if !listed.contains(&plain_path(&path)) {
             tracing::warn!("{}: has no truth; skipped", path.display());
         }
     }
@@ -404,6 +410,11 @@ fn scorable(
         return Err(DataSetError::NoTruth(photos.to_owned()));
     }
     Ok(usable)
+}
+
+/// A path without parts that lead nowhere, as in `photos/./a.jpg`.
+fn plain_path(path: &Path) -> PathBuf {
+    path.components().collect()
 }
 
 /// Whether two paths lead to one file.
@@ -463,6 +474,21 @@ mod tests {
             scratch: folder,
             photo_limits: PhotoLimits::DEFAULT,
         }
+    }
+
+    #[test]
+    fn a_photo_is_scored_once_however_its_name_is_written() {
+        let photos = tempfile::tempdir().unwrap();
+        fs_err::write(photos.path().join("a.jpg"), "").unwrap();
+        let frame = |photo: &str| TruthFrame {
+            photo: photo.to_owned(),
+            centre_lat_lon_deg: Some((1.0, 2.0)),
+            ..TruthFrame::default()
+        };
+        let listed = vec![frame("./a.jpg"), frame("a.jpg")];
+        let usable = scorable(listed, photos.path()).unwrap();
+        assert_eq!(usable.len(), 1);
+        assert_eq!(usable[0].0.photo, "./a.jpg");
     }
 
     #[test]

@@ -61,9 +61,11 @@ pub struct About {
 }
 
 impl About {
-    fn lines(&self) -> Vec<String> {
-        let of =
-            |value: Option<f64>| value.map_or_else(|| "not given".to_owned(), |v| format!("{v} m"));
+    fn lines(&self, runs: &[Run]) -> Vec<String> {
+        let truth = of_photos(runs, self.truth_error_m, |frame| frame.truth_error_m);
+        let width = of_photos(runs, self.footprint_width_m, |frame| {
+            frame.footprint_width_m
+        });
         let usual_confidence = if self.mode == "paper" {
             "none, paper mode always answers"
         } else {
@@ -85,9 +87,7 @@ impl About {
             ),
             format!(
                 "Stated radii include a map error of {} m per axis (1 sigma). Error of the truth: {}. Ground width of the photos: {}.",
-                self.map_error_m,
-                of(self.truth_error_m),
-                of(self.footprint_width_m)
+                self.map_error_m, truth, width
             ),
             format!(
                 "Least confidence of a fix: {}. Batch-normalisation statistics recomputed: {}. Ground resolution: {}.",
@@ -106,6 +106,18 @@ impl About {
                     .map_or_else(|| "unknown".to_owned(), |v| format!("{v:.0} MiB"))
             ),
         ]
+    }
+}
+
+/// What was given of all photos, metres, and whether the data set states it of some.
+fn of_photos(runs: &[Run], given: Option<f64>, stated: fn(&Frame) -> Option<f64>) -> String {
+    let mut all = runs.iter().flat_map(|run| &run.frames).filter_map(stated);
+    let has_other = all.any(|value| Some(value) != given);
+    match (given, has_other) {
+        (Some(value_m), false) => format!("{value_m} m"),
+        (Some(value_m), true) => format!("{value_m} m where the truth file states none"),
+        (None, true) => "that of the truth file, where it states one".to_owned(),
+        (None, false) => "not given".to_owned(),
     }
 }
 
@@ -135,7 +147,7 @@ pub fn files(
 ) -> Result<[ResultFile; 4], ResultsError> {
     let report = Report {
         title,
-        description: about.lines(),
+        description: about.lines(runs),
         runs: runs.to_vec(),
         pictures,
     };

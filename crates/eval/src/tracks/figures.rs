@@ -48,7 +48,8 @@ pub struct RunFigures {
     /// Per instant.
     #[serde(flatten)]
     pub track: TrackSummary,
-    /// Median time from the start, whose place is not given, to the first right answer, seconds.
+    /// Median time from the start, whose place is not given, to the first right answer, seconds; a flight without one counts as
+    /// infinite.
     pub first_fix_s: Option<f64>,
     /// Median time from being put elsewhere to the next right answer, seconds. `None` if there was none.
     pub relocalise_s: Option<f64>,

@@ -97,7 +97,8 @@ impl ThreeRuns {
                 continue;
             }
             gathered.measure.add_flight(instants);
-            gathered.first_fix_s.extend(time_to_locate_s(instants, 0.0));
+            let first_fix_s = time_to_locate_s(instants, 0.0).unwrap_or(f64::INFINITY);
+            gathered.first_fix_s.push(first_fix_s);
         }
         if flight.options.put_elsewhere_s.is_none() {
             self.flights += 1;
@@ -205,5 +206,23 @@ mod tests {
         let nis = figures.filter.nis.unwrap();
         assert!((1.0..3.0).contains(&nis.mean), "{nis:?}");
         assert!(figures.filter_without_velocity.track.median_m.unwrap() < 6.0);
+    }
+
+    #[test]
+    fn a_flight_that_never_found_itself_counts_for_the_time_to_the_first_fix() {
+        let options = TrackOptions::default();
+        let flight = |fix_rate| {
+            Flight::new(FlightOptions {
+                duration_s: 20.0,
+                fix_rate,
+                alias_share: 0.0,
+                ..FlightOptions::default()
+            })
+        };
+        let mut runs = ThreeRuns::default();
+        runs.add(&flight(1.0), &options).unwrap();
+        assert!(runs.figures().fixes_only.first_fix_s.is_some());
+        runs.add(&flight(0.0), &options).unwrap();
+        assert_eq!(runs.figures().fixes_only.first_fix_s, None);
     }
 }

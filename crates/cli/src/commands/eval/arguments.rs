@@ -31,7 +31,7 @@ pub struct EvalArgs {
     pub(super) folder: Option<PathBuf>,
 
     /// Render the procedural world of this seed and a flight over it, and localise that
-    #[arg(long, value_name = "SEED", conflicts_with = "folder")]
+    #[arg(long, value_name = "SEED", conflicts_with_all = ["folder", ELSEWHERE_FOLDERS])]
     pub(super) world: Option<u64>,
 
     /// Folder for summary.json, report.html, frames.csv, failed.jsonl and the pack
@@ -61,7 +61,7 @@ pub struct EvalArgs {
     pub(super) heading: &'static [HeadingMode],
 
     /// Commit that this program was built from, recorded with the figures
-    #[arg(long, value_name = "HASH")]
+    #[arg(long, value_name = "HASH", conflicts_with = ELSEWHERE_FOLDERS)]
     pub(super) commit: Option<String>,
 
     /// Ground width that every photo shows, metres, given to the localiser instead of truth file and metadata

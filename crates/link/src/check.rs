@@ -97,8 +97,12 @@ fn find_autopilot(
     let began = Instant::now();
     loop {
         let mut events = Vec::new();
-        for (header, message) in connection.receive(WAIT, &mut events) {
-            session.receive(&header, &message, clock.now_s());
+        let received = connection.receive(WAIT, &mut events);
+        for (header, message) in &received {
+            session.receive(header, message, clock.now_s());
+        }
+        if !received.is_empty() && session.autopilot().is_none() {
+            connection.forget_peer();
         }
         for message in session.poll(clock.now_s(), &|_| None) {
             connection.send(session.system_id(), &message, &mut events);
@@ -112,11 +116,13 @@ fn find_autopilot(
         match session.autopilot() {
             Some(autopilot) if session.is_version_settled(clock.now_s()) => return Ok(autopilot),
             None if began.elapsed() > within => {
-                let reason = connection.failure().map(|why| format!(" ({why})"));
+                let failure = connection.failure().map(|why| format!(" ({why})"));
+                let wanted = options.system_id;
+                let wanted = wanted.map(|id| format!("; system {id} was awaited"));
                 return Err(LinkError::NoAutopilot {
                     address: options.address.to_string(),
                     within_s: options.within_s,
-                    reason: reason.unwrap_or_default(),
+                    reason: failure.unwrap_or_default() + &wanted.unwrap_or_default(),
                 });
             }
             Some(_) | None => {}

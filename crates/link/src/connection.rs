@@ -75,6 +75,11 @@ impl Connection {
         }
     }
 
+    /// Says that who was heard is not the autopilot: of several senders to one UDP port the first one would be the only one heard.
+    pub fn forget_peer(&mut self) {
+        self.bytes.forget_peer();
+    }
+
     /// Sends a message in the name of `system_id`.
     pub fn send(&mut self, system_id: u8, message: &MavMessage, events: &mut Vec<LinkEvent>) {
         let header = MavHeader {

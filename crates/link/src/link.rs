@@ -127,8 +127,12 @@ impl Worker {
     fn run(mut self) {
         while !self.stop.load(Ordering::Relaxed) {
             let mut events = Vec::new();
-            for (header, message) in self.connection.receive(WAIT, &mut events) {
-                self.session.receive(&header, &message, self.clock.now_s());
+            let received = self.connection.receive(WAIT, &mut events);
+            for (header, message) in &received {
+                self.session.receive(header, message, self.clock.now_s());
+            }
+            if !received.is_empty() && self.session.autopilot().is_none() {
+                self.connection.forget_peer();
             }
             let messages = self
                 .session

@@ -65,6 +65,13 @@ impl Reopened {
         }
     }
 
+    /// As [`Transport::forget_peer`].
+    pub fn forget_peer(&mut self) {
+        if let Some(transport) = &mut self.transport {
+            transport.forget_peer();
+        }
+    }
+
     /// Opens the address if it is not open and it is time to try, though there is nothing to read or to send.
     pub fn keep_open(&mut self, events: &mut Vec<LinkEvent>) {
         self.open(events);

@@ -94,6 +94,15 @@ impl Transport {
             Self::Serial(port) => port.write_all(bytes),
         }
     }
+
+    /// Reads datagrams of anyone again, where the address does not say whose.
+    pub fn forget_peer(&mut self) {
+        if let Self::Udp(udp) = self
+            && udp.only.is_none()
+        {
+            udp.peer = None;
+        }
+    }
 }
 
 impl Udp {

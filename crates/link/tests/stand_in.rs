@@ -20,8 +20,11 @@ use grimnet_link::{
 };
 use grimnet_track::{Estimate, Input, PositionOf, Source, TrackPoint, TrackState};
 use mavlink::{
-    SigningConfig, SigningData,
-    dialects::common::{MavAutopilot, MavCmd, MavFrame, MavMessage, MavParamType},
+    MavHeader, SigningConfig, SigningData,
+    dialects::common::{
+        HEARTBEAT_DATA, MavAutopilot, MavCmd, MavFrame, MavMessage, MavParamType, MavType,
+    },
+    write_v2_msg_signed,
 };
 #[cfg(target_os = "linux")]
 use serial2::SerialPort;
@@ -485,4 +488,59 @@ fn an_autopilot_that_is_not_there_is_said() {
     );
     assert!(error.to_string().contains("No such file"), "{error}");
     assert_eq!(events.len(), 1, "{events:?}");
+}
+
+#[test]
+fn a_system_that_was_awaited_in_vain_is_named() {
+    let (socket, address) = udp();
+    let _other = StandIn::ardupilot(Wire::Udp(socket)).start();
+    let options = CheckOptions {
+        address,
+        output: None,
+        system_id: Some(9),
+        signing: None,
+        within_s: 0.5,
+    };
+    let error = check(&options, &mut |_| {}).unwrap_err();
+    assert!(
+        error.to_string().contains("system 9 was awaited"),
+        "{error}"
+    );
+}
+
+#[test]
+fn of_several_senders_to_a_port_the_one_that_is_awaited_is_heard() {
+    let senders = [1, 2].map(|system_id| {
+        let header = MavHeader {
+            system_id,
+            component_id: 1,
+            sequence: 0,
+        };
+        let heartbeat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            mavtype: MavType::MAV_TYPE_FIXED_WING,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            ..HEARTBEAT_DATA::default()
+        });
+        let mut bytes = Vec::new();
+        write_v2_msg_signed(&mut bytes, header, &heartbeat, None).unwrap();
+        (udp().0, bytes)
+    });
+    let port = udp().0.local_addr().unwrap().port();
+    let address: Address = format!("udpin:127.0.0.1:{port}").parse().unwrap();
+    let options = LinkOptions {
+        system_id: Some(2),
+        ..LinkOptions::new(address)
+    };
+    let link = Link::start(options, LinkClock::unix(), tracking()).unwrap();
+    wait_for("the port", || {
+        link.events()
+            .find(|event| matches!(event, LinkEvent::Opened(_)))
+    });
+    let autopilot = wait_for("system 2", || {
+        for (socket, bytes) in &senders {
+            socket.send_to(bytes, ("127.0.0.1", port)).unwrap();
+        }
+        link.status().autopilot
+    });
+    assert_eq!(autopilot.system_id, 2);
 }

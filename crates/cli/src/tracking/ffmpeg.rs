@@ -14,6 +14,9 @@ use super::frames::{Frame, FrameOptions, Frames};
 use super::handover::Keep;
 use super::standard_input::{Repeated, StreamedFrames};
 
+/// How `fps` rounds a picture's time to one of the rate. It gives the last picture of those with the same rounded time: rounded up, that
+/// is the one shown then, to the nearest the one shown almost half an interval later.
+const ROUND: &str = "up";
 /// The filter that stretches pictures to square pixels, as those of [`grimnet_video`] are; square ones stay as they are.
 const SQUARE_PIXELS: &str = "scale='iw*clip(sar,1,4)':'ih*clip(1/sar,1,4)',setsar=1";
 
@@ -38,9 +41,11 @@ impl FfmpegVideo {
             .arg(source)
             .args(["-map", "0:v:0", "-vf"])
             .arg(format!(
-                "fps={frames_per_s}:start_time=0:round=near,{SQUARE_PIXELS}"
+                "fps={frames_per_s}:start_time=0:round={ROUND},{SQUARE_PIXELS}"
             ))
-            .args(["-f", "image2pipe", "-c:v", "mjpeg", "-q:v", "2", "-"])
+            // With several threads its encoder gives a picture only when later ones have come, a second late at 2 frames a second.
+            .args(["-f", "image2pipe", "-c:v", "mjpeg", "-threads", "1"])
+            .args(["-q:v", "2", "-"])
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .spawn()

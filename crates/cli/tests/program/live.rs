@@ -55,7 +55,7 @@ fn a_stream_gives_its_newest_frames_and_a_recorded_video_all() {
     fs::write(path("flight.mkv"), "a video").unwrap();
     // In place of the decoder: gives all of them at once.
     let script = format!(
-        "#!/bin/sh\nexec /bin/cat '{}'\n",
+        "#!/bin/sh\necho \"$*\" > arguments\nexec /bin/cat '{}'\n",
         path("pictures").display()
     );
     fs::write(path("ffmpeg"), script).unwrap();
@@ -76,6 +76,12 @@ fn a_stream_gives_its_newest_frames_and_a_recorded_video_all() {
     };
     let (frames, errors) = track(&["flight.mkv"]);
     assert_eq!(frames, FRAMES, "{errors}");
+    // Rounded to the nearest, each picture would be the one shown almost half an interval after its time; an encoder with several threads
+    // would hold the newest ones back.
+    let arguments = fs::read_to_string(path("arguments")).unwrap();
+    for expected in ["fps=2:start_time=0:round=up,", "-c:v mjpeg -threads 1 "] {
+        assert!(arguments.contains(expected), "{arguments}");
+    }
     let stream = "rtsp://127.0.0.1/stream";
     let dry_run = ["--mavlink", "udpout:127.0.0.1:9", "--dry-run", stream];
     let (frames, errors) = track(&dry_run);

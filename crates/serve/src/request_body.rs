@@ -111,10 +111,10 @@ pub(crate) fn paused(limits: &Limits) -> Problem {
     ))
 }
 
-/// The value of the text of a JSON object. The error names the field that it is about.
-pub(crate) fn of_json<T: DeserializeOwned>(json: &[u8]) -> Result<T, String> {
+/// The value of the text of a JSON object, none of `null`. The error names the field that it is about.
+pub(crate) fn of_json<T: DeserializeOwned>(json: &[u8]) -> Result<Option<T>, String> {
     // Serde also takes an array as the fields of a structure by their order.
-    if !json.trim_ascii_start().starts_with(b"{") {
+    if !matches!(json.trim_ascii_start().first(), Some(b'{' | b'n')) {
         return Err("expected a JSON object".to_owned());
     }
     let mut reader = serde_json::Deserializer::from_slice(json);

@@ -69,13 +69,11 @@ pub(crate) async fn begin(
         None,
     )
     .await?;
-    let new: Option<NewTrack> = if matches!(body.trim_ascii(), b"" | b"null") {
+    let new: Option<NewTrack> = if body.is_empty() {
         None
     } else {
-        let understood = of_json(&body).map_err(|error| {
-            Problem::bad_request(format!("the body is not understood: {error}"))
-        })?;
-        Some(understood)
+        of_json(&body)
+            .map_err(|error| Problem::bad_request(format!("the body is not understood: {error}")))?
     };
     let map = new.and_then(|new| new.map);
     let map = state.maps.get_or_only(map.as_deref())?;

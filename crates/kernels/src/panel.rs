@@ -135,9 +135,7 @@ impl Finish {
             Activation::Relu => Self::BiasRelu(bias.as_ptr()),
         }
     }
-}
 
-impl Finish {
     /// Writes the sums of one vector of columns, the first of which is `column`, to the row `out`.
     ///
     /// # Safety

@@ -9,6 +9,7 @@ use crate::{
     connection::Connection,
     error::LinkError,
     event::LinkEvent,
+    exchange::exchange,
     options::LinkOptions,
     output::Output,
     parameters::read_parameters,
@@ -96,17 +97,7 @@ fn find_autopilot(
     let within = Duration::try_from_secs_f64(options.within_s).unwrap_or(Duration::MAX);
     let began = Instant::now();
     loop {
-        let mut events = Vec::new();
-        let received = connection.receive(WAIT, &mut events);
-        for (header, message) in &received {
-            session.receive(header, message, clock.now_s());
-        }
-        if !received.is_empty() && session.autopilot().is_none() {
-            connection.forget_peer();
-        }
-        for message in session.poll(clock.now_s(), &|_| None) {
-            connection.send(session.system_id(), &message, &mut events);
-        }
+        let mut events = exchange(connection, &mut session, &clock, WAIT, &|_| None);
         // That there is no track is no news here.
         session
             .events

@@ -18,6 +18,7 @@ mod describe;
 mod error;
 mod event;
 mod every;
+mod exchange;
 mod gate;
 mod gnss;
 #[cfg(test)]

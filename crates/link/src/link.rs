@@ -14,7 +14,7 @@ use grimnet_track::{Input, TrackPoint};
 
 use crate::{
     autopilot::Autopilot, clock::LinkClock, connection::Connection, error::LinkError,
-    event::LinkEvent, options::LinkOptions, output::Output, session::Session,
+    event::LinkEvent, exchange::exchange, options::LinkOptions, output::Output, session::Session,
 };
 
 /// The track at a time on the link's clock. It is called from the link's thread, up to 30 times a second.
@@ -126,21 +126,13 @@ struct Worker {
 impl Worker {
     fn run(mut self) {
         while !self.stop.load(Ordering::Relaxed) {
-            let mut events = Vec::new();
-            let received = self.connection.receive(WAIT, &mut events);
-            for (header, message) in &received {
-                self.session.receive(header, message, self.clock.now_s());
-            }
-            if !received.is_empty() && self.session.autopilot().is_none() {
-                self.connection.forget_peer();
-            }
-            let messages = self
-                .session
-                .poll(self.clock.now_s(), &|time_s| (self.point_at)(time_s));
-            for message in &messages {
-                self.connection
-                    .send(self.session.system_id(), message, &mut events);
-            }
+            let mut events = exchange(
+                &mut self.connection,
+                &mut self.session,
+                &self.clock,
+                WAIT,
+                &*self.point_at,
+            );
             events.append(&mut self.session.events);
             // Whoever does not listen does not want to know.
             for event in events {

@@ -13,7 +13,9 @@ mod units;
 
 use std::path::{Path, PathBuf};
 
-use grimnet_geo::{GeoError, LonLat, MapOptions, MapPx, Raster, WindowPx, distance_m, open_map};
+use grimnet_geo::{
+    GeoError, LonLat, MapOptions, MapPx, Raster, RasterPatch, WindowPx, distance_m, open_map,
+};
 use image::{GrayImage, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use support::{
     Tag, ascii, double, geo_tags, long, long8, rgb_tags, short, write_at, write_bigtiff, write_map,

@@ -20,29 +20,33 @@ fn a_map_smaller_than_a_tile_is_read_and_padded() {
     assert!(outside.valid.iter().all(|&v| v == 0));
 }
 
-#[test]
-fn nodata_is_a_sample_as_it_is_stored() {
+/// What is read of a map of one row with these samples and tags.
+fn row_read(width_px: u32, own: Vec<Tag>, row: &[u8]) -> RasterPatch {
     let dir = folder();
     let path = dir.path().join("map.tif");
-    let row_seen = |own: Vec<Tag>, nodata: &str, row: &[u8]| -> Vec<u8> {
-        let at = 400_000;
-        let mut tags = vec![
-            long(256, &[4]),
-            long(257, &[1]),
-            short(259, &[1]),
-            short(277, &[1]),
-            long8(273, &[at]),
-            long(278, &[1]),
-            long8(279, &[row.len() as u64]),
-            ascii(42113, nodata),
-        ];
-        tags.extend(own);
-        tags.extend(geo_tags(32651));
-        assert!(write_bigtiff(&path, tags, at + row.len() as u64) <= at);
-        write_at(&path, at, row);
-        let map = open(&path).unwrap();
-        let patch = map.read(WindowPx::new(0.0, 0.0, 4.0, 1.0), 4, 1).unwrap();
-        patch.valid.into_raw()
+    let at = 400_000;
+    let mut tags = vec![
+        long(256, &[width_px]),
+        long(257, &[1]),
+        short(259, &[1]),
+        short(277, &[1]),
+        long8(273, &[at]),
+        long(278, &[1]),
+        long8(279, &[row.len() as u64]),
+    ];
+    tags.extend(own);
+    tags.extend(geo_tags(32651));
+    assert!(write_bigtiff(&path, tags, at + row.len() as u64) <= at);
+    write_at(&path, at, row);
+    let window = WindowPx::new(0.0, 0.0, f64::from(width_px), 1.0);
+    open(&path).unwrap().read(window, width_px, 1).unwrap()
+}
+
+#[test]
+fn nodata_is_a_sample_as_it_is_stored() {
+    let row_seen = |mut own: Vec<Tag>, nodata: &str, row: &[u8]| -> Vec<u8> {
+        own.push(ascii(42113, nodata));
+        row_read(4, own, row).valid.into_raw()
     };
     // An index of 16 bits into a palette.
     let palette = vec![
@@ -60,34 +64,14 @@ fn nodata_is_a_sample_as_it_is_stored() {
 /// Writers store 8-bit colours times 257, times 256 or as they are (GDAL's open option `COLOR_TABLE_MULTIPLIER`).
 #[test]
 fn colours_of_a_palette_are_shown_as_they_are() {
-    let dir = folder();
-    let path = dir.path().join("map.tif");
-    let at = 400_000;
     let row: Vec<u8> = (0..=255).collect();
     // From 40 to 167: a stretch would change them.
     let colour = |index: u16, band: u16| 40 + (index + 50 * band) % 128;
     for factor in [257, 256, 1] {
         let entries = (0..3).flat_map(|band| (0..256).map(move |index| colour(index, band)));
         let palette: Vec<u16> = entries.map(|entry| entry * factor).collect();
-        let mut tags = vec![
-            long(256, &[256]),
-            long(257, &[1]),
-            short(258, &[8]),
-            short(259, &[1]),
-            short(262, &[3]),
-            short(277, &[1]),
-            long8(273, &[at]),
-            long(278, &[1]),
-            long8(279, &[256]),
-            short(320, &palette),
-        ];
-        tags.extend(geo_tags(32651));
-        assert!(write_bigtiff(&path, tags, at + 256) <= at);
-        write_at(&path, at, &row);
-        let map = open(&path).unwrap();
-        let patch = map
-            .read(WindowPx::new(0.0, 0.0, 256.0, 1.0), 256, 1)
-            .unwrap();
+        let own = vec![short(258, &[8]), short(262, &[3]), short(320, &palette)];
+        let patch = row_read(256, own, &row);
         for (index, pixel) in (0..).zip(patch.rgb.pixels()) {
             let expected = [0, 1, 2].map(|band| colour(index, band) as u8);
             assert_eq!(pixel.0, expected, "{factor}: {index}");

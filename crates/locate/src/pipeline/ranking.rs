@@ -174,7 +174,7 @@ fn margin_rejection(
 }
 
 /// Whether the best candidate is so clear that no further candidate is needed.
-pub(crate) fn is_clear(
+fn is_clear(
     best: &VerifiedCandidate,
     runner_up: Option<&VerifiedCandidate>,
     options: &Options,
@@ -183,6 +183,15 @@ pub(crate) fn is_clear(
     best.rejection.is_none()
         && best.inliers.len() >= options.clear_inliers
         && best.inliers.len() >= 2 * runner_up_inliers(runner_up)
+}
+
+/// The best candidate if it is so clear that no further one need be matched.
+pub(crate) fn clear_candidate<'a>(
+    verified: &'a [VerifiedCandidate],
+    options: &Options,
+) -> Option<&'a VerifiedCandidate> {
+    let (best, runner_up) = best_candidate(verified, options)?;
+    is_clear(best, runner_up, options).then_some(best)
 }
 
 /// The best candidate and the one with the most inliers at another position.

@@ -14,7 +14,7 @@ use crate::{
     outcome::{TimeMs, elapsed_ms},
     pipeline::{
         queries::{Queries, QueryKey, extract_queries, side_px},
-        ranking::{SAME_POSITION_PX, best_candidate, is_clear},
+        ranking::{SAME_POSITION_PX, clear_candidate},
         round_result::RoundResult,
         tile_frame::{TileFrame, TilePx},
         verification::{VerifiedCandidate, verify},
@@ -234,10 +234,6 @@ impl OpenRound {
                 .map(|candidate| verify(context, level, hypotheses, queries, *candidate, near))
                 .collect()
         };
-        let clear_among = |verified: &[VerifiedCandidate]| {
-            best_candidate(verified, options)
-                .is_some_and(|(best, runner_up)| is_clear(best, runner_up, options))
-        };
         let mut matched = Matched::default();
         while matched.count < most && !matched.is_clear {
             let batch = self.cascade.next_batch(BATCH.min(most - matched.count));
@@ -249,16 +245,13 @@ impl OpenRound {
             if verified.len() < options.min_matched {
                 continue;
             }
-            matched.is_clear = clear_among(verified);
-            if matched.is_clear
-                && let Some((best, _)) = best_candidate(verified, options)
-            {
+            if let Some(best) = clear_candidate(verified, options) {
                 let alike = self.cascade.next_wanted(MAX_LOOK_ALIKES, |candidate| {
                     may_look_alike(level, queries, candidate, best)
                 });
                 verified.extend(match_in_full(&alike)?);
                 matched.count += alike.len();
-                matched.is_clear = clear_among(verified);
+                matched.is_clear = clear_candidate(verified, options).is_some();
             }
             if budget.is_spent() {
                 break;

@@ -67,6 +67,13 @@ struct AssumedWidth {
 /// The rounds for a photo with this view, the most probable first.
 pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> {
     let widths = assumed_widths(view, pack, options);
+    let purpose_of = |assumed: &AssumedWidth, headings: usize| {
+        if assumed.is_searched {
+            purpose(widths.len(), headings)
+        } else {
+            Purpose::Answer
+        }
+    };
     let round = |assumed: &AssumedWidth| {
         let &AssumedWidth {
             level,
@@ -86,11 +93,7 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
             None => around_circle(assumed, view, options.headings, 0.0),
         };
         Round {
-            purpose: if is_searched {
-                purpose(widths.len(), hypotheses.len())
-            } else {
-                Purpose::Answer
-            },
+            purpose: purpose_of(assumed, hypotheses.len()),
             hypotheses,
             assumption: assumed.assumption.clone(),
         }
@@ -111,11 +114,7 @@ pub(crate) fn rounds(view: &View, pack: &Pack, options: &Options) -> Vec<Round> 
                 around_circle(assumed, view, options.headings, heading.heading_deg);
             let others = hypotheses.split_off(1);
             (!others.is_empty()).then(|| Round {
-                purpose: if assumed.is_searched {
-                    purpose(widths.len(), others.len())
-                } else {
-                    Purpose::Answer
-                },
+                purpose: purpose_of(assumed, others.len()),
                 hypotheses: others,
                 assumption: format!(
                     "{}; other headings than the uncertain one",

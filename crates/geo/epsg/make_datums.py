@@ -18,6 +18,8 @@ import pyproj
 DATUM = ("+datum=", "+ellps=", "+towgs84=", "+a=", "+b=", "+rf=", "+nadgrids=")
 # The codes that epsg_definitions.rs refuses: MGI (Ferro) is one datum in Austria, and another one in the former Yugoslavia.
 REFUSED = {4805}
+# The codes to which epsg_definitions.rs gives the shift that the list lacks: IG05 and IG05/12.
+CORRECTED = {6983, 6990}
 
 HERE = Path(__file__).parent
 
@@ -71,7 +73,7 @@ def main(listed):
         # "NTF (Paris)" is NTF with longitudes from Paris, and the text says from where.
         base = int(code) if meridian == 8901 else by_name.get(name.rsplit(" (", 1)[0])
         base = codes.setdefault(datum, base)
-        if base is None or not has_shift(strings.get(base, "")):
+        if base is None or not (base in CORRECTED or has_shift(strings.get(base, ""))):
             continue
         for named in [str(datum), datum_name, *aliases[datum], *listed_names.get(int(code), [])]:
             if named.isascii():

@@ -82,6 +82,9 @@ mod tests {
             ("D_NTF", Some(4275)),
             ("6277", Some(4277)),
             ("6807", Some(4275)),
+            ("IG05_Intermediate_Datum", Some(6983)),
+            ("IG05(2012)_Intermediate_Datum", Some(6990)),
+            ("1144", Some(6990)),
             // A grid, one in two places, none, and nothing.
             ("D_North_American_1927", None),
             ("Militar-Geographische_Institut_(Ferro)", None),

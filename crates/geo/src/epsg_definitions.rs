@@ -5,12 +5,17 @@ use crate::datum_shifts::with_better_shift;
 use crate::units::degrees_per_unit_of_epsg;
 
 /// Codes whose coordinates a definition cannot tell, and what to do.
-const REFUSED: [(&[u32], &str); 2] = [
+const REFUSED: [(&[u32], &str); 3] = [
     // PROJ 9 takes x to the south and y to the west, PROJ strings without `+axis` negative ones to the east and north.
     (
         &[2065, 5513],
         "its axes point to the south and west, and maps in it follow them or not; one with negative coordinates is in EPSG:5514, \
          another must be reprojected: gdalwarp -t_srs EPSG:5514 IN OUT",
+    ),
+    // Gusterberg and St. Stephen Grid of Austria: the list of definitions has no `+axis` for them.
+    (
+        &[8044, 8045],
+        "its axes point to the south and west, and maps in it follow them or not; reproject the map: gdalwarp -t_srs EPSG:4326 IN OUT",
     ),
     // MGI and MGI 1901 of the EPSG registry.
     (
@@ -21,14 +26,20 @@ const REFUSED: [(&[u32], &str); 2] = [
 ];
 
 /// Codes, what the list says of them, and what takes its place.
-const CORRECTED: [(&[u32], &str, &str); 4] = [
+const CORRECTED: [(&[u32], &str, &str); 5] = [
     // RSO Malaya in chains: the false easting is one in chains too, and PROJ strings have metres.
     (&[3167], "+x_0=40000", "+x_0=804670.24"),
-    // EASE-Grid North and South are projected from the sphere of the same area (EPSG method 1027): 14 km off.
+    // EASE-Grid North, South and Global are projected from the sphere of the same area (EPSG methods 1027 and 9834): 14 to 63 km off.
     (
-        &[3973, 3974],
+        &[3973, 3974, 3975],
         "+datum=WGS84",
         "+ellps=WGS84 +R_A +nadgrids=@null",
+    ),
+    // Pseudo-Mercator with a height is projected from the sphere as well: up to 43 km off.
+    (
+        &[6871],
+        "+datum=WGS84",
+        "+a=6378137 +b=6378137 +nadgrids=@null",
     ),
     // MGI in the former Yugoslavia, deprecated: 305 m off with Austria's shift; that of MGI 1901, the datum of their successors.
     (

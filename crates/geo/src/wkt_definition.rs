@@ -449,6 +449,16 @@ mod tests {
         }
     }
 
+    /// PROJ has no transformation of IG05, so that the golden texts lack it: a shift of 78 m.
+    #[test]
+    fn the_grid_of_israel_of_2005_has_the_shift_of_its_code() {
+        let text = r#"PROJCS["Israeli_Grid_05",GEOGCS["IG05_Intermediate_CRS",DATUM["IG05_Intermediate_Datum",SPHEROID["GRS_1980",6378137.0,298.257222101]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Transverse_Mercator"],PARAMETER["False_Easting",219529.584],PARAMETER["False_Northing",626907.39],PARAMETER["Central_Meridian",35.2045169444444],PARAMETER["Scale_Factor",1.0000067],PARAMETER["Latitude_Of_Origin",31.7343936111111],UNIT["Meter",1.0]]"#;
+        let place = |crs: Crs| crs.lonlat_from_xy(180_000.0, 660_000.0).unwrap();
+        let coded = place(Crs::from_epsg(6984).unwrap());
+        let off_m = distance_m(place(read(text).unwrap()), coded);
+        assert!(off_m < 0.01, "{off_m} m");
+    }
+
     /// EPSG:31275 has the datum MGI and lies in Croatia, as EPSG:3907, MGI 1901; the place is PROJ's for EPSG:3907.
     #[test]
     fn yugoslav_zones_of_mgi_have_mgi_1901() {

@@ -78,6 +78,21 @@ fn definitions_are_where_proj_puts_them_or_warn() {
     assert!(checked > 900, "{checked}");
 }
 
+/// The middle of the area of a world-wide system is its origin, where projections of the sphere and of the ellipsoid agree. Places by
+/// PROJ, for x = 1000 km and y = 5000 km.
+#[test]
+fn world_wide_systems_are_where_proj_puts_them_off_the_equator() {
+    for (code, lon_deg, lat_deg) in [
+        (3975, 10.384_459_72, 42.817_181_45),
+        (6871, 8.983_152_84, 40.916_274_47),
+    ] {
+        let crs = Crs::from_epsg(code).unwrap();
+        let found = crs.lonlat_from_xy(1e6, 5e6).unwrap();
+        let off_m = distance_m(found, LonLat::new(lon_deg, lat_deg));
+        assert!(off_m < 0.01, "EPSG:{code}: {off_m} m");
+    }
+}
+
 #[test]
 fn the_added_definitions_can_be_used() {
     let lines = include_str!("../../epsg/definitions.txt").lines().skip(1);
@@ -99,6 +114,8 @@ fn codes_whose_coordinates_are_ambiguous_are_refused() {
         (7400, "grads"),
         (2065, "south and west"),
         (5513, "south and west"),
+        (8044, "south and west"),
+        (8045, "south and west"),
         (4805, "former Yugoslavia"),
     ] {
         let error = Crs::from_epsg(code).unwrap_err().to_string();

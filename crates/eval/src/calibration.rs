@@ -38,7 +38,7 @@ pub fn fit(
         let (checked, fitted): (Vec<&Observation>, Vec<&Observation>) =
             observations.iter().partition(|o| o.scene % 2 == side);
         let owned: Vec<Observation> = fitted.into_iter().cloned().collect();
-        let half = fit_once(&owned, elsewhere_answered, limiting)?;
+        let half = fit_once(&owned, elsewhere_answered, limiting).map_err(FitError::of_half)?;
         held_out.add(&half, &checked);
     }
     let count =

@@ -146,6 +146,14 @@ fn too_little_is_refused_by_name() {
             needed: 40
         })
     );
+    // Enough in all, and not of each half of the scenes.
+    assert_eq!(
+        fit(&observations(60, 10), "made up", ELSEWHERE_ANSWERED),
+        Err(FitError::TooFewFixesOfHalf {
+            found: 30,
+            needed: 40
+        })
+    );
     let mut many = observations(100, 7);
     many.retain(|o| !o.elsewhere);
     let text = confidence::fit(&many, ELSEWHERE_ANSWERED, confidence::Limiting::All)

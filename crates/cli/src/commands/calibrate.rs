@@ -238,6 +238,7 @@ fn merged(kept: &Calibration, fitted: Calibration, only: Option<PartChoice>) -> 
             confidence: kept.confidence,
             fitted_on: fitted.fitted_on.map(|on| FittedOn {
                 data: format!("the stated radius alone: {}", on.data),
+                elsewhere: kept_on.elsewhere,
                 held_out_availability: kept_on.held_out_availability,
                 held_out_elsewhere: kept_on.held_out_elsewhere,
                 held_out_elsewhere_answered: kept_on.held_out_elsewhere_answered,
@@ -563,6 +564,7 @@ mod tests {
         let on = position.fitted_on.unwrap();
         assert_eq!((on.fixes, on.held_out_coverage_95), (2, 0.2));
         assert_eq!((on.held_out_availability, on.held_out_elsewhere), (0.1, 1));
+        assert_eq!((on.photos, on.elsewhere), (2, 1));
 
         let of_none = Calibration::default();
         let confidence = merged(&of_none, fitted(), Some(PartChoice::Confidence));

@@ -18,7 +18,7 @@ pub const ELSEWHERE_ANSWERED: f64 = 1e-3;
 
 /// Share of the answers to photos taken elsewhere that form the extrapolated tail.
 const TAIL_SHARE: f64 = 0.05;
-/// Least number of photos in that tail.
+/// Least number of photos in that tail; of few answers it is their upper half.
 const MIN_TAIL: usize = 60;
 
 /// Precision of the prior on each standardised weight (ridge): right and wrong answers may be separable, and the likelihood
@@ -118,12 +118,22 @@ pub fn fit(
         .filter_map(|o| Some(log_odds(o.answer?.support.confidence(&model))))
         .collect();
     let limit = tail_limit(log_odds, elsewhere.len(), allowed);
-    model.needed = 1.0 / (1.0 + (-limit).exp());
+    model.needed = probability(limit);
     Ok(model)
 }
 
 fn log_odds(probability: f64) -> f64 {
     (probability / (1.0 - probability)).ln()
+}
+
+/// The probability of these log odds, none with smaller ones: near one the log odds have more digits, and what lies just below a limit
+/// would be rounded to it.
+fn probability(limit: f64) -> f64 {
+    let mut probability = 1.0 / (1.0 + (-limit).exp());
+    while log_odds(probability) < limit {
+        probability = probability.next_up();
+    }
+    probability
 }
 
 /// The value that a share `allowed` of `photos` exceeds. The best of many chance matches has an exponential tail
@@ -133,7 +143,7 @@ fn tail_limit(mut values: Vec<f64>, photos: usize, allowed: f64) -> f64 {
     values.sort_by(f64::total_cmp);
     let count = ((values.len() as f64 * TAIL_SHARE).ceil() as usize)
         .max(MIN_TAIL)
-        .min(values.len())
+        .min(values.len().div_ceil(2))
         .max(1);
     let Some(first) = values.len().checked_sub(count) else {
         // No photo taken elsewhere has an answer: even odds are the limit.
@@ -238,6 +248,17 @@ mod tests {
     }
 
     #[test]
+    fn the_answer_that_sets_the_limit_is_below_the_least_confidence() {
+        for i in 1..1000 {
+            let seen = f64::from(i) / 1000.0;
+            let needed = probability(log_odds(seen).next_up());
+            assert!(seen < needed && needed < seen + 1e-12, "{seen} {needed}");
+        }
+        assert_eq!(probability(0.0), 0.5);
+        assert_eq!(probability(50.0), 1.0);
+    }
+
+    #[test]
     fn evidence_that_lies_far_out_does_not_keep_the_fit_from_its_maximum() {
         // Newton's full steps have no end with these.
         let mut state = 9_u32;
@@ -278,5 +299,13 @@ mod tests {
             .collect();
         let limit = tail_limit(values, 400, 1e-4);
         assert!((limit - 1e4_f64.ln()).abs() < 0.5, "{limit}");
+    }
+
+    #[test]
+    fn the_tail_of_few_answers_is_their_upper_half() {
+        // Of a logistic distribution one in a thousand exceeds 6.9; by the mean excess over the least of all it would be 27.
+        let values = (0..48).map(|i| log_odds((f64::from(i) + 0.5) / 48.0));
+        let limit = tail_limit(values.collect(), 48, 1e-3);
+        assert!((6.0..9.0).contains(&limit), "{limit}");
     }
 }

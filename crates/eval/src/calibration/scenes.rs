@@ -114,7 +114,6 @@ fn world_shot(
             -90.0
         }),
         gimbal_roll_deg: Some(0.0),
-        relative_altitude_m: Some(pose.height_agl_m * (1.0 + HEIGHT_SIGMA * normal(rng))),
         calibrated_focal_px: Some(camera.focal_px()),
         orientation: 1,
         ..Metadata::default()
@@ -123,7 +122,10 @@ fn world_shot(
         lon_deg: row.lon_deg,
         lat_deg: row.lat_deg,
     };
-    let known = Prior::none().with_heading(stated_deg, HEADING_SIGMA_DEG);
+    // Given, as the ground resolution of photos cut from pictures is: the confidence of an answer is that with the width given.
+    let known = Prior::none()
+        .with_heading(stated_deg, HEADING_SIGMA_DEG)
+        .with_height_agl_m(pose.height_agl_m * (1.0 + HEIGHT_SIGMA * normal(rng)));
     Ok(shot(photo, metadata, position, known))
 }
 
@@ -183,5 +185,26 @@ fn shot(photo: RgbImage, metadata: Metadata, position: LonLat, known: Prior) -> 
         truth: Truth::at(position),
         known,
         footprint_width_m: None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_ground_width_of_photos_of_worlds_is_given() {
+        let world = World::new(WorldConfig {
+            seed: 5,
+            size_m: WORLD_M,
+            urban: 0.5,
+            bend: 0.5,
+        });
+        let [lon_deg, lat_deg] = PLACE_LON_LAT_DEG;
+        let placement = Placement::at(lon_deg, lat_deg).unwrap();
+        let shot = world_shot(&world, &placement, &mut ChaCha8Rng::seed_from_u64(5)).unwrap();
+        let photo = shot.photo.open().unwrap();
+        let footprint = photo.view(&shot.known.view).footprint.unwrap();
+        assert!(!footprint.is_uncertain(), "{footprint:?}");
     }
 }

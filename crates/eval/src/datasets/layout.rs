@@ -286,7 +286,9 @@ impl DataSet {
         };
         let mut frames = Vec::new();
         for source in &sources {
-            let found = picture_files(source)?;
+            let mut found = picture_files(source)?;
+            // The map may lie among the photos.
+            found.retain(|path| !is_same_file(path, map));
             if found.is_empty() {
                 return Err(DataSetError::NoPhotos {
                     folder: source.clone(),
@@ -465,7 +467,6 @@ mod tests {
         assert!(corners_with(Some(&root.path().join("other.tif"))).is_none());
     }
 
-    #[cfg(unix)]
     fn request(folder: &Path) -> DataSetRequest<'_> {
         DataSetRequest {
             folder,
@@ -489,6 +490,14 @@ mod tests {
         let usable = scorable(listed, photos.path()).unwrap();
         assert_eq!(usable.len(), 1);
         assert_eq!(usable[0].0.photo, "./a.jpg");
+    }
+
+    #[test]
+    fn the_map_among_the_photos_is_none_of_them() {
+        let folder = tempfile::tempdir().unwrap();
+        fs_err::write(folder.path().join(MAP_FILE), "").unwrap();
+        let error = DataSet::find(&request(folder.path())).unwrap_err();
+        assert!(matches!(error, DataSetError::NoPhotos { .. }), "{error}");
     }
 
     #[test]

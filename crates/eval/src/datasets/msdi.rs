@@ -16,13 +16,17 @@ const PHOTOS: &str = "calibrated_images";
 /// is neither.
 #[must_use]
 pub fn scenes(folder: &Path) -> Option<Vec<PathBuf>> {
-    if folder.parent().is_some_and(|above| above.ends_with(PHOTOS)) {
+    // The working folder is named by its whole path alone.
+    let whole = fs_err::canonicalize(folder).ok()?;
+    let is_scene = |path: &Path| path.parent().is_some_and(|above| above.ends_with(PHOTOS));
+    if is_scene(folder) || is_scene(&whole) {
         return Some(vec![folder.to_owned()]);
     }
+    let holds_scenes = folder.ends_with(PHOTOS) || whole.ends_with(PHOTOS);
     let photos = [PHOTOS.into(), Path::new("data").join(PHOTOS)]
         .iter()
         .map(|inside: &PathBuf| folder.join(inside))
-        .chain(folder.ends_with(PHOTOS).then(|| folder.to_owned()))
+        .chain(holds_scenes.then(|| folder.to_owned()))
         .find(|path| path.is_dir())?;
     let entries = fs_err::read_dir(photos).ok()?;
     let mut scenes: Vec<PathBuf> = entries
@@ -57,6 +61,11 @@ mod tests {
             assert_eq!(scenes(folder), Some(all.clone()), "{}", folder.display());
         }
         assert_eq!(scenes(&all[1]), Some(vec![all[1].clone()]));
+        // As from within: `.` and `..` have no name.
+        let unnamed = all[1].join("..");
+        assert_eq!(scenes(&unnamed).map(|found| found.len()), Some(2));
+        let unnamed = photos.join("museum/../museum/.");
+        assert_eq!(scenes(&unnamed), Some(vec![unnamed.clone()]));
         assert_eq!(scenes(&root.path().join("data/raw_images/museum")), None);
     }
 }

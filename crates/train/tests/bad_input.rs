@@ -144,6 +144,10 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
         ("steps = 0\n", "steps"),
         ("[weights]\nkeypoint = -1.0\n", "weights.keypoint"),
         (
+            "world_share = 1\n[labels.look]\nmixed = 0.2\n",
+            "labels.look.mixed",
+        ),
+        (
             "world_share = 1\n[weights]\nkeypoint = 0\ndescriptor = 0\nglobal = 0\n",
             "all `weights` are 0",
         ),

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use grimnet_net::Card;
 use grimnet_output::OutputPolicy;
-use grimnet_train::data::{PairOptions, WorldOptions};
+use grimnet_train::data::{PairOptions, Serves, Sources, WeightedSource, WorldOptions};
 use grimnet_train::{
     Checkpoint, Data, Detector, Device, ExportOptions, Exported, Figures, Norms, Parameters,
     RunFolder, TrainConfig, Trainer, Validator, Weights, checkpoint_path, export,
@@ -133,6 +133,40 @@ fn a_step_of_a_task_without_weight_changes_nothing() {
         names.iter().map(|name| values(parameters, name)).collect()
     };
     assert!(after(1) == after(2), "the second step changed the network");
+}
+
+/// In turns, the pairs of a task that no loss with a weight trains are none of the network's.
+#[test]
+fn statistics_are_exported_of_the_tasks_that_are_trained() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        alternate: true,
+        weights: Weights {
+            global: 0.0,
+            ..Weights::default()
+        },
+        ..short(folder.path())
+    };
+    let (data, trainer) = run(&config);
+    let of_other_worlds = TrainConfig {
+        seed: 9,
+        ..config.clone()
+    };
+    let serving = |data: &Data, serves| WeightedSource {
+        serves,
+        ..data.training[0].clone()
+    };
+    let matching = serving(&data, Serves::Matching);
+    let retrieval = serving(&Data::open(&of_other_worlds).unwrap(), Serves::Retrieval);
+    let exported = |sources: Sources| {
+        let average = &trainer.state().average;
+        let found = with_export_statistics(average, &sources, &config, &Device::flex()).unwrap();
+        values(&found, "encoder.0.0.norm.uav.mean")
+    };
+    assert_eq!(
+        exported(vec![matching.clone()]),
+        exported(vec![matching, retrieval])
+    );
 }
 
 #[test]

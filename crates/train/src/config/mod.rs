@@ -237,6 +237,11 @@ impl TrainConfig {
         {
             return wrong("`labels.side_px` must be a multiple of 32");
         }
+        if self.labels.as_ref().is_some_and(|l| l.look.mixed > 0.0) {
+            return wrong(
+                "`labels.look.mixed` must be 0: labels of a picture use no other picture",
+            );
+        }
         if self.world_share > 0.0 && (self.world.worlds == 0 || self.world.places == 0) {
             return wrong("`world.worlds` and `world.places` must be at least 1");
         }

@@ -4,7 +4,7 @@
 use super::homography::{apply, random_homography};
 use super::label_options::LabelOptions;
 use super::labels::Labels;
-use super::pair::seen_cells;
+use super::pair::{black_outside, seen_cells};
 use super::peaks::peaks;
 use super::photometric::change_look;
 use super::picture::Picture;
@@ -203,6 +203,7 @@ impl Window<'_> {
         let (mut image, seen) = warp(self.picture, &picture_from_view, self.side_px);
         if !plain {
             image = change_look(&image, None, domain, &options.look, random);
+            black_outside(&mut image, &seen);
         }
         let way = Relation {
             view_from_level: level_from_view.try_inverse()?,
@@ -265,6 +266,7 @@ mod tests {
     use super::super::homography::HomographyRange;
     use super::super::photometric::Look;
     use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
 
     /// Detects the centre of the bright spot, and with a low probability a fixed pixel of the view.
     struct Blob;
@@ -334,6 +336,42 @@ mod tests {
             assert!(off < 0.3, "{x} {y} for {at:?}");
             assert!(score > 0.05, "{score}");
         }
+    }
+
+    /// Counts the cells that are not inside the picture, each of which must have a black pixel.
+    struct Outside(AtomicUsize);
+
+    impl Detect for Outside {
+        fn probabilities(&self, views: &[View]) -> Result<Vec<Vec<f32>>, TrainError> {
+            for view in views {
+                let columns = view.image.width() / 8;
+                let outside = (0u32..).zip(&view.seen).filter(|(_, seen)| !**seen);
+                for (cell, _) in outside {
+                    let (left, top) = (cell % columns * 8, cell / columns * 8);
+                    let mut pixels =
+                        (0..64).map(|i| view.image.get_pixel(left + i % 8, top + i / 8));
+                    assert!(pixels.any(|pixel| pixel.0 == [0; 3]), "{left}, {top}");
+                    self.0.fetch_add(1, Ordering::Relaxed);
+                }
+            }
+            let nothing = |view: &View| vec![0.0; view.image.as_raw().len() / 3];
+            Ok(views.iter().map(nothing).collect())
+        }
+    }
+
+    #[test]
+    fn views_are_black_outside_the_picture_under_every_look() {
+        let options = LabelOptions {
+            views: 16,
+            look: Look {
+                haze: 1.0,
+                ..options().look
+            },
+            ..options()
+        };
+        let detector = Outside(AtomicUsize::new(0));
+        adapt(&spot([44.0, 41.0]), &options, &detector).unwrap();
+        assert!(detector.0.into_inner() > 100);
     }
 
     #[test]

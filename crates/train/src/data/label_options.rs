@@ -24,7 +24,7 @@ pub struct LabelOptions {
     /// Range of the homographies.
     #[serde(deserialize_with = "homography_of_labels")]
     pub homography: HomographyRange,
-    /// Range of the photometric changes.
+    /// Range of the photometric changes; without `mixed`, which needs another picture.
     pub look: Look,
     /// Seed of the views.
     pub seed: u64,

@@ -142,6 +142,15 @@ pub(super) fn seen_cells(seen: &[bool], side: usize) -> Vec<bool> {
         .collect()
 }
 
+/// Makes the pixels of a view that are not marked black.
+pub(super) fn black_outside(view: &mut RgbImage, seen: &[bool]) {
+    for (pixel, seen) in view.pixels_mut().zip(seen) {
+        if !seen {
+            pixel.0 = [0; 3];
+        }
+    }
+}
+
 impl Views {
     fn side(&self) -> usize {
         self.plain[0].width() as usize
@@ -216,11 +225,7 @@ impl Views {
             ],
         }
         .map(CellLabels::into_labels);
-        for (pixel, seen) in uav.pixels_mut().zip(&self.seen) {
-            if !seen {
-                pixel.0 = [0; 3];
-            }
-        }
+        black_outside(&mut uav, &self.seen);
         Some(Pair {
             sat,
             uav,

@@ -1,7 +1,7 @@
 //! The batch-normalisation statistics of exported parameters.
 
 use crate::config::TrainConfig;
-use crate::data::{Sources, batch_of, usable};
+use crate::data::{Sources, Task, batch_of, usable};
 use crate::error::TrainError;
 use crate::model::input::input_of;
 use crate::model::network::Network;
@@ -11,6 +11,28 @@ use burn::tensor::Device;
 
 /// Number of batches that the statistics are computed from.
 const STATISTICS_BATCHES: u64 = 24;
+
+/// The tasks whose pairs the batches have in turns, as in training: those that a loss with a weight trains; `None` for pairs of all.
+fn tasks_in_turns(config: &TrainConfig) -> Vec<Option<Task>> {
+    let weights = &config.weights;
+    let teacher = config.teacher.as_ref();
+    // In the steps of both tasks.
+    let is_taught = teacher.is_some_and(|of| of.keypoint > 0.0 || of.descriptor > 0.0);
+    let matching = [weights.keypoint, weights.descriptor, weights.homography];
+    let retrieval = [weights.global, teacher.map_or(0.0, |of| of.global)];
+    let has_weight = |losses: &[f32]| is_taught || losses.iter().any(|weight| *weight > 0.0);
+    let mut out = Vec::new();
+    if config.alternate && has_weight(&matching) {
+        out.push(Some(Task::Matching));
+    }
+    if config.alternate && has_weight(&retrieval) {
+        out.push(Some(Task::Retrieval));
+    }
+    if out.is_empty() {
+        out.push(None);
+    }
+    out
+}
 
 /// The averaged parameters with the batch-normalisation statistics that they are exported with: recomputed from training pairs,
 /// for averaged parameters need their own, or the running statistics of training if nothing was averaged (`average_decay` = 0).
@@ -30,10 +52,11 @@ pub fn with_export_statistics(
     } else {
         0
     };
-    for i in 0..batches {
+    let tasks = tasks_in_turns(config);
+    for (i, task) in (0..batches).zip(tasks.into_iter().cycle()) {
         let batch = batch_of(
             sources,
-            None,
+            task,
             &config.pairs,
             config.pairs_per_step,
             config.seed ^ 0x57a7,

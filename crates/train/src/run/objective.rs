@@ -41,8 +41,11 @@ impl Tasks {
                 matching: task == Task::Matching,
             };
         }
+        // A teacher alone can train it, too.
+        let teacher = config.teacher.as_ref();
+        let is_taught = teacher.is_some_and(|teacher| teacher.global > 0.0);
         Self {
-            retrieval: centres_started && config.weights.global > 0.0,
+            retrieval: centres_started && (config.weights.global > 0.0 || is_taught),
             matching: true,
         }
     }
@@ -257,7 +260,33 @@ impl Objective {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Weights;
     use crate::loss::constant;
+    use crate::model::teacher::TeacherOptions;
+
+    #[test]
+    fn retrieval_is_trained_by_a_weight_or_by_a_teacher() {
+        for (weight, taught, is_trained) in [
+            (0.5, None, true),
+            (0.0, None, false),
+            (0.0, Some(0.0), false),
+            (0.0, Some(1.0), true),
+        ] {
+            let config = TrainConfig {
+                weights: Weights {
+                    global: weight,
+                    ..Weights::default()
+                },
+                teacher: taught.map(|global| TeacherOptions {
+                    global,
+                    ..TeacherOptions::default()
+                }),
+                ..TrainConfig::default()
+            };
+            assert_eq!(Tasks::of(&config, 0, true).retrieval, is_trained);
+            assert!(!Tasks::of(&config, 0, false).retrieval, "before k-means");
+        }
+    }
 
     #[test]
     fn a_loss_without_weight_has_a_value_and_no_part_in_the_total() {

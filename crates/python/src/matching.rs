@@ -96,5 +96,11 @@ fn descriptors<'py>(given: &Bound<'py, PyAny>) -> PyResult<PyReadonlyArray2<'py,
             .cloned()
             .map_err(|_| invalid_value("expected Features or an array n x dimension of float32"))?,
     };
+    // A field of records may begin at any byte, at which no view of it can.
+    let array = if array.is_aligned() {
+        array
+    } else {
+        array.call_method0("copy")?.cast_into()?
+    };
     array.try_readonly().map_err(invalid_value)
 }

@@ -4,9 +4,9 @@ use grimnet_locate::{HeadingPrior, Near, Prior, ViewPrior};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 
-use crate::errors::invalid_value;
+use crate::errors::{invalid_value, locate_error};
 
-/// The arguments as they are given. Values out of range are refused by the localiser.
+/// The arguments as they are given.
 pub struct PriorArguments<'a, 'py> {
     /// Degrees clockwise from true north, `exif` or `unknown`; `None` is `exif`.
     pub heading: Option<&'a Bound<'py, PyAny>>,
@@ -26,14 +26,14 @@ impl PriorArguments<'_, '_> {
     /// The prior of the localiser.
     ///
     /// # Errors
-    /// `InvalidValueError` for what is not understood or contradicts itself.
+    /// `InvalidValueError` for what is not understood, out of range or contradicts itself.
     pub fn prior(&self) -> PyResult<Prior> {
         if self.gsd_m.is_some() && (self.height_agl_m.is_some() || self.hfov_deg.is_some()) {
             return Err(invalid_value(
                 "gsd_m is given together with height_agl_m or hfov_deg; expected either the ground resolution or what it follows from",
             ));
         }
-        Ok(Prior {
+        let prior = Prior {
             view: ViewPrior {
                 heading: self.heading()?,
                 height_agl_m: self.height_agl_m,
@@ -41,7 +41,10 @@ impl PriorArguments<'_, '_> {
                 gsd_m: self.gsd_m,
             },
             near: self.near()?,
-        })
+        };
+        // Here, so that a frame with a wrong value never reaches its track.
+        prior.check().map_err(|error| locate_error(&error))?;
+        Ok(prior)
     }
 
     fn heading(&self) -> PyResult<HeadingPrior> {

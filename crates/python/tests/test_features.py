@@ -73,7 +73,10 @@ def test_match_is_mutual_nearest_neighbours(pair, max_ratio):
     assert len(agreeing) >= 0.99 * max(len(found), len(expected))
     i, j = found.indices.T
     assert np.allclose(found.similarities, similarity[i, j], atol=1e-4)
-    for first, second in ((a, b), (np.asfortranarray(a), np.repeat(b, 2, axis=0)[::2])):
+    # Descriptors in records, which begin at any byte.
+    records = np.zeros(len(a), [("image", np.uint8), ("descriptor", np.float32, a.shape[1])])
+    records["descriptor"] = a
+    for first, second in ((a, b), (np.asfortranarray(a), np.repeat(b, 2, axis=0)[::2]), (records["descriptor"], b)):
         assert np.array_equal(grimnet.match(first, second, max_ratio=max_ratio).indices, found.indices)
 
 

@@ -53,6 +53,15 @@ def test_one_exposure_given_again_is_no_more_evidence(localizer, lines):
         assert point.answer.state == "fix" and point.state == "searching"
 
 
+def test_a_frame_with_a_wrong_value_never_reaches_its_track(localizer, lines):
+    tracker, other = grimnet.Tracker(localizer), grimnet.Tracker(localizer)
+    for line in lines[:6]:
+        at = seconds(line)
+        with pytest.raises(grimnet.InvalidValueError, match="height_agl_m is 50000"):
+            tracker.frame(line["photo"], at, height_agl_m=50_000.0)
+        assert tracker.frame(line["photo"], at).to_dict() == other.frame(line["photo"], at).to_dict()
+
+
 def test_telemetry_that_fixes_contradict_is_warned_of(localizer, lines):
     tracker = grimnet.Tracker(localizer)
     for line in lines[:6]:

@@ -104,7 +104,11 @@ impl ConsistencyChecks {
         if let (Some(measured_m), Some(reported_m)) = (measured_height_m, telemetry.height_agl_m) {
             self.height.fix(measured_m, reported_m);
         }
-        before != self.left_out_now()
+        // What agrees again was not given.
+        let now = self.left_out_now();
+        (now.attitude && !before.attitude)
+            || (now.height && !before.height)
+            || (now.velocity && !before.velocity)
     }
 
     /// Where the aircraft is according to a fix, if its attitude is known, else the image centre.
@@ -235,6 +239,7 @@ mod tests {
     use grimnet_track::Velocity;
 
     use super::*;
+    use crate::position_fix::tests::fix;
 
     #[test]
     fn what_no_fix_has_confirmed_for_long_is_tested() {
@@ -260,6 +265,26 @@ mod tests {
         );
         checks.yaw.fix(355.0, 20.0);
         assert_eq!(are_tested(&checks, 8), [false, true]);
+    }
+
+    #[test]
+    fn a_yaw_that_fixes_contradict_restarts_the_filter_and_one_that_agrees_again_does_not() {
+        let mut checks = ConsistencyChecks::default();
+        let measured = fix([2.0, 0.0, 2.0]);
+        let mut restarts = |yaw_deg: f64| {
+            let telemetry = PhotoTelemetry {
+                attitude: None,
+                yaw_deg: Some(yaw_deg),
+                height_agl_m: None,
+                size_px: (800, 600),
+                focal_length_px: None,
+            };
+            (0..4)
+                .filter(|_| checks.fix(0.0, &measured, &telemetry, None))
+                .count()
+        };
+        assert_eq!([210.0, 30.0].map(&mut restarts), [1, 0]);
+        assert_eq!(checks.left_out_now(), LeftOut::default());
     }
 
     /// A flight on a wide circle whose velocities are reported as zero for the first minute.

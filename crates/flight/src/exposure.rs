@@ -20,8 +20,12 @@ pub(crate) struct Exposure<'a> {
 impl Exposure<'_> {
     /// Attitude of the camera: that which the caller knows, else of the telemetry, else of the metadata.
     pub fn attitude(&self, recent: &Recent) -> Option<Attitude> {
-        self.known
-            .attitude
+        // It is of this exposure, whatever time it states.
+        let known = self.known.attitude.map(|attitude| Attitude {
+            time_s: self.time_s,
+            ..attitude
+        });
+        known
             .or_else(|| recent.attitude_at(self.time_s))
             .or_else(|| recorded_attitude(self.view, self.time_s))
     }
@@ -43,4 +47,36 @@ impl Exposure<'_> {
 pub(crate) fn focal_length_px(photo: &Photo, view: &View) -> Option<f64> {
     let hfov_deg = view.hfov_deg?;
     Some(focal_px(f64::from(photo.full_size_px.0), hfov_deg))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use grimnet_photo::{Metadata, ViewPrior};
+    use image::RgbImage;
+
+    #[test]
+    fn an_attitude_that_is_known_is_that_of_the_exposure() {
+        let photo = Photo::from_image(RgbImage::new(64, 48), Metadata::default());
+        let view = photo.view(&ViewPrior::default());
+        let attitude = Attitude {
+            time_s: 0.0,
+            yaw_deg: 10.0,
+            pitch_deg: 0.0,
+            roll_deg: 0.0,
+        };
+        let known = Known {
+            attitude: Some(attitude),
+            ..Known::default()
+        };
+        let exposure = Exposure {
+            photo: &photo,
+            time_s: 7.0,
+            known: &known,
+            view: &view,
+            px_per_reference_px: 1.0,
+        };
+        let found = exposure.attitude(&Recent::default()).unwrap();
+        assert_eq!((found.time_s, found.yaw_deg), (7.0, 10.0));
+    }
 }

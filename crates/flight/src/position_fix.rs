@@ -38,12 +38,13 @@ pub fn position_fix(fix: &Fix, time_s: f64, map_error_m: f64) -> PositionFix {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use grimnet_locate::{EvidenceUsed, Support, TileRef, TimeMs};
     use grimnet_track::{Input, TrackOptions, Tracker};
 
-    fn fix(covariance_en_m2: [f64; 3]) -> Fix {
+    /// A fix with a heading of 30 degrees.
+    pub(crate) fn fix(covariance_en_m2: [f64; 3]) -> Fix {
         Fix {
             lat_deg: 24.2,
             lon_deg: 120.7,

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 
 use grimnet_track::{Attitude, Height, Input};
 
-/// So many attitudes are kept: half a minute of 50 Hz.
-const MOST_ATTITUDES: usize = 1500;
+/// So many attitudes are kept: [`KEPT_S`] of 1 kHz.
+const MOST_ATTITUDES: usize = 40_000;
 /// Older ones than this are of no frame that the filter takes, seconds.
 const KEPT_S: f64 = 40.0;
 
@@ -92,10 +92,19 @@ mod tests {
     }
 
     #[test]
+    fn attitudes_that_come_a_thousand_times_a_second_are_kept_as_long() {
+        let mut recent = Recent::default();
+        for number in 0..30_000 {
+            recent.take(&attitude(1e-3 * f64::from(number)));
+        }
+        assert!((recent.attitude_at(1.0).unwrap().time_s - 1.0).abs() < 1e-9);
+    }
+
+    #[test]
     fn what_is_kept_is_bounded() {
         let mut recent = Recent::default();
         for number in 0..2 * MOST_ATTITUDES {
-            recent.take(&attitude(0.01 * number as f64));
+            recent.take(&attitude(5e-4 * number as f64));
         }
         assert_eq!(recent.attitudes.len(), MOST_ATTITUDES);
         recent.take(&attitude(90.0));

@@ -263,10 +263,13 @@ impl Hypothesis {
     fn turn(&mut self, from_s: f64, to_s: f64, turn_deg: f64, sigma_deg: f64) {
         self.spread_heading(from_s);
         let interval_s = to_s - from_s;
-        if let Some(heading) = &mut self.heading
-            && interval_s > 0.0
-        {
-            let share = ((to_s - self.heading_time_s) / interval_s).clamp(0.0, 1.0);
+        if let Some(heading) = &mut self.heading {
+            // Of attitudes of one time, as where times are rounded, each goes on from the one before.
+            let share = if interval_s > 0.0 {
+                ((to_s - self.heading_time_s) / interval_s).clamp(0.0, 1.0)
+            } else {
+                1.0
+            };
             heading.turn(share * turn_deg, sigma_deg);
             self.heading_time_s = to_s.max(self.heading_time_s);
         }

@@ -288,6 +288,9 @@ impl Hypothesis {
             .copy_from(&position_m);
         self.reference.velocity_m_s = turn * self.reference.velocity_m_s;
         self.covariance = transform * self.covariance * transform.transpose();
+        if let Some(journal) = &mut self.journal {
+            journal.transition = transform * journal.transition;
+        }
     }
 
     pub(crate) fn spread_heading(&mut self, time_s: f64) {

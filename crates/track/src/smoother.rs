@@ -11,7 +11,7 @@ use crate::{
     journal::Journal,
     kalman::{POSITION, VELOCITY},
     options::TrackOptions,
-    plane::LocalPlane,
+    plane::{LocalPlane, REANCHOR_M},
     radius::radius95_m,
     rts,
     sensors::{Change, Sensors},
@@ -123,6 +123,8 @@ fn accepted_by(inputs: &[Input], options: &TrackOptions) -> Vec<Option<u64>> {
 struct Piece {
     root: u64,
     plane: LocalPlane,
+    /// The planes before it, and how many epochs were written by the end of each.
+    former_planes: Vec<(usize, LocalPlane)>,
     hypothesis: Hypothesis,
     /// Times of the fixes that it accepted, in order.
     fixes_s: Vec<f64>,
@@ -138,6 +140,7 @@ impl Piece {
         Self {
             root,
             plane,
+            former_planes: Vec::new(),
             hypothesis,
             fixes_s: vec![fix.time_s],
         }
@@ -152,6 +155,22 @@ impl Piece {
             self.hypothesis.accept(fix, &innovation, options);
             self.fixes_s.push(fix.time_s);
         }
+        self.re_anchor();
+    }
+
+    /// Moves the plane where the aircraft went far from its origin, as the filter does.
+    fn re_anchor(&mut self) {
+        let position_m = self.hypothesis.position_m();
+        if position_m.norm() < REANCHOR_M {
+            return;
+        }
+        let moved = LocalPlane::new(self.plane.lonlat_from_en(position_m));
+        let turn = self.plane.turn_to(&moved, position_m);
+        self.hypothesis.re_anchor(Vector2::zeros(), turn);
+        let journal = self.hypothesis.journal.as_ref();
+        let epochs = journal.map_or(0, |journal| journal.epochs.len());
+        self.former_planes.push((epochs, self.plane));
+        self.plane = moved;
     }
 
     fn follow(
@@ -196,15 +215,20 @@ impl Piece {
                 .into_owned();
             remains == Matrix2::zeros()
         });
-        for ((mean, covariance), (time_s, reference_m_s)) in
-            rts::smooth(&journal.epochs).into_iter().zip(journal.at)
-        {
+        let plane_of = |number: usize| {
+            let mut former = self.former_planes.iter();
+            former
+                .find(|(end, _)| number < *end)
+                .map_or(self.plane, |(_, plane)| *plane)
+        };
+        let smoothed = rts::smooth(&journal.epochs).into_iter().zip(journal.at);
+        for (number, ((mean, covariance), (time_s, reference_m_s))) in smoothed.enumerate() {
             let position_m: Vector2<f64> = mean.fixed_rows::<2>(POSITION).into_owned();
             let velocity_m_s = reference_m_s + mean.fixed_rows::<2>(VELOCITY);
             let covariance_m2 = covariance
                 .fixed_view::<2, 2>(POSITION, POSITION)
                 .into_owned();
-            let place = self.plane.lonlat_from_en(position_m);
+            let place = plane_of(number).lonlat_from_en(position_m);
             let point = SmoothedPoint {
                 time_s,
                 lat_deg: place.lat_deg,
@@ -241,7 +265,7 @@ impl Piece {
 
 #[cfg(test)]
 mod tests {
-    use grimnet_geo::LonLat;
+    use grimnet_geo::{LonLat, destination_en_m, distance_m};
     use nalgebra::{DMatrix, DVector};
 
     use super::*;
@@ -385,6 +409,45 @@ mod tests {
         for point in points {
             let off_m_s = (point.velocity_north_m_s - SPEED_M_S).hypot(point.velocity_east_m_s);
             assert!(off_m_s < 1.5, "{point:?}");
+        }
+    }
+
+    /// To the east from 60 degrees north, where directions turn by 1.2 degrees in 80 km.
+    #[test]
+    fn far_from_the_first_fix_east_is_east() {
+        const EAST_M_S: f64 = 50.0;
+        let mut places = vec![LonLat::new(179.5, 60.0)];
+        let mut inputs = Vec::new();
+        for second in 0..1600 {
+            let (time_s, place) = (f64::from(second), places[places.len() - 1]);
+            inputs.push(Input::Velocity(Velocity {
+                time_s,
+                east_m_s: EAST_M_S,
+                north_m_s: 0.0,
+                sigma_m_s: VELOCITY_SIGMA_M_S,
+            }));
+            if second % 10 == 0 {
+                inputs.push(Input::Fix(PositionFix {
+                    time_s,
+                    lonlat: place,
+                    covariance_en_m2: [FIX_SIGMA_M.powi(2), 0.0, FIX_SIGMA_M.powi(2)],
+                    map_error_m: MAP_ERROR_M,
+                    heading_deg: Some(90.0),
+                    gsd_m: 0.05,
+                    confidence: 0.995,
+                }));
+            }
+            places.push(destination_en_m(place, EAST_M_S, 0.0));
+        }
+        let points = smooth(&inputs, &TrackOptions::default()).unwrap();
+        assert_eq!(points.len(), 1600);
+        for point in points {
+            let east_off_m_s = point.velocity_east_m_s - EAST_M_S;
+            let off_m_s = east_off_m_s.hypot(point.velocity_north_m_s);
+            assert!(off_m_s < 0.5, "{point:?}");
+            let place = LonLat::new(point.lon_deg, point.lat_deg);
+            let off_m = distance_m(place, places[point.time_s as usize]);
+            assert!(off_m < 2.0, "{off_m} m: {point:?}");
         }
     }
 

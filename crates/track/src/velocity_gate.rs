@@ -7,6 +7,9 @@ use crate::input::Velocity;
 const MOST_ACCELERATION_M_S2: f64 = 30.0;
 /// Two velocities may differ by so many standard deviations of their errors besides.
 const SIGMAS: f64 = 3.0;
+/// No aircraft that this filter is for flies faster, metres per second. A larger number is the place of a value that was missing, or
+/// damaged; a velocity with a larger error says nothing.
+const MOST_SPEED_M_S: f64 = 300.0;
 
 /// How a velocity is used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -18,7 +21,7 @@ pub(crate) enum VelocityUse {
     Steps,
 }
 
-/// Leaves out single velocities that no aircraft can have.
+/// Leaves out velocities that no aircraft can have: all such as are too fast, and single ones that do not follow from those before.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub(crate) struct VelocityGate {
     used: Option<Velocity>,
@@ -29,6 +32,10 @@ pub(crate) struct VelocityGate {
 impl VelocityGate {
     /// Takes in a velocity that is not older than the last one. `None` if it is left out.
     pub fn take(&mut self, velocity: &Velocity) -> Option<VelocityUse> {
+        let speed_m_s = velocity.east_m_s.hypot(velocity.north_m_s);
+        if speed_m_s.max(velocity.sigma_m_s) > MOST_SPEED_M_S {
+            return None;
+        }
         let follows = |before: &Velocity| is_possible(before, velocity);
         let how = if self.used.as_ref().is_none_or(follows) {
             VelocityUse::Continues
@@ -87,6 +94,21 @@ mod tests {
         assert_eq!(single, [CONTINUES, CONTINUES, None, CONTINUES, CONTINUES]);
         let random = used([10.0, 110.0, -80.0, 10.0]);
         assert_eq!(random, [CONTINUES, None, None, CONTINUES]);
+    }
+
+    #[test]
+    fn what_no_aircraft_flies_or_says_nothing_is_left_out_from_the_first_one_on() {
+        let too_fast = used([9999.0, 9999.0, 10.0, 1e5, 10.5]);
+        assert_eq!(too_fast, [None, None, CONTINUES, None, CONTINUES]);
+        let mut gate = VelocityGate::default();
+        let unknown = Velocity {
+            time_s: 3.0,
+            east_m_s: 10.0,
+            north_m_s: 2.0,
+            sigma_m_s: 1e6,
+        };
+        assert_eq!(gate.take(&unknown), None);
+        assert_eq!(gate.latest(), None);
     }
 
     #[test]

@@ -230,6 +230,24 @@ fn a_tilted_view_is_not_displaced_by_a_height_of_another_reference() {
 }
 
 #[test]
+fn attitudes_of_one_time_turn_the_heading_no_further_than_the_last_of_them() {
+    let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+    for tick in 0..=130 {
+        let time_s = 0.1 * f64::from(tick);
+        for yaw_deg in [89.5, 90.5] {
+            tracker.push(looking_ahead(time_s, yaw_deg, 0.0)).unwrap();
+        }
+        if tick % 5 == 0 && time_s < 8.0 {
+            tracker.push(fix(time_s)).unwrap();
+        }
+    }
+    // Five seconds after the last fix.
+    let estimate = tracker.point_at(13.0).unwrap().estimate.unwrap();
+    let heading_deg = estimate.heading_deg.unwrap();
+    assert!((heading_deg - 90.0).abs() < 2.0, "{heading_deg}");
+}
+
+#[test]
 fn a_yaw_that_is_reset_does_not_turn_the_tilt() {
     let ahead_m = 100.0 * 15f64.to_radians().tan();
     let mut tracker = Tracker::new(TrackOptions {

@@ -8,6 +8,8 @@ use grimnet_track::Velocity;
 const LONGEST_GAP_S: f64 = 1.5;
 /// Velocities are kept for so long, seconds.
 const KEPT_S: f64 = 30.0;
+/// A path that gets longer begins again, metres: one velocity that no aircraft can have would leave no digits for those after it.
+const LONGEST_PATH_M: f64 = 1e9;
 
 /// A velocity, and where the ones up to it lead.
 #[derive(Debug, Clone, Copy)]
@@ -49,8 +51,8 @@ pub(super) struct ReportedPath {
 }
 
 impl ReportedPath {
-    /// Takes in a velocity; one that is not newer than the last changes nothing. Gives whether there was a gap before it: what was
-    /// added up before does not go with what follows.
+    /// Takes in a velocity; one that is not newer than the last changes nothing. Gives whether there was a gap before it, or the path
+    /// became too long: what was added up before does not go with what follows.
     pub fn add(&mut self, velocity: &Velocity) -> bool {
         let Some(before) = self.legs.back().copied() else {
             self.legs.push_back(Leg {
@@ -63,18 +65,21 @@ impl ReportedPath {
         if interval_s <= 0.0 {
             return false;
         }
-        let has_gap = interval_s > LONGEST_GAP_S;
-        if has_gap {
-            self.legs.clear();
-        }
         let [east_m, north_m] = before.path_en_m;
         let mean = |a: f64, b: f64| 0.5 * (a + b) * interval_s;
+        let mut path_en_m = [
+            east_m + mean(before.velocity.east_m_s, velocity.east_m_s),
+            north_m + mean(before.velocity.north_m_s, velocity.north_m_s),
+        ];
+        let is_too_long = path_en_m[0].hypot(path_en_m[1]) > LONGEST_PATH_M;
+        let begins_again = is_too_long || interval_s > LONGEST_GAP_S;
+        if begins_again {
+            self.legs.clear();
+            path_en_m = [0.0; 2];
+        }
         self.legs.push_back(Leg {
             velocity: *velocity,
-            path_en_m: [
-                east_m + mean(before.velocity.east_m_s, velocity.east_m_s),
-                north_m + mean(before.velocity.north_m_s, velocity.north_m_s),
-            ],
+            path_en_m,
         });
         let oldest_s = velocity.time_s - KEPT_S;
         while self
@@ -84,7 +89,7 @@ impl ReportedPath {
         {
             self.legs.pop_front();
         }
-        has_gap
+        begins_again
     }
 
     /// What was reported of a time. `None` if no velocity is near.
@@ -128,6 +133,24 @@ mod tests {
         }
         assert!(path.at(22.0).is_none(), "long after the last velocity");
         assert!(accelerated(60.0).at(25.0).is_none(), "too long ago");
+    }
+
+    #[test]
+    fn a_velocity_that_no_aircraft_can_have_does_not_stay_in_the_path() {
+        let mut path = accelerated(1.0);
+        let mut begins_again = 0;
+        for tick in 11..=40 {
+            begins_again += usize::from(path.add(&Velocity {
+                time_s: f64::from(tick) * 0.1,
+                east_m_s: if tick == 11 { 3e38 } else { 10.0 },
+                north_m_s: 0.0,
+                sigma_m_s: 0.3,
+            }));
+        }
+        let east_m = |time_s: f64| path.at(time_s).unwrap().path_en_m[0];
+        let moved_m = east_m(3.0) - east_m(2.0);
+        assert!((moved_m - 10.0).abs() < 1e-6, "{moved_m}");
+        assert_eq!(begins_again, 2);
     }
 
     #[test]

@@ -3,7 +3,12 @@
 /// Rounds to `decimals`: 8 decimals of a degree are a millimetre. Zero has no sign.
 pub fn rounded(value: f64, decimals: i32) -> f64 {
     let scale = 10f64.powi(decimals);
-    (value * scale).round() / scale + 0.0
+    let scaled = value * scale;
+    if scaled.is_infinite() {
+        // So large a number has no decimals.
+        return value;
+    }
+    scaled.round() / scale + 0.0
 }
 
 /// A heading from 0 to below 360 degrees, rounded to so many decimals: 359.999 to 0.
@@ -19,6 +24,13 @@ mod tests {
     fn zero_has_no_sign() {
         assert!(rounded(-0.004, 2).is_sign_positive());
         assert_eq!(rounded(-0.006, 2), -0.01);
+    }
+
+    #[test]
+    fn numbers_too_large_to_have_decimals_stay_what_they_are() {
+        assert_eq!(rounded(1e305, 6), 1e305);
+        assert_eq!(rounded(-f64::MAX, 8), -f64::MAX);
+        assert!(rounded_heading(-1e308, 1).is_finite());
     }
 
     #[test]

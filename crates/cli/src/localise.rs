@@ -6,9 +6,27 @@ use anyhow::Result;
 use grimnet_answer::printable;
 use grimnet_geo::LonLat;
 use grimnet_locate::{Localizer, Near, Outcome, Prior};
+use grimnet_pack::{Mode, Pack};
 use grimnet_photo::{Photo, PhotoLimits};
 
 use crate::inputs;
+
+/// Opens a pack for photos that are localised in `mode`. Warns of one that was built for the paper's procedure alone.
+///
+/// # Errors
+/// The pack cannot be read.
+pub fn open_pack(path: &Path, mode: Mode) -> Result<Pack> {
+    inputs::check_regular(path)?;
+    let pack = Pack::open(path)?;
+    if pack.mode() == Mode::Paper && mode != Mode::Paper {
+        tracing::warn!(
+            "{} was built in paper mode, in which its tiles have another size: fewer photos get a fix; localise them with --mode paper, or \
+             build it without",
+            printable(&path.display().to_string())
+        );
+    }
+    Ok(pack)
+}
 
 /// Opens a photo within the limits, at the size that a query needs, and localises it.
 ///

@@ -23,6 +23,8 @@ pub(crate) struct Connection {
     reader: MavlinkReader<Inbox>,
     signing: Option<SigningData>,
     sequence: u8,
+    /// Whether anything came the last time that it was waited for.
+    has_received: bool,
 }
 
 /// Bytes that were received and not read yet.
@@ -45,6 +47,7 @@ impl Connection {
             reader: MavlinkReader::new(Inbox::default()),
             signing: key.map(|key| SigningData::from_config(key.config())),
             sequence: 0,
+            has_received: false,
         }
     }
 
@@ -60,7 +63,9 @@ impl Connection {
         events: &mut Vec<LinkEvent>,
     ) -> Vec<(MavHeader, MavMessage)> {
         let mut buffer = [0; 2048];
-        match self.bytes.receive(&mut buffer, wait, events) {
+        let received = self.bytes.receive(&mut buffer, wait, events);
+        self.has_received = received.is_some_and(|length| length > 0);
+        match received {
             Some(length) => self.reader.get_mut().0.extend(&buffer[..length]),
             None => std::thread::sleep(wait),
         }
@@ -73,6 +78,11 @@ impl Connection {
                 Err(MessageReadError::Io(_)) => return messages,
             }
         }
+    }
+
+    /// Whether anything came the last time that it was waited for: messages, or bytes that hold none that can be read.
+    pub fn has_received(&self) -> bool {
+        self.has_received
     }
 
     /// Says that who was heard is not the autopilot: of several senders to one UDP port the first one would be the only one heard.

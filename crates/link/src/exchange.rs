@@ -15,11 +15,10 @@ pub(crate) fn exchange(
     point_at: &dyn Fn(f64) -> Option<TrackPoint>,
 ) -> Vec<LinkEvent> {
     let mut events = Vec::new();
-    let received = connection.receive(wait, &mut events);
-    for (header, message) in &received {
-        session.receive(header, message, clock.now_s());
+    for (header, message) in connection.receive(wait, &mut events) {
+        session.receive(&header, &message, clock.now_s());
     }
-    if !received.is_empty() && session.autopilot().is_none() {
+    if connection.has_received() && session.autopilot().is_none() {
         connection.forget_peer();
     }
     for message in session.poll(clock.now_s(), point_at) {

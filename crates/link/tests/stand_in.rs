@@ -510,7 +510,9 @@ fn a_system_that_was_awaited_in_vain_is_named() {
 
 #[test]
 fn of_several_senders_to_a_port_the_one_that_is_awaited_is_heard() {
-    let senders = [1, 2].map(|system_id| {
+    // The first one sends what holds no message.
+    let mut senders = vec![(udp().0, b"$GPGGA,,,,,,0,,,,,,,,*66\r\n".to_vec())];
+    senders.extend([1, 2].map(|system_id| {
         let header = MavHeader {
             system_id,
             component_id: 1,
@@ -524,7 +526,7 @@ fn of_several_senders_to_a_port_the_one_that_is_awaited_is_heard() {
         let mut bytes = Vec::new();
         write_v2_msg_signed(&mut bytes, header, &heartbeat, None).unwrap();
         (udp().0, bytes)
-    });
+    }));
     let port = udp().0.local_addr().unwrap().port();
     let address: Address = format!("udpin:127.0.0.1:{port}").parse().unwrap();
     let options = LinkOptions {

@@ -18,10 +18,10 @@ use super::{LimitsChoice, ModelChoice};
 use crate::drawings::Drawings;
 use crate::exit::Exit;
 use crate::formats::{AnswerOutput, Format, TextTarget, stopped, warn_of_ending};
-use crate::localise::warn_if_off_the_map;
 pub use crate::localise::{adapt_to_flight, locate_one};
+use crate::localise::{open_pack, warn_if_off_the_map};
 use crate::outputs::OverwriteChoice;
-use crate::{errors, inputs, interrupt, photos, progress, values};
+use crate::{errors, interrupt, photos, progress, values};
 use grimnet_answer::{Answer, printable, rounded};
 
 /// Examples under the help of `grim locate`.
@@ -106,8 +106,7 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     }
     check_apart(&planned)?;
     out.check(&policy)?;
-    inputs::check_regular(&arguments.pack)?;
-    let pack = Pack::open(&arguments.pack)?;
+    let pack = open_pack(&arguments.pack, arguments.locate.options()?.mode)?;
     let mut drawings = drawings(arguments, &pack, &paths, &policy)?;
     let localizer = localizer(arguments, pack, &paths)?;
     if let Some(near) = &arguments.locate.near {

@@ -23,7 +23,7 @@ use super::track_report::{ReportFolder, Scored};
 use super::track_source::Source;
 use crate::exit::Exit;
 use crate::formats::{RowOutput, TextStream, stopped};
-use crate::localise::warn_if_off_the_map;
+use crate::localise::{open_pack, warn_if_off_the_map};
 use crate::tracking::frames::{Frame, Frames};
 use crate::tracking::line::{TrackLine, state_text};
 use crate::tracking::live::{Live, check_time_of_day};
@@ -32,7 +32,7 @@ use crate::tracking::recording::Recorder;
 use crate::tracking::session::{Session, Tracked};
 use crate::tracking::smoothed::smoothed_lines;
 use crate::tracking::truth::Truth;
-use crate::{inputs, interrupt, progress};
+use crate::{interrupt, progress};
 
 /// Examples under the help of `grim track`.
 pub const EXAMPLES: &str = "\
@@ -140,9 +140,9 @@ pub fn run(arguments: &TrackArgs) -> Result<Exit> {
 /// # Errors
 /// Model or pack cannot be read, or they do not fit together.
 fn open_localizer(arguments: &TrackArgs, pack: &Path, truth: Option<&Truth>) -> Result<Localizer> {
-    inputs::check_regular(pack)?;
-    let localizer = Localizer::new(arguments.model.open()?, Pack::open(pack)?)?
-        .with_options(arguments.known.options());
+    let options = arguments.known.options();
+    let pack = open_pack(pack, options.mode)?;
+    let localizer = Localizer::new(arguments.model.open()?, pack)?.with_options(options);
     if let Some(start) = &arguments.known.start {
         warn_if_off_the_map("--start", start, &localizer)?;
     }
@@ -261,10 +261,15 @@ impl Followed<'_> {
             live,
             nmea,
         } = &mut self.beside;
-        live.frame(frame.time_s, epoch, frames.newest_s(), frames.is_coarse())?;
+        // The time of one that cannot be read may be of no photo: it says nothing of the clocks, and would use up what belongs to later
+        // ones.
+        let can_be_read = frame.photo.is_ok();
+        if can_be_read {
+            live.frame(frame.time_s, epoch, frames.newest_s(), frames.is_coarse())?;
+        }
         let recorded = match telemetry {
-            Some(telemetry) => telemetry.until(frame.time_s, epoch)?,
-            None => Vec::new(),
+            Some(telemetry) if can_be_read => telemetry.until(frame.time_s, epoch)?,
+            _ => Vec::new(),
         };
         for input in recorded.into_iter().chain(live.telemetry()) {
             self.session.push(input)?;

@@ -38,6 +38,21 @@ pub enum TimeSource {
     Name,
 }
 
+impl TimeSource {
+    /// That what it asks does not state a time, for messages.
+    pub fn silent_text(self) -> &'static str {
+        match self {
+            Self::Auto => "neither its EXIF data nor its name state when it was taken",
+            Self::Exif => {
+                "its EXIF data do not state when it was taken, and --time-from exif asks its EXIF data only"
+            }
+            Self::Name => {
+                "its name does not state when it was taken, and --time-from name asks its name only"
+            }
+        }
+    }
+}
+
 /// Photos of earlier and later years are of no drone: such a number is something else.
 const YEARS: std::ops::Range<i64> = 1970..2100;
 /// Times from 2001 on count seconds, milliseconds, microseconds or nanoseconds since 1970 if they have so many digits. A number that is

@@ -100,7 +100,7 @@ impl FrameOptions {
             self.metadata_of(path)
         };
         self.time_of(number, &path.to_string_lossy(), &metadata)
-            .ok_or_else(|| reason_without_time(&frame_from_file(path, 0.0, self), &metadata))
+            .ok_or_else(|| self.reason_without_time(&frame_from_file(path, 0.0, self), &metadata))
     }
 
     /// The time of the frame `number`, counted from 0.
@@ -120,6 +120,21 @@ impl FrameOptions {
             }
         }
     }
+
+    /// Why a frame has no time, in a line that names it: it cannot be read or decoded, its metadata are damaged, or what is asked for
+    /// its time does not state it.
+    pub fn reason_without_time(&self, frame: &Frame, metadata: &Metadata) -> String {
+        let reason = match &frame.photo {
+            Err(error) => errors::message_with_hint(error),
+            Ok(_) => {
+                let notes = metadata.notes.iter().map(|note| format!(" ({note})"));
+                let silent = self.source.silent_text();
+                format!("{silent}; {NO_TIME_HINT}{}", notes.collect::<String>())
+            }
+        };
+        let line = format!("{}: left out: {reason}", frame.name);
+        printable(&line).into_owned()
+    }
 }
 
 /// What equal times of photos mean, and what to do about them, for messages.
@@ -127,21 +142,7 @@ pub const EQUAL_TIMES: &str = "of photos of one time the track takes in one, and
     evenly, --fps N says how many a second";
 
 /// What to do about a frame without time, for messages.
-const NO_TIME_HINT: &str = "neither its EXIF data nor its name state when it was taken; --fps N takes \
-    frames in order, N a second";
-
-/// Why a frame has no time, in a line that names it: it cannot be read or decoded, its metadata are damaged, or they do not state it.
-pub fn reason_without_time(frame: &Frame, metadata: &Metadata) -> String {
-    let reason = match &frame.photo {
-        Err(error) => errors::message_with_hint(error),
-        Ok(_) => {
-            let notes = metadata.notes.iter().map(|note| format!(" ({note})"));
-            format!("{NO_TIME_HINT}{}", notes.collect::<String>())
-        }
-    };
-    let line = format!("{}: left out: {reason}", frame.name);
-    printable(&line).into_owned()
-}
+const NO_TIME_HINT: &str = "--fps N takes frames in order, N a second";
 
 /// Reads and decodes a photo file as a frame.
 pub fn frame_from_file(path: &Path, time_s: f64, options: &FrameOptions) -> Frame {
@@ -196,5 +197,31 @@ mod tests {
             ..options
         };
         assert_eq!(of(&numbered), 0.0);
+    }
+
+    #[test]
+    fn a_frame_without_time_is_told_where_it_was_looked_for() {
+        let frame = Frame {
+            name: "a.jpg".into(),
+            time_s: 0.0,
+            hash: String::new(),
+            photo: Ok(Photo::from_image(
+                image::RgbImage::new(8, 8),
+                Metadata::default(),
+            )),
+        };
+        for (source, expected) in [
+            (TimeSource::Auto, "neither its EXIF data nor its name state"),
+            (TimeSource::Exif, "--time-from exif asks its EXIF data only"),
+            (TimeSource::Name, "--time-from name asks its name only"),
+        ] {
+            let options = FrameOptions {
+                source,
+                ..FrameOptions::default()
+            };
+            let line = options.reason_without_time(&frame, &Metadata::default());
+            assert!(line.contains(expected), "{line}");
+            assert!(line.contains("--fps N"), "{line}");
+        }
     }
 }

@@ -12,9 +12,7 @@ use grimnet_output::OutputPolicy;
 use grimnet_photo::Metadata;
 
 use super::frame_time::Epoch;
-use super::frames::{
-    Frame, FrameOptions, Frames, frame_from_bytes, frame_from_file, reason_without_time,
-};
+use super::frames::{Frame, FrameOptions, Frames, frame_from_bytes, frame_from_file};
 use super::handover::{Giver, Keep, Taker, handover};
 use super::jpeg_stream::JpegStream;
 use grimnet_answer::printable;
@@ -42,6 +40,8 @@ pub struct StreamedFrames {
     /// Gets every file that is named as an input.
     policy: OutputPolicy,
     epoch: Option<Epoch>,
+    /// Whether a frame that can be read told the epoch.
+    epoch_is_settled: bool,
     is_coarse: bool,
     without_time: usize,
 }
@@ -82,9 +82,20 @@ impl StreamedFrames {
             options,
             policy,
             epoch: None,
+            epoch_is_settled: false,
             is_coarse: false,
             without_time: 0,
         })
+    }
+
+    /// Whether a frame's time is on the clock of the frames before it. The first frame that can be read decides on it: names may be
+    /// those of other files as well.
+    fn is_on_clock(&mut self, epoch: Epoch, can_be_read: bool) -> bool {
+        if !self.epoch_is_settled {
+            self.epoch = Some(epoch);
+            self.epoch_is_settled = can_be_read;
+        }
+        self.epoch == Some(epoch)
     }
 
     /// The next frame, with its number and the metadata that may tell its time. `None` at the end, and at once after `stop`.
@@ -143,11 +154,7 @@ fn read_all(
 /// Waits for the first byte: whether pictures or names follow.
 fn holds_pictures(input: &mut impl BufRead) -> Result<bool> {
     let first = input.fill_buf().context(CANNOT_READ)?;
-    let holds_pictures = first.first() == Some(&JPEG_BEGIN);
-    if !holds_pictures && !is_text(first) {
-        bail!(NEITHER);
-    }
-    Ok(holds_pictures)
+    Ok(first.first() == Some(&JPEG_BEGIN))
 }
 
 /// Which of the pictures in a row that are byte for byte the same is the frame. No two exposures have the same noise: `ffmpeg` repeats the
@@ -279,7 +286,7 @@ impl Frames for StreamedFrames {
                 break;
             };
             match self.options.time_of(number, &frame.name, &metadata) {
-                Some(time) if *self.epoch.get_or_insert(time.epoch) == time.epoch => {
+                Some(time) if self.is_on_clock(time.epoch, frame.photo.is_ok()) => {
                     frame.time_s = time.time_s;
                     self.is_coarse |= !time.has_fraction;
                     return Ok(Some(frame));
@@ -288,7 +295,7 @@ impl Frames for StreamedFrames {
                     "{}: left out: its time is not on the clock of the photos before it",
                     printable(&frame.name)
                 ),
-                None => tracing::warn!("{}", reason_without_time(&frame, &metadata)),
+                None => tracing::warn!("{}", self.options.reason_without_time(&frame, &metadata)),
             }
             self.without_time += 1;
         }
@@ -332,6 +339,27 @@ mod tests {
         assert!(first.photo.is_err());
         assert_eq!(next().unwrap().time_s, 2.0);
         assert!(next().is_none());
+        assert_eq!(frames.without_time(), 1);
+    }
+
+    /// Such as `ls` names, with a text beside the photos.
+    #[test]
+    fn a_name_that_is_no_photos_does_not_decide_on_the_clock() {
+        let folder = tempfile::tempdir().unwrap();
+        let photo = folder.path().join("20260621_100000_500.png");
+        image::RgbImage::new(64, 48).save(&photo).unwrap();
+        let text = format!("calibration_1.0.txt\n{}\ngone_2.5.jpg\n", photo.display());
+        let (input, policy) = (io::Cursor::new(text), OutputPolicy::new());
+        let options = FrameOptions::default();
+        let mut frames =
+            StreamedFrames::new(input, options, policy, Keep::All, Repeated::First).unwrap();
+        let stop = AtomicBool::new(false);
+        let first = frames.next(&stop).unwrap().unwrap();
+        assert_eq!((first.time_s, frames.epoch()), (1.0, Epoch::Start));
+        let second = frames.next(&stop).unwrap().unwrap();
+        assert!(second.photo.is_ok());
+        assert_eq!(frames.epoch(), Epoch::Unix);
+        assert!(frames.next(&stop).unwrap().is_none());
         assert_eq!(frames.without_time(), 1);
     }
 
@@ -382,6 +410,18 @@ mod tests {
         assert_eq!(names(lines(MOST_GARBLED)).unwrap(), expected);
         let error = names(lines(MOST_GARBLED + 1)).unwrap_err();
         assert_eq!(error.to_string(), NEITHER);
+    }
+
+    #[test]
+    fn a_damaged_line_that_comes_with_the_first_name_is_left_out_too() {
+        let text = "gone_1.5.jpg\n\0\ngone_2.0.jpg\n";
+        let (options, policy) = (FrameOptions::default(), OutputPolicy::new());
+        let mut frames =
+            StreamedFrames::new(text.as_bytes(), options, policy, Keep::All, Repeated::First)
+                .unwrap();
+        let go_on = AtomicBool::new(false);
+        let times_s = std::iter::from_fn(|| Some(frames.next(&go_on).unwrap()?.time_s));
+        assert_eq!(Vec::from_iter(times_s), [1.5, 2.0]);
     }
 
     #[test]

@@ -37,6 +37,26 @@ fn an_area_off_the_map_and_photos_without_a_fix_are_told_of() {
 }
 
 #[test]
+fn a_pack_of_paper_mode_in_another_mode_is_told_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let pack = folder.path().join("paper.grim");
+    grim()
+        .args(["map", "build", "--mode", "paper"])
+        .arg(demo().join("map.tif"))
+        .arg("-o")
+        .arg(&pack)
+        .assert()
+        .success();
+    for (mode, is_told) in [("default", true), ("paper", false)] {
+        let mut locate = grim();
+        locate.args(["locate", "--mode", mode, "--pack"]);
+        let output = locate.arg(&pack).arg(photo(1)).output().unwrap();
+        let errors = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(errors.contains("built in paper mode"), is_told, "{errors}");
+    }
+}
+
+#[test]
 fn an_ending_that_is_not_of_the_format_is_told_of() {
     let folder = tempfile::tempdir().unwrap();
     let (errors, status) = said(&["-o", "fixes.shp"], folder.path());

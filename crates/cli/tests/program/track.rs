@@ -433,6 +433,35 @@ fn frames_come_on_standard_input_as_pictures_or_as_names() {
     }
 }
 
+/// Such as a name of another file, or of a photo that is gone.
+#[test]
+fn a_name_that_cannot_be_read_takes_no_telemetry_from_the_frames() {
+    let folder = tempfile::tempdir().unwrap();
+    let telemetry = folder.path().join("flight.csv");
+    let rows = (0..60).map(|second| format!("2026-06-21T10:00:{second:02}Z,120\n"));
+    let text = format!("time,height_agl_m\n{}", rows.collect::<String>());
+    fs::write(&telemetry, text).unwrap();
+    let names = (1..=10).map(|number| format!("{}\n", frame(number).display()));
+    let names = format!("gone_20270101_000000.jpg\n{}", names.collect::<String>());
+    let mut command = grim();
+    command.args(["track", "-", "--pack"]).arg(pack());
+    command.arg("--telemetry").arg(telemetry).write_stdin(names);
+    let (lines, errors, status) = answers(&mut command);
+    assert_eq!((lines.len(), status), (11, 1), "{errors}");
+    assert_eq!(lines[0]["frame"], "unusable");
+    assert_eq!(lines[10]["height_agl_m"], 120.0, "{errors}");
+}
+
+#[test]
+fn a_name_that_cannot_be_read_says_nothing_of_the_time_of_day() {
+    let mut command = grim();
+    command.args(["track", "-", "--pack"]).arg(pack());
+    command.args(["--nmea", "udpout:127.0.0.1:9"]);
+    let (lines, errors, status) = answers(command.write_stdin("gone_1.5.jpg\n"));
+    assert_eq!((lines.len(), status), (1, 1), "{errors}");
+    assert_eq!(lines[0]["frame"], "unusable");
+}
+
 #[test]
 fn a_smoothed_track_is_surer_than_the_live_one() {
     let sources: Vec<PathBuf> = (1..=14).map(frame).collect();

@@ -36,7 +36,7 @@ const HEAD_BYTES: usize = 4096;
 /// # KLV
 /// In a transport stream (`flight.ts`), asynchronous or synchronous: times are those of the stream, in seconds from its first frame,
 /// so that they fit the video. Alone, as ffmpeg extracts it (`ffmpeg -i flight.ts -map 0:d -c copy -f data flight.klv`), times are
-/// those in the packets. Packets with a wrong checksum are left out.
+/// those in the packets. Packets with a wrong checksum are left out, and such as state more than 64 KiB.
 ///
 /// # Errors
 /// [`LinkError::Telemetry`] if the file cannot be read, is none of these, or nothing in it can be used.

@@ -15,6 +15,8 @@ const KEY: [u8; 16] = [
 ];
 /// A packet is looked for in so many bytes at the beginning of a file.
 const HEAD_BYTES: usize = 1 << 16;
+/// A packet is not longer, bytes: what one that is wrong spans is read again from each key in it.
+const MOST_PACKET_BYTES: usize = 1 << 16;
 /// The velocity is stated without an error, metres per second, 1 sigma.
 const VELOCITY_SIGMA_M_S: f64 = 0.5;
 /// Heights above ground below this are those of an aircraft that stands, metres.
@@ -96,6 +98,9 @@ impl Packet {
     fn read(bytes: &[u8]) -> Result<(Self, usize), &'static str> {
         let truncated = "a truncated packet";
         let (length, body) = ber_length(&bytes[KEY.len()..]).ok_or(truncated)?;
+        if length > MOST_PACKET_BYTES {
+            return Err("a packet that states more bytes than any has");
+        }
         let items = body.get(..length).ok_or(truncated)?;
         let whole = bytes.len() - body.len() + length;
         let mut packet = Self::default();
@@ -246,6 +251,29 @@ mod tests {
         }
         let telemetry = parse(&[b"noise", bytes.as_slice(), bytes.as_slice()].concat());
         assert_eq!((telemetry.inputs.len(), telemetry.left_out), (6, 0));
+    }
+
+    /// As many packets within each other as a file has room for would take hours.
+    #[test]
+    fn a_packet_is_no_longer_than_packets_are() {
+        let with_filler = |filler: usize| {
+            let mut packet = KEY.to_vec();
+            // Time, a tag that is not read, and the checksum.
+            let length = u32::try_from(10 + 6 + filler + 4).unwrap();
+            packet.push(0x84);
+            packet.extend_from_slice(&length.to_be_bytes());
+            packet.extend_from_slice(&[2, 8, 0, 0, 0, 0, 0, 0, 0, 1]);
+            packet.extend_from_slice(&[3, 0x84]);
+            packet.extend_from_slice(&u32::try_from(filler).unwrap().to_be_bytes());
+            packet.resize(packet.len() + filler, b'x');
+            packet.extend_from_slice(&[1, 2]);
+            let sum = checksum(&packet);
+            packet.extend_from_slice(&sum.to_be_bytes());
+            Packet::read(&packet).map(|(packet, _)| packet.time_s)
+        };
+        let most = MOST_PACKET_BYTES - 20;
+        assert_eq!(with_filler(most), Ok(Some(1e-6)));
+        assert!(with_filler(most + 1).is_err());
     }
 
     proptest! {

@@ -281,7 +281,8 @@ impl MavlinkTelemetry {
 /// A rotation from w, x, y, z. `None` if it is none.
 fn rotation(wxyz: [f32; 4]) -> Option<UnitQuaternion<f64>> {
     let [w, x, y, z] = wxyz.map(f64::from);
-    UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5).filter(|q| q.w.is_finite())
+    UnitQuaternion::try_new(Quaternion::new(w, x, y, z), 0.5)
+        .filter(|q| q.coords.iter().all(|value| value.is_finite()))
 }
 
 #[cfg(test)]
@@ -352,6 +353,14 @@ mod tests {
         let low = std::iter::repeat_n((15.0, None), 20);
         let heights_m = heights_agl_m(&Vec::from_iter(hover(Some(60.0)).chain(low)));
         assert_eq!(*heights_m.last().unwrap(), 15.0);
+    }
+
+    #[test]
+    fn what_is_no_rotation_is_none() {
+        assert!(rotation([0.0, 2.0, 0.0, 0.0]).is_some());
+        for value in [f32::NAN, f32::INFINITY, 0.0] {
+            assert!(rotation([0.0, value, 0.0, 0.0]).is_none(), "{value}");
+        }
     }
 
     #[test]

@@ -17,6 +17,7 @@ use super::ServeArgs;
 use crate::commands::map_place::is_built_from;
 use crate::exit::Exit;
 use crate::inputs;
+use crate::localise::open_pack;
 use crate::standard_output::StandardOutput;
 
 /// The environment variable of the token.
@@ -128,8 +129,7 @@ fn maps(arguments: &ServeArgs, options: &Options) -> Result<Vec<ServedMap>> {
     let model = arguments.model.open()?;
     let mut packs = Vec::new();
     for path in &arguments.pack {
-        inputs::check_regular(path)?;
-        packs.push((Pack::open(path)?, None));
+        packs.push((open_pack(path, options.mode)?, None));
     }
     for path in &arguments.map {
         inputs::check_map(path)?;

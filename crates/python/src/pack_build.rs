@@ -6,8 +6,9 @@ use std::path::PathBuf;
 use grimnet::map::{BuildOptions, Levels, MapBuild, MapOptions, Phase, build_interruptible};
 use grimnet_output::OutputPolicy;
 use pyo3::prelude::*;
+use pyo3::types::PyBytes;
 
-use crate::errors::{build_error, output_error, whole_number};
+use crate::errors::{build_error, invalid_value, output_error, whole_number};
 use crate::long_work::detached_with_threads;
 use crate::model_file::open_model;
 
@@ -67,15 +68,19 @@ impl BuildReport {
     }
 }
 
-/// Ground resolutions: one, or several.
-#[derive(FromPyObject)]
-pub enum Resolutions {
-    /// One.
-    #[pyo3(transparent)]
-    One(f64),
-    /// Several.
-    #[pyo3(transparent)]
-    Several(Vec<f64>),
+/// Ground resolutions in metres per pixel, from one number or several.
+///
+/// # Errors
+/// `InvalidValueError` for anything else, bytes among it, which are a sequence of whole numbers.
+fn resolutions(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    let one = given.extract::<f64>().map(|gsd_m| vec![gsd_m]);
+    match one.or_else(|_| given.extract::<Vec<f64>>()) {
+        Ok(gsd_m) if !given.is_instance_of::<PyBytes>() => Ok(gsd_m),
+        _ => Err(invalid_value(format!(
+            "gsd_m is {}; expected metres per pixel, a number or several",
+            given.repr()?
+        ))),
+    }
 }
 
 /// Builds the pack `out` from a map.
@@ -96,7 +101,7 @@ pub fn build_pack(
     py: Python<'_>,
     map: PathBuf,
     out: PathBuf,
-    gsd_m: Option<Resolutions>,
+    gsd_m: Option<&Bound<'_, PyAny>>,
     adapt: bool,
     crs: Option<String>,
     corners: Option<[f64; 4]>,
@@ -109,6 +114,7 @@ pub fn build_pack(
     let zoom = zoom
         .map(|zoom| whole_number("zoom", zoom, u8::MAX))
         .transpose()?;
+    let gsd_m = gsd_m.map(resolutions).transpose()?;
     let mut raised = None;
     let built = detached_with_threads(py, || {
         OutputPolicy::new()
@@ -125,11 +131,7 @@ pub fn build_pack(
                 ..MapOptions::default()
             },
             pack: BuildOptions {
-                levels: match gsd_m {
-                    None => Levels::Auto,
-                    Some(Resolutions::One(gsd_m)) => Levels::Gsd(vec![gsd_m]),
-                    Some(Resolutions::Several(gsd_m)) => Levels::Gsd(gsd_m),
-                },
+                levels: gsd_m.map_or(Levels::Auto, Levels::Gsd),
                 adapt,
                 ..BuildOptions::standard()
             },

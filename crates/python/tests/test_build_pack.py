@@ -79,6 +79,9 @@ def test_maps_that_cannot_be_used(demo, tmp_path, photos):
         grimnet.build_pack(photos[0], tmp_path / "a.grim")
     with pytest.raises(grimnet.GrimnetError):
         grimnet.build_pack(demo / "map.tif", tmp_path / "a.grim", gsd_m=-1.0)
+    for gsd_m in ("0.3", b"x", [0.3, None]):
+        with pytest.raises(grimnet.InvalidValueError, match="expected metres per pixel, a number or several"):
+            grimnet.build_pack(demo / "map.tif", tmp_path / "a.grim", gsd_m=gsd_m)
     with pytest.raises(ValueError):
         grimnet.build_pack(photos[0], tmp_path / "a.grim", corners=(1.0, 2.0, 3.0))
     for zoom in (-1, 256):

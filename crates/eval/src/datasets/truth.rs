@@ -169,9 +169,19 @@ impl Columns {
         };
         let named = |names: &[&str], low, high| number(position(&self.header, names), low, high);
         let point = |columns: Option<(usize, usize)>| -> Result<Option<(f64, f64)>, TruthError> {
-            let lat = number(columns.map(|c| c.0), -90.0, 90.0)?;
-            let lon = number(columns.map(|c| c.1), -180.0, 180.0)?;
-            Ok(lat.zip(lon))
+            let Some((lat_column, lon_column)) = columns else {
+                return Ok(None);
+            };
+            let lat = number(Some(lat_column), -90.0, 90.0)?;
+            let lon = number(Some(lon_column), -180.0, 180.0)?;
+            let missing = match (lat, lon) {
+                (Some(_), None) => lon_column,
+                (None, Some(_)) => lat_column,
+                _ => return Ok(lat.zip(lon)),
+            };
+            // Half a position is a slip, and no reason to take another one.
+            let expected = "a number, as the other coordinate is given".to_owned();
+            Err(self.wrong_value(path, record, missing, expected))
         };
         let text = |column: usize| record.get(column).unwrap_or("").to_owned();
         let (lowest_deg, highest_deg) = HEADING_RANGE_DEG.into_inner();
@@ -205,13 +215,23 @@ impl Columns {
         }
         match text.parse::<f64>() {
             Ok(value) if (low..=high).contains(&value) => Ok(Some(value)),
-            _ => Err(TruthError::Value {
-                path: path.to_owned(),
-                line: record.position().map_or(0, csv::Position::line),
-                column: self.header.get(column).unwrap_or("").to_owned(),
-                value: text.to_owned(),
-                expected: format!("from {low} to {high}"),
-            }),
+            _ => Err(self.wrong_value(path, record, column, format!("from {low} to {high}"))),
+        }
+    }
+
+    fn wrong_value(
+        &self,
+        path: &Path,
+        record: &csv::StringRecord,
+        column: usize,
+        expected: String,
+    ) -> TruthError {
+        TruthError::Value {
+            path: path.to_owned(),
+            line: record.position().map_or(0, csv::Position::line),
+            column: self.header.get(column).unwrap_or("").to_owned(),
+            value: record.get(column).unwrap_or("").to_owned(),
+            expected,
         }
     }
 }
@@ -264,6 +284,19 @@ mod tests {
             "{text}"
         );
         assert!(read_text("photo,lat_deg,lon_deg\na.jpg,95,2\n").is_err());
+    }
+
+    #[test]
+    fn half_a_position_is_a_bad_value_and_not_replaced_by_the_receivers() {
+        let header = "photo,centre_lat,centre_lon,gps_lat,gps_lon";
+        for (row, column) in [
+            ("a.jpg,24.5,,24.6,120.1", "`centre_lon` is ``"),
+            ("a.jpg,,120.2,24.6,120.1", "`centre_lat` is ``"),
+            ("a.jpg,24.5,120.2,24.6,", "`gps_lon` is ``"),
+        ] {
+            let error = read_text(&format!("{header}\n{row}\n")).unwrap_err();
+            assert!(error.to_string().contains(column), "{error}");
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use crate::{
     hypothesis::Hypothesis,
     input::{Input, PositionFix},
     options::TrackOptions,
-    plane::{LocalPlane, REANCHOR_M},
+    plane::LocalPlane,
     radius::radius95_m,
     sensors::{Change, Sensors},
 };
@@ -234,10 +234,9 @@ impl Filter {
         let (Some(plane), Some(leader)) = (self.plane, self.bank.leader()) else {
             return;
         };
-        if leader.position_m().norm() < REANCHOR_M {
+        let Some(moved) = plane.moved_to(leader.position_m()) else {
             return;
-        }
-        let moved = LocalPlane::new(plane.lonlat_from_en(leader.position_m()));
+        };
         for hypothesis in &mut self.bank.hypotheses {
             let before_m = hypothesis.position_m();
             let turn = plane.turn_to(&moved, before_m);

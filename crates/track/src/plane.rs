@@ -11,7 +11,7 @@ pub(crate) struct LocalPlane {
 }
 
 /// The plane is moved when the aircraft is this far from its origin, metres.
-pub(crate) const REANCHOR_M: f64 = 20_000.0;
+const REANCHOR_M: f64 = 20_000.0;
 
 impl LocalPlane {
     pub fn new(origin: LonLat) -> Self {
@@ -25,6 +25,11 @@ impl LocalPlane {
 
     pub fn lonlat_from_en(&self, en_m: Vector2<f64>) -> LonLat {
         destination_en_m(self.origin, en_m.x, en_m.y)
+    }
+
+    /// The plane around a place given in this one, if that is so far from the origin that the plane is moved.
+    pub fn moved_to(&self, en_m: Vector2<f64>) -> Option<Self> {
+        (en_m.norm() >= REANCHOR_M).then(|| Self::new(self.lonlat_from_en(en_m)))
     }
 
     /// How directions turn from this plane to `other` at a place given in this one: meridians converge.

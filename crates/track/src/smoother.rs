@@ -11,7 +11,7 @@ use crate::{
     journal::Journal,
     kalman::{POSITION, VELOCITY},
     options::TrackOptions,
-    plane::{LocalPlane, REANCHOR_M},
+    plane::LocalPlane,
     radius::radius95_m,
     rts,
     sensors::{Change, Sensors},
@@ -161,10 +161,9 @@ impl Piece {
     /// Moves the plane where the aircraft went far from its origin, as the filter does.
     fn re_anchor(&mut self) {
         let position_m = self.hypothesis.position_m();
-        if position_m.norm() < REANCHOR_M {
+        let Some(moved) = self.plane.moved_to(position_m) else {
             return;
-        }
-        let moved = LocalPlane::new(self.plane.lonlat_from_en(position_m));
+        };
         let turn = self.plane.turn_to(&moved, position_m);
         self.hypothesis.re_anchor(Vector2::zeros(), turn);
         let journal = self.hypothesis.journal.as_ref();

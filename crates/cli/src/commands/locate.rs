@@ -106,9 +106,13 @@ pub fn run(arguments: &LocateArgs) -> Result<Exit> {
     }
     check_apart(&planned)?;
     out.check(&policy)?;
-    let pack = open_pack(&arguments.pack, arguments.locate.options()?.mode)?;
+    let options = Options {
+        keep_matches: arguments.draw.is_some(),
+        ..arguments.locate.options()?
+    };
+    let pack = open_pack(&arguments.pack, options.mode)?;
     let mut drawings = drawings(arguments, &pack, &paths, &policy)?;
-    let localizer = localizer(arguments, pack, &paths)?;
+    let localizer = localizer(arguments, options, pack, &paths)?;
     if let Some(near) = &arguments.locate.near {
         warn_if_off_the_map("--near", near, &localizer)?;
     }
@@ -163,11 +167,12 @@ fn drawings(
     Drawings::open(folder, policy, photos, map).map(Some)
 }
 
-fn localizer(arguments: &LocateArgs, pack: Pack, photos: &[PathBuf]) -> Result<Localizer> {
-    let options = Options {
-        keep_matches: arguments.draw.is_some(),
-        ..arguments.locate.options()?
-    };
+fn localizer(
+    arguments: &LocateArgs,
+    options: Options,
+    pack: Pack,
+    photos: &[PathBuf],
+) -> Result<Localizer> {
     let localizer = Localizer::builder()
         .model(arguments.model.open()?)
         .options(options)

@@ -199,6 +199,12 @@ impl TrainConfig {
         self.pairs.side_px * 3 / 4
     }
 
+    /// Whether a loss of the global descriptor has a weight, the teacher's among them.
+    pub(crate) fn trains_global_descriptor(&self) -> bool {
+        let teacher = self.teacher.as_ref();
+        self.weights.global > 0.0 || teacher.is_some_and(|teacher| teacher.global > 0.0)
+    }
+
     /// Checks every value.
     ///
     /// # Errors

@@ -19,13 +19,11 @@ fn tasks_in_turns(config: &TrainConfig) -> Vec<Option<Task>> {
     // In the steps of both tasks.
     let is_taught = teacher.is_some_and(|of| of.keypoint > 0.0 || of.descriptor > 0.0);
     let matching = [weights.keypoint, weights.descriptor, weights.homography];
-    let retrieval = [weights.global, teacher.map_or(0.0, |of| of.global)];
-    let has_weight = |losses: &[f32]| is_taught || losses.iter().any(|weight| *weight > 0.0);
     let mut out = Vec::new();
-    if config.alternate && has_weight(&matching) {
+    if config.alternate && (is_taught || matching.iter().any(|weight| *weight > 0.0)) {
         out.push(Some(Task::Matching));
     }
-    if config.alternate && has_weight(&retrieval) {
+    if config.alternate && (is_taught || config.trains_global_descriptor()) {
         out.push(Some(Task::Retrieval));
     }
     if out.is_empty() {

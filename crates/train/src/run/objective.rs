@@ -41,11 +41,8 @@ impl Tasks {
                 matching: task == Task::Matching,
             };
         }
-        // A teacher alone can train it, too.
-        let teacher = config.teacher.as_ref();
-        let is_taught = teacher.is_some_and(|teacher| teacher.global > 0.0);
         Self {
-            retrieval: centres_started && (config.weights.global > 0.0 || is_taught),
+            retrieval: centres_started && config.trains_global_descriptor(),
             matching: true,
         }
     }

@@ -245,12 +245,17 @@ pub fn write_bytes_atomic(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
 
 /// Puts a file that is completely written in the place of `path`, in the same folder: syncs it to disk and renames it.
 /// For writers that keep a temporary file of their own, such as a build that can be resumed; others use [`AtomicFile`]. A replaced
-/// file keeps its access rights and, where the system allows, its owner.
+/// file keeps its access rights and, where the system allows, its owner. `checked` is how the path looked before the work, when what
+/// stood there was allowed to be replaced.
 ///
 /// # Errors
-/// [`OutputError`] if the path is that of a folder, device or pipe, or the system refuses a step; what was at the path
-/// then stays as it was.
-pub fn rename_into_place(written: impl AsRef<Path>, path: impl AsRef<Path>) -> Result<()> {
+/// [`OutputError`] if the path is that of a folder, device or pipe, what stands there is not what was `checked`, or the system
+/// refuses a step; what was at the path then stays as it was.
+pub fn rename_into_place(
+    written: impl AsRef<Path>,
+    path: impl AsRef<Path>,
+    checked: &Snapshot,
+) -> Result<()> {
     let (written, path) = (written.as_ref(), path.as_ref());
     match TargetKind::of(path)? {
         TargetKind::Folder => {
@@ -269,6 +274,11 @@ pub fn rename_into_place(written: impl AsRef<Path>, path: impl AsRef<Path>) -> R
     take_access_rights(&file, &place.path());
     file.sync_all()
         .map_err(OutputError::io("sync to disk", written))?;
+    if Snapshot::of(&place.path()).map_err(OutputError::io("examine", path))? != *checked {
+        return Err(OutputError::Changed {
+            path: path.to_owned(),
+        });
+    }
     fs::rename(written, place.path())
         .map_err(OutputError::io("rename a temporary file to", path))?;
     sync_folder(&place.folder);

@@ -53,4 +53,4 @@ pub use listing::LISTING_NAME;
 pub use name::file_name_from;
 pub use planned::{PlannedOutput, check_apart};
 pub use policy::OutputPolicy;
-pub use target::{TargetKind, linked_path};
+pub use target::{Snapshot, TargetKind, linked_path};

@@ -166,10 +166,14 @@ impl Identity {
 
 /// A file at one moment; equal if it was neither replaced nor written to.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Snapshot(Option<(Identity, u64, Option<SystemTime>)>);
+pub struct Snapshot(Option<(Identity, u64, Option<SystemTime>)>);
 
 impl Snapshot {
-    pub(crate) fn of(path: &Path) -> io::Result<Self> {
+    /// Looks at `path`, symbolic links followed. Nothing there is a state, too.
+    ///
+    /// # Errors
+    /// The path cannot be examined.
+    pub fn of(path: &Path) -> io::Result<Self> {
         let metadata = match fs::metadata(path) {
             Ok(metadata) => metadata,
             Err(error) if is_absent(&error) => return Ok(Self(None)),

@@ -11,7 +11,7 @@ use std::process::Command;
 use std::time::Duration;
 
 use grimnet_output::{
-    AtomicFile, OutputError, OutputFolder, OutputPolicy, TargetKind, rename_into_place,
+    AtomicFile, OutputError, OutputFolder, OutputPolicy, Snapshot, TargetKind, rename_into_place,
     write_atomic, write_bytes_atomic,
 };
 
@@ -82,7 +82,8 @@ fn access_rights_are_those_of_any_new_file_and_are_kept() {
     assert_eq!(mode(&ours) & 0o777, 0o640);
     // Also by a writer with a temporary file of its own.
     fs::write(&plain, "built").unwrap();
-    rename_into_place(&plain, &ours).unwrap();
+    let checked = Snapshot::of(&ours).unwrap();
+    rename_into_place(&plain, &ours, &checked).unwrap();
     assert_eq!(fs::read(&ours).unwrap(), b"built");
     assert_eq!(mode(&ours) & 0o777, 0o640);
     // Only root may give files away.

@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 
 use grimnet_geo::Raster;
 use grimnet_net::{Model, NetSpec};
-use grimnet_output::{Journal, OutputPolicy, linked_path, rename_into_place};
+use grimnet_output::{Journal, OutputPolicy, Snapshot, linked_path, rename_into_place};
 
 use self::assemble::write_pack;
 use self::cells::Cells;
@@ -60,8 +60,8 @@ use grimnet_limits::BuildLimits;
 ///
 /// # Errors
 /// Returns an error if the options are invalid, the map cannot be read or has no usable tile, the plan exceeds a limit
-/// of [`BuildLimits`], another process builds the same pack, the disk is full, or the folder cannot be written. What
-/// was computed is kept for the next run where that is possible.
+/// of [`BuildLimits`], another process builds the same pack, what stands at `out` is created or changed meanwhile, the disk
+/// is full, or the folder cannot be written. What was computed is kept for the next run where that is possible.
 pub fn build(
     raster: &dyn Raster,
     model: &Model,
@@ -119,6 +119,7 @@ pub fn build_interruptible(
         }),
     };
     let [partial, aside] = working_files(&place);
+    let before = Snapshot::of(&place).map_err(|e| PackError::io("examine", &place, e))?;
     check_outputs(raster, out, [&partial, &aside])?;
     let recipe = recipe_of(options);
     let recipe = recipe.as_ref();
@@ -172,7 +173,10 @@ pub fn build_interruptible(
     meter.progress.phase = Phase::Writing;
     notify(&meter.progress)?;
     write_aside(&aside, &mut journal, levels, manifest, recipe)?;
-    rename_into_place(&aside, &place)?;
+    rename_into_place(&aside, &place, &before).inspect_err(|_| {
+        // As after a failed write: the journal stays.
+        let _ = fs_err::remove_file(&aside);
+    })?;
     // While the work can still be used: a pack that cannot be opened is none.
     let pack = Pack::open(out)?;
     journal.remove().map_err(PackError::of_journal)?;

@@ -11,8 +11,8 @@ use crate::manifest::{LevelManifest, Manifest};
 pub(crate) const MAX_LEVELS: usize = 64;
 
 /// Maximum dimension of a local and of a tile descriptor.
-const MAX_DESCRIPTOR_DIM: usize = 4096;
-const MAX_GLOBAL_DIM: usize = 1 << 17;
+pub(crate) const MAX_DESCRIPTOR_DIM: usize = 4096;
+pub(crate) const MAX_GLOBAL_DIM: usize = 1 << 17;
 
 /// Maximum side of a tile, level pixels, and of the image that the network sees: positions have 16 bits with steps of
 /// 1/32 pixel.
@@ -25,7 +25,7 @@ pub(crate) const MAX_LEVEL_PX: u64 = 1 << 24;
 const MAX_GRID: u32 = 1 << 17;
 
 /// Maximum number of keypoints of a feature unit.
-const MAX_KEYPOINTS_PER_UNIT: u32 = 1 << 16;
+pub(crate) const MAX_KEYPOINTS_PER_UNIT: u32 = 1 << 16;
 
 /// Checks the sizes in a manifest. References into sections are checked by [`crate::Level`].
 ///

@@ -35,7 +35,7 @@ pub struct BuildOptions {
     pub keypoint_threshold: f32,
     /// Radius of non-maximum suppression of keypoints, pixels.
     pub nms_radius_px: u32,
-    /// Maximum number of keypoints of a cell (default mode) or of a tile (paper mode).
+    /// Maximum number of keypoints of a cell (default mode) or of a tile (paper mode, at most 65,536).
     pub max_keypoints: u32,
     /// Search index of every level. `None`: chosen by mode and number of tiles. Default mode: exact up to about
     /// 100,000 tiles, then IVF-PQ re-ranked by full descriptors. Paper mode: [`crate::PAPER_INDEX`] if there are

@@ -410,6 +410,27 @@ fn working_files_of_others_are_refused_and_stay() {
     }
 }
 
+#[test]
+fn a_file_that_comes_to_the_path_during_a_build_stays() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("area.grim");
+    let (map, model) = (map(), tiny_model(1));
+    for notes in ["of somebody else", "of somebody else, longer"] {
+        let built = build(&map, &model, &one_level(), &out, &mut |_| {
+            std::fs::write(&out, notes).unwrap();
+        });
+        let error = built.unwrap_err();
+        assert!(matches!(error, PackError::Output { .. }), "{error}");
+        assert!(error.to_string().contains("area.grim"), "{error}");
+        assert_eq!(std::fs::read_to_string(&out).unwrap(), notes);
+        // The work is not lost.
+        assert_eq!(names(folder.path()), ["area.grim", "area.grim.partial"]);
+    }
+    std::fs::remove_file(&out).unwrap();
+    assert!(make(&map, &one_level(), &out).unwrap().tiles_resumed > 0);
+    assert_eq!(names(folder.path()), ["area.grim"]);
+}
+
 /// Else they could be on another disk, from which nothing can be renamed.
 #[test]
 #[cfg(unix)]

@@ -6,7 +6,9 @@ use grimnet_net::NetSpec;
 use crate::builder::level_plan::LevelPlan;
 use crate::builder::recipe::Recipe;
 use crate::error::{PackError, Result};
-use crate::manifest_check::{MAX_LEVEL_PX, MAX_LEVELS};
+use crate::manifest_check::{
+    MAX_DESCRIPTOR_DIM, MAX_GLOBAL_DIM, MAX_KEYPOINTS_PER_UNIT, MAX_LEVEL_PX, MAX_LEVELS,
+};
 use crate::options::{BuildOptions, Levels};
 
 /// Largest side of the image that paper mode resizes a tile to: positions are stored in 16 bits.
@@ -25,6 +27,7 @@ pub fn plan_levels(
     spec: &NetSpec,
 ) -> Result<Vec<LevelPlan>> {
     check(options)?;
+    check_stored_sizes(options, recipe, spec)?;
     let (x_m, y_m) = georeference.ground_resolution_m(georeference.centre_px())?;
     let own_gsd_m = (x_m * y_m).sqrt();
     let usable = map_px.0 > 0 && map_px.1 > 0 && own_gsd_m.is_finite() && own_gsd_m > 0.0;
@@ -115,10 +118,32 @@ fn check(options: &BuildOptions) -> Result<()> {
     Ok(())
 }
 
+/// Checks that a pack of these descriptors and keypoints can be opened.
+fn check_stored_sizes(options: &BuildOptions, recipe: &dyn Recipe, spec: &NetSpec) -> Result<()> {
+    let most_keypoints = recipe.max_keypoints(spec, options);
+    if most_keypoints > MAX_KEYPOINTS_PER_UNIT {
+        return Err(PackError::Options(format!(
+            "the maximum number of keypoints must be at most {MAX_KEYPOINTS_PER_UNIT}, not {most_keypoints}"
+        )));
+    }
+    for (what, dim, most) in [
+        ("local", spec.descriptor_dim, MAX_DESCRIPTOR_DIM),
+        ("global", spec.global_len(), MAX_GLOBAL_DIM),
+    ] {
+        if dim > most {
+            return Err(PackError::Options(format!(
+                "the model's {what} descriptors have {dim} numbers; those of a pack have at most {most}: choose another model"
+            )));
+        }
+    }
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::builder::cells::Cells;
+    use crate::paper::PaperTiles;
     use proptest::prelude::*;
 
     /// A north-up map at 45 degrees north in UTM with pixels of these metres.
@@ -219,6 +244,26 @@ mod tests {
             ..standard()
         }));
         assert!(plan_with(&utm((9, 9), 0.3, 0.3), (0, 9), &standard()).is_err());
+    }
+
+    #[test]
+    fn what_no_pack_is_opened_with_is_refused() {
+        let is_planned = |max_keypoints: u32, spec: &NetSpec| {
+            let options = BuildOptions {
+                max_keypoints,
+                ..BuildOptions::paper()
+            };
+            let recipe = PaperTiles {
+                resolution_px: options.resolution,
+            };
+            let map_px = (999, 999);
+            plan_levels(&utm(map_px, 0.3, 0.3), map_px, &options, &recipe, spec).is_ok()
+        };
+        let mut spec = NetSpec::compact();
+        assert!(is_planned(MAX_KEYPOINTS_PER_UNIT, &spec));
+        assert!(!is_planned(MAX_KEYPOINTS_PER_UNIT + 1, &spec));
+        spec.descriptor_dim = MAX_DESCRIPTOR_DIM + 1;
+        assert!(!is_planned(1024, &spec));
     }
 
     proptest! {

@@ -215,7 +215,7 @@ fn modules(bench: &mut Bench<'_>, scenes: &[Scene]) -> Result<ExperimentTable, B
         scenes,
     );
     made.notes.push(
-        "G: retrieval of tiles; M: learned matching; L: one network trained for both; S: SIFT for matching; by the paper's procedure with the paper's geometry, choice of the tile and answer where none has a homography, by default mode with a similarity and the tile of most inliers. \
+        "G: retrieval of tiles; M: learned matching; L: one network trained for both; S: SIFT for matching; by the paper's procedure with the paper's geometry, choice of the tile and answer where none has a homography (S has coordinates of the georeference in place of eq. 22 and 23), by default mode with a similarity and the tile of most inliers. \
          M + L matches every tile; of default mode with nothing given, which would match every tile at every heading and scale, it was not run. The map's features are made beforehand in all rows, SIFT's too."
             .to_owned(),
     );

@@ -235,7 +235,7 @@ fn outcome(
     let mapped = mapped_centre(context, level, query, best)?;
     let centre = match mapped {
         Some(centre) => centre,
-        None => level.lonlat_from_level_px(level.tile(candidate.tile).centre_px)?,
+        None => tile_centre(context, level, candidate.tile)?,
     };
     let error = &context.model.calibration().position;
     let position = mapped.and_then(|_| {
@@ -309,26 +309,9 @@ fn centre_by_equations(
     else {
         return Ok(None);
     };
-    let [width, height] = level.size_px().map(|side| side as f64);
-    let corner = |x: f64, y: f64| {
-        level
-            .georeference()
-            .lonlat_from_map_px(level.map_px_from_level_px(LevelPx::new(x, y)))
-    };
-    let corners = MapCorners {
-        lower_left: corner(0.0, height)?,
-        upper_right: corner(width, 0.0)?,
-        map_width_px: width,
-        map_height_px: height,
-    };
-    let tile = level.tile(best.candidate.tile);
+    let corners = corners_of(level)?;
     let tile_px = f64::from(level.tile_px());
-    let stride_px = f64::from(level.manifest().stride_px);
     let side_px = f64::from(level.manifest().network_px);
-    let index = TileIndex {
-        row: u64::from(tile.grid[1]),
-        column: u64::from(tile.grid[0]),
-    };
     let in_tile_px = MapCorners::tile_px_from_processing_px(
         (centre_px.x, centre_px.y),
         side_px,
@@ -336,10 +319,44 @@ fn centre_by_equations(
         tile_px,
     );
     Ok(Some(corners.lonlat_from_tile_px(
-        corners.tile_centre(index, tile_px, stride_px),
+        tile_centre_by_equations(level, &corners, best.candidate.tile),
         in_tile_px,
         tile_px,
     )))
+}
+
+/// The centre of a tile, where the photo's own is not known.
+fn tile_centre(context: Context<'_>, level: &Level, tile: usize) -> Result<LonLat> {
+    match context.options.coordinates {
+        Coordinates::Georeference => Ok(level.lonlat_from_level_px(level.tile(tile).centre_px)?),
+        Coordinates::PaperCorners => Ok(tile_centre_by_equations(level, &corners_of(level)?, tile)),
+    }
+}
+
+/// The centre of a tile in degrees (eq. 2a and 2b).
+fn tile_centre_by_equations(level: &Level, corners: &MapCorners, tile: usize) -> LonLat {
+    let [column, row] = level.tile(tile).grid.map(u64::from);
+    corners.tile_centre(
+        TileIndex { row, column },
+        f64::from(level.tile_px()),
+        f64::from(level.manifest().stride_px),
+    )
+}
+
+/// The size of the level and the corners that its coordinates are linear between.
+fn corners_of(level: &Level) -> Result<MapCorners> {
+    let [width, height] = level.size_px().map(|side| side as f64);
+    let corner = |x: f64, y: f64| {
+        level
+            .georeference()
+            .lonlat_from_map_px(level.map_px_from_level_px(LevelPx::new(x, y)))
+    };
+    Ok(MapCorners {
+        lower_left: corner(0.0, height)?,
+        upper_right: corner(width, 0.0)?,
+        map_width_px: width,
+        map_height_px: height,
+    })
 }
 
 /// Covariance and 95 % radius of a position that is uniformly distributed over a tile.

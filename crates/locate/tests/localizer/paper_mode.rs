@@ -108,6 +108,71 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
     assert!(matches!(refused, Err(LocateError::NotAPaperPack { .. })));
 }
 
+/// Without a homography the answer is the centre of a tile, whose coordinates are the equations 2a and 2b.
+#[test]
+fn paper_mode_places_the_centre_of_a_tile_by_the_papers_equations() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("town.png");
+    scene().picture.save(&path).unwrap();
+    // 200 km west of the central meridian the columns of the map are two degrees off the meridian.
+    let world = format!("{GSD_M}\n0\n0\n-{GSD_M}\n300000\n5400000\n");
+    std::fs::write(folder.path().join("town.pgw"), world).unwrap();
+    let options = MapOptions {
+        crs: Some("EPSG:32633".into()),
+        ..MapOptions::default()
+    };
+    let map = open_map(&path, &options).unwrap();
+    let pack = folder.path().join("paper.grim");
+    let model = Model::bundled().unwrap();
+    build(
+        map.as_ref(),
+        &model,
+        &BuildOptions::paper(),
+        &pack,
+        &mut |_| (),
+    )
+    .unwrap();
+    let of_px = |x: f64, y: f64| {
+        let georeference = map.georeference();
+        georeference.lonlat_from_map_px(MapPx::new(x, y)).unwrap()
+    };
+    // The upper left tile.
+    let query = photo_of(
+        &scene().picture,
+        MapPx::new(256.0, 256.0),
+        0.0,
+        (512, 512),
+        1.0,
+    );
+    let answer = |coordinates| {
+        let localizer = localizer_of(
+            &pack,
+            Options {
+                coordinates,
+                // No match is that clear.
+                max_ratio: Some(1e-6),
+                ..Options::paper()
+            },
+        );
+        let outcome = localizer.locate(&query, &Prior::none()).unwrap();
+        let fix = outcome.fix().unwrap();
+        let level = &localizer.pack().levels()[0];
+        assert_eq!(level.tile(fix.tile.index).grid, [0, 0]);
+        assert_eq!(fix.inliers, 0);
+        LonLat::new(fix.lon_deg, fix.lat_deg)
+    };
+    let (width, height) = (f64::from(MAP_PX.0), f64::from(MAP_PX.1));
+    let (ll, ur) = (of_px(0.0, height), of_px(width, 0.0));
+    let by_equations = LonLat::new(
+        ll.lon_deg + 256.0 / width * (ur.lon_deg - ll.lon_deg),
+        ur.lat_deg - 256.0 / height * (ur.lat_deg - ll.lat_deg),
+    );
+    assert!(distance_m(answer(Coordinates::PaperCorners), by_equations) < 1e-3);
+    let exact = of_px(256.0, 256.0);
+    assert!(distance_m(answer(Coordinates::Georeference), exact) < 1e-3);
+    assert!(distance_m(by_equations, exact) > 5.0);
+}
+
 #[test]
 fn paper_mode_neither_uses_nor_claims_to_use_what_is_known_of_the_view() {
     let (place, _) = PLACES[1];

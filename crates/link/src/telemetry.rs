@@ -12,4 +12,5 @@ mod mpeg_ts;
 mod recorded;
 
 pub use self::file::read_telemetry;
+pub use self::mpeg_ts::LONGEST_STREAM_GAP_S;
 pub use self::recorded::{Telemetry, TelemetryClock};

@@ -100,14 +100,28 @@ impl VideoFrames {
         }
     }
 
-    /// The last sample that decoding can start at to reach `target`: before it in the file, and not shown after it.
+    /// The last sample that decoding can start at to reach `target` and what is taken after it: before it in the file, and not shown
+    /// after it.
     fn start_of(&self, target: usize) -> usize {
         let samples = &self.movie.samples;
         let shown = samples[target].composition;
+        let may_start = |sample: usize| sample < target || !self.has_leading(target);
         (self.at..=target)
             .rev()
-            .find(|&sample| samples[sample].is_sync && samples[sample].composition <= shown)
+            .find(|&sample| {
+                samples[sample].is_sync && samples[sample].composition <= shown && may_start(sample)
+            })
             .unwrap_or(self.at)
+    }
+
+    /// Whether a sample that is taken comes after this one in the file and is shown before it. In H.265 it may be predicted from the
+    /// group before, without which it is lost.
+    fn has_leading(&self, start: usize) -> bool {
+        let samples = &self.movie.samples;
+        let shown = samples[start].composition;
+        (start + 1..samples.len())
+            .take_while(|&next| samples[next].composition < shown)
+            .any(|next| self.wanted.contains(&next))
     }
 
     fn can_start(&mut self, sample: usize) -> bool {
@@ -276,5 +290,39 @@ mod tests {
             .map(|frame| (frame.time_s, frame.picture.is_ok()))
             .collect();
         assert_eq!(decoded, [(0.0, true), (last as f64, false)]);
+    }
+
+    /// Of an open group of pictures: the frame that decoding can start at, and one that comes after it and is shown before it.
+    #[test]
+    fn a_frame_that_is_predicted_from_the_group_before_is_not_lost() {
+        let path = golden("h265_open_groups.mp4");
+        let limits = PhotoLimits::DEFAULT;
+        let frames_of = |taken: &dyn Fn(&Movie) -> Vec<usize>| {
+            let mut file = File::open(&path).unwrap();
+            let movie = Movie::read(&path, &mut file, &limits).unwrap();
+            let source = SampleSource::new(path.clone(), file, limits.max_memory_bytes);
+            let taken = taken(&movie);
+            VideoFrames::new(source, movie, taken).unwrap()
+        };
+        let all = frames_of(&|movie: &Movie| {
+            let mut all: Vec<usize> = (0..movie.samples.len()).collect();
+            all.sort_by_key(|&sample| movie.samples[sample].composition);
+            all
+        });
+        let all: Vec<VideoFrame> = all.collect();
+        let some = frames_of(&|movie: &Movie| {
+            let samples = &movie.samples;
+            let start = (1..samples.len()).find(|&sample| samples[sample].is_sync);
+            let start = start.unwrap();
+            assert!(samples[start + 1].composition < samples[start].composition);
+            vec![0, start + 1, start]
+        });
+        let some: Vec<VideoFrame> = some.collect();
+        assert_eq!(some.len(), 3);
+        for frame in some {
+            let whole = all.iter().find(|one| one.time_s == frame.time_s).unwrap();
+            let picture = frame.picture.unwrap();
+            assert!(picture == *whole.picture.as_ref().unwrap());
+        }
     }
 }

@@ -302,6 +302,9 @@ fn telemetry(
 ) -> Result<Option<RecordedTelemetry>> {
     let delay_s = arguments.link.telemetry_delay;
     let telemetry = match (file, source.video()) {
+        (Some(path), _) if arguments.link.telemetry.is_none() => {
+            RecordedTelemetry::beside(&path, delay_s)
+        }
         (Some(path), _) => Some(RecordedTelemetry::read(&path, delay_s)?),
         (None, Some(video)) => RecordedTelemetry::within_video(video, delay_s),
         (None, None) => None,

@@ -1,11 +1,13 @@
 //! Frames of a video, decoded by an `ffmpeg` process: of any kind that it reads, and from addresses.
 
+use std::ffi::OsString;
 use std::io::BufReader;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Context as _, Result, bail};
+use grimnet_link::LONGEST_STREAM_GAP_S;
 use grimnet_output::OutputPolicy;
 use grimnet_photo::PhotoLimits;
 
@@ -37,8 +39,12 @@ impl FfmpegVideo {
     pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits, keep: Keep) -> Result<Self> {
         let name = source.display().to_string();
         let mut ffmpeg = Command::new("ffmpeg")
-            .args(["-hide_banner", "-loglevel", "error", "-nostdin", "-i"])
-            .arg(source)
+            .args(["-hide_banner", "-loglevel", "error", "-nostdin"])
+            // Else it takes every gap above 10 s out of the times of a transport stream.
+            .arg("-dts_delta_threshold")
+            .arg(LONGEST_STREAM_GAP_S.to_string())
+            .arg("-i")
+            .arg(input(source))
             .args(["-map", "0:v:0", "-vf"])
             .arg(format!(
                 "fps={frames_per_s}:start_time=0:round={ROUND},{SQUARE_PIXELS}"
@@ -78,6 +84,21 @@ impl FfmpegVideo {
             given: 0,
         })
     }
+}
+
+/// Whether a source is an address, and not the name of a file.
+pub fn is_address(source: &Path) -> bool {
+    source.to_string_lossy().contains("://")
+}
+
+/// A source as `ffmpeg` takes it: what stands before a colon in the name of a file would be a protocol.
+fn input(source: &Path) -> OsString {
+    let mut input = OsString::new();
+    if !is_address(source) {
+        input.push("file:");
+    }
+    input.push(source);
+    input
 }
 
 impl Frames for FfmpegVideo {

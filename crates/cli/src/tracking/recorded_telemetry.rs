@@ -82,6 +82,14 @@ impl RecordedTelemetry {
         })
     }
 
+    /// The file beside a video. Nobody named it: where nothing in it can be used, as in subtitles of the position alone, there is a
+    /// warning.
+    pub fn beside(path: &Path, delay_s: f64) -> Option<Self> {
+        Self::read(path, delay_s)
+            .inspect_err(|error| tracing::warn!("{error:#}; the video is followed without it"))
+            .ok()
+    }
+
     /// The metadata in a video, if it is a transport stream that has some.
     pub fn within_video(video: &Path, delay_s: f64) -> Option<Self> {
         if !has_ending(video, TRANSPORT_STREAM_ENDINGS) || !video.is_file() {

@@ -164,7 +164,7 @@ pub enum Repeated {
     /// The first, as it was taken then.
     First,
     /// Likewise, but at the beginning the last: `ffmpeg` repeats the first picture that it could decode from the time 0 on, as in a
-    /// stream that begins between two key frames.
+    /// stream that begins between two key frames. Where the second one is repeated too, the first was shown for as long before it.
     LastOfTheBeginning,
 }
 
@@ -176,23 +176,36 @@ fn give_all(
     repeated: Repeated,
 ) {
     let mut last_picture = None;
-    // The first picture, until another one comes.
-    let mut first: Option<Streamed> = None;
+    let mut most_held = match (repeated, keep) {
+        (Repeated::First, _) => 0,
+        // What comes while the aircraft flies does not wait for longer than it has to.
+        (Repeated::LastOfTheBeginning, Keep::Newest) => 1,
+        (Repeated::LastOfTheBeginning, Keep::All) => 2,
+    };
+    // The first pictures, until another one comes.
+    let mut held: Vec<Streamed> = Vec::new();
     for number in 0.. {
         let found = next();
         if let Ok(Some(Content::Picture(bytes))) = &found {
             let hash = Some(blake3::hash(bytes));
             if std::mem::replace(&mut last_picture, hash) == hash {
-                if let Some(first) = &mut first {
-                    first.number = number;
+                match held.as_mut_slice() {
+                    [first] => first.number = number,
+                    // Each is shown for so long: the video has fewer frames a second.
+                    [first, _] => first.number = first.number.saturating_sub(1),
+                    _ => {}
                 }
                 continue;
             }
         }
-        if let Some(first) = first.take()
-            && !giver.give(Ok(first), keep)
-        {
-            return;
+        let is_held = held.len() < most_held && matches!(found, Ok(Some(_)));
+        if !is_held {
+            most_held = 0;
+            for streamed in held.drain(..) {
+                if !giver.give(Ok(streamed), keep) {
+                    return;
+                }
+            }
         }
         let content = match found {
             Ok(Some(content)) => content,
@@ -204,8 +217,8 @@ fn give_all(
             }
         };
         let streamed = Streamed { number, content };
-        if number == 0 && repeated == Repeated::LastOfTheBeginning {
-            first = Some(streamed);
+        if is_held {
+            held.push(streamed);
         } else if !giver.give(Ok(streamed), keep) {
             return;
         }
@@ -501,8 +514,12 @@ mod tests {
     fn a_repeated_picture_is_one_frame_and_the_first_one_counts_when_it_ends() {
         assert_eq!(numbers(b"AAABBC", Repeated::First), [0, 3, 5]);
         let padded = Repeated::LastOfTheBeginning;
-        assert_eq!(numbers(b"AAABBC", padded), [2, 3, 5]);
+        assert_eq!(numbers(b"AAABC", padded), [2, 3, 4]);
         assert_eq!(numbers(b"ABBC", padded), [0, 1, 3]);
         assert_eq!(numbers(b"AA", padded), [1]);
+        // Of a video with a frame in each third of the pictures, from its beginning and from later on.
+        assert_eq!(numbers(b"AAABBBCCC", padded), [0, 3, 6]);
+        assert_eq!(numbers(b"AAAAABBBCCC", padded), [2, 5, 8]);
+        assert_eq!(numbers(b"AAABBB", padded), [0, 3]);
     }
 }

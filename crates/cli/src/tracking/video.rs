@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use grimnet_photo::PhotoLimits;
 
-use super::ffmpeg::FfmpegVideo;
+use super::ffmpeg::{FfmpegVideo, is_address};
 use super::frames::Frames;
 use super::handover::Keep;
 #[cfg(feature = "video")]
@@ -26,10 +26,6 @@ pub const DEFAULT_FRAMES_PER_S: f64 = 2.0;
 /// Whether a source is a video: by its ending, or an address such as `rtsp://`.
 pub fn is_video(source: &Path) -> bool {
     is_address(source) || has_ending(source, VIDEO_ENDINGS)
-}
-
-fn is_address(source: &Path) -> bool {
-    source.to_string_lossy().contains("://")
 }
 
 /// Whether a source is an address at which a camera is heard while it flies: any but those of video files.

@@ -93,4 +93,13 @@ fn what_does_not_fit_is_told_in_a_line() {
             "{name}: {errors}"
         );
     }
+    // Subtitles beside it that say nothing of use, as some drones write them.
+    let subtitles = "1\n00:00:00,000 --> 00:00:01,000\n[latitude: 0.1] [altitude: 115.0]\n";
+    fs::write(path("flight.SRT"), subtitles).unwrap();
+    let (answers, errors, code) = track(&path("flight.mp4"), &[]);
+    assert_eq!((answers.len(), code), (10, 0), "{errors}");
+    assert!(
+        errors.contains("flight.SRT: no attitude, height or velocity in it"),
+        "{errors}"
+    );
 }

@@ -27,6 +27,11 @@ const FIRST_TIMES: usize = 64;
 /// Times count 90 kHz with 33 bits.
 const TICKS_PER_S: f64 = 90_000.0;
 const TICKS: i64 = 1 << 33;
+/// A longer step of the times in a transport stream is no gap of a link that was lost: its clock was set, and times go on without the
+/// step, seconds.
+pub const LONGEST_STREAM_GAP_S: u32 = 600;
+/// Times of decoding that go back by more than this are those of a sender that began again, or of another recording behind the first.
+const LARGEST_STEP_BACK: i64 = 9_000;
 
 /// Metadata of one moment.
 #[derive(Debug, Clone, PartialEq)]
@@ -125,6 +130,10 @@ struct Demultiplexer {
     first_of_video: Vec<i64>,
     first_of_audio: Vec<i64>,
     media_ticks: Option<i64>,
+    /// The first stream of video, and the last time of decoding in it.
+    clock: Option<(u16, i64)>,
+    /// What is added to times, so that they go on where that clock was set.
+    moved: i64,
 }
 
 impl Demultiplexer {
@@ -171,9 +180,13 @@ impl Demultiplexer {
             return;
         };
         let header_bytes = usize::from(header_bytes);
-        let ticks = (flags & 0x80 != 0)
-            .then(|| rest.first_chunk().map(ticks))
-            .flatten();
+        let time_at = |at: usize| Some(ticks(rest.get(at..)?.first_chunk()?));
+        let shown = (flags & 0x80 != 0).then(|| time_at(0)).flatten();
+        let decoded = (flags & 0xc0 == 0xc0).then(|| time_at(5)).flatten();
+        if let (true, Some(decoded)) = (VIDEO_IDS.contains(&id), decoded.or(shown)) {
+            self.follow_clock(pid, decoded);
+        }
+        let ticks = shown.map(|ticks| ticks + self.moved);
         if MEDIA_IDS.contains(&id) {
             self.media_ticks = ticks.or(self.media_ticks);
             let first = if VIDEO_IDS.contains(&id) {
@@ -200,6 +213,22 @@ impl Demultiplexer {
             };
             self.partial.insert(pid, partial);
             self.end_if_complete(pid);
+        }
+    }
+
+    /// Takes in when a frame is decoded, and moves later times where the clock was set, as `ffmpeg` moves those of the frames.
+    fn follow_clock(&mut self, pid: u16, decoded: i64) {
+        let longest_gap = i64::from(LONGEST_STREAM_GAP_S) * TICKS_PER_S as i64;
+        match &mut self.clock {
+            Some((video, last)) if *video == pid => {
+                let step = since(decoded, *last);
+                if !(-LARGEST_STEP_BACK..=longest_gap).contains(&step) {
+                    self.moved -= step;
+                }
+                *last = decoded;
+            }
+            Some(_) => {}
+            None => self.clock = Some((pid, decoded)),
         }
     }
 
@@ -393,5 +422,28 @@ mod tests {
             (found[0].time_s, &found[0].bytes[..]),
             (Some(0.1), &b"klv"[..])
         );
+    }
+
+    /// Such as two recordings that were joined, in each of which times begin anew.
+    #[test]
+    fn times_go_on_where_the_clock_was_set_and_gaps_count() {
+        let second = 90_000;
+        let at = |ticks: i64| {
+            let frame = packet(2, 0xe0, ticks, b"frame");
+            [frame, packet(3, 0xfc, ticks, b"klv")].concat()
+        };
+        let bytes = [
+            at(10 * second),
+            at(11 * second),
+            at(5 * second),
+            at(6 * second),
+            at(26 * second),
+            at(7226 * second),
+            at(7227 * second),
+        ]
+        .concat();
+        let found = units(bytes.as_slice(), 0).unwrap();
+        let times: Vec<f64> = found.iter().filter_map(|unit| unit.time_s).collect();
+        assert_eq!(times, [0.0, 1.0, 1.0, 2.0, 22.0, 22.0, 23.0]);
     }
 }

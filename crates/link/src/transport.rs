@@ -26,8 +26,8 @@ pub(crate) enum Transport {
 #[derive(Debug)]
 pub(crate) struct Udp {
     socket: UdpSocket,
-    /// Where datagrams are sent, and when the last one came from there.
-    peer: Option<(SocketAddr, Instant)>,
+    /// Where datagrams are sent, and when the last one came from there; without that time another one may take its place at once.
+    peer: Option<(SocketAddr, Option<Instant>)>,
     /// Only datagrams from here are read. `None`: from the peer, or from anyone while there is none.
     only: Option<IpAddr>,
 }
@@ -50,7 +50,7 @@ impl Transport {
                 };
                 Ok(Self::Udp(Udp {
                     socket: UdpSocket::bind((any, 0))?,
-                    peer: Some((peer, Instant::now())),
+                    peer: Some((peer, None)),
                     only: Some(peer.ip()),
                 }))
             }
@@ -95,12 +95,14 @@ impl Transport {
         }
     }
 
-    /// Reads datagrams of anyone again, where the address does not say whose.
+    /// Reads datagrams of anyone again, where the address does not say whose. Until one comes, the last sender is still sent to: an
+    /// autopilot that cannot be understood yet, since the clock of its signatures stands still, sets it by ours.
     pub fn forget_peer(&mut self) {
         if let Self::Udp(udp) = self
             && udp.only.is_none()
+            && let Some((_, heard)) = &mut udp.peer
         {
-            udp.peer = None;
+            *heard = None;
         }
     }
 }
@@ -115,7 +117,9 @@ impl Udp {
         };
         let expected = match (self.only, self.peer) {
             (Some(ip), _) => from.ip() == ip,
-            (None, Some((peer, heard))) => peer == from || heard.elapsed() > PEER_SILENT,
+            (None, Some((peer, heard))) => {
+                peer == from || heard.is_none_or(|heard| heard.elapsed() > PEER_SILENT)
+            }
             (None, None) => true,
         };
         if !expected {
@@ -125,7 +129,7 @@ impl Udp {
             (Some(_), Some((peer, _))) => peer,
             _ => from,
         };
-        self.peer = Some((to, Instant::now()));
+        self.peer = Some((to, Some(Instant::now())));
         Ok(length)
     }
 

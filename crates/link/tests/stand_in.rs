@@ -546,3 +546,21 @@ fn of_several_senders_to_a_port_the_one_that_is_awaited_is_heard() {
     });
     assert_eq!(autopilot.system_id, 2);
 }
+
+/// As an autopilot does whose signatures are taken for old ones until it has set its clock by ours.
+#[test]
+fn a_sender_that_is_not_understood_hears_us() {
+    let (sender, _) = udp();
+    let wait = Some(Duration::from_millis(20));
+    sender.set_read_timeout(wait).unwrap();
+    let port = udp().0.local_addr().unwrap().port();
+    let address = format!("udpin:127.0.0.1:{port}").parse().unwrap();
+    let _link = Link::start(LinkOptions::new(address), LinkClock::unix(), tracking()).unwrap();
+    let mut buffer = [0; 300];
+    wait_for("our heartbeat", || {
+        let _ = sender.send_to(b"not understood", ("127.0.0.1", port));
+        sender.recv(&mut buffer).ok()
+    });
+    // MAVLink 2, and the number of HEARTBEAT.
+    assert_eq!((buffer[0], buffer[7]), (0xFD, 0));
+}

@@ -69,9 +69,10 @@ fn write_report(out: &mut dyn Write, report: &CheckReport) -> std::io::Result<()
         return writeln!(out, "not possible: {reason}");
     }
     for finding in &report.findings {
+        // Parameters are floats of 32 bits, of which 0.2 is 0.20000000298.
         let found = finding
             .found
-            .map_or("-".to_owned(), |value| value.to_string());
+            .map_or("-".to_owned(), |value| (value as f32).to_string());
         writeln!(
             out,
             "{:8} {:16} is {found}, expected {}: {}",
@@ -142,6 +143,14 @@ mod tests {
         let mut out = Vec::new();
         write_report(&mut out, &report).unwrap();
         String::from_utf8(out).unwrap()
+    }
+
+    #[test]
+    fn values_are_shown_as_they_were_set() {
+        let mut default = finding("VISO_POS_M_NSE", Verdict::Advice, false);
+        default.found = Some(f64::from(0.2_f32));
+        let text = written(vec![default]);
+        assert!(text.contains(" is 0.2, expected"), "{text}");
     }
 
     #[test]

@@ -218,6 +218,7 @@ fn frame(shot: &Shot, found: &Result<&Found, String>) -> Frame {
     let found = found.as_ref().ok();
     Frame {
         truth: Some(truth.position),
+        has_receiver: truth.receiver.is_some(),
         footprint_width_m: shot.footprint_width_m,
         truth_error_m: truth.error_m,
         place: truth.place.clone(),

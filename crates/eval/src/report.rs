@@ -9,3 +9,10 @@ pub mod track_page;
 mod track_plan;
 
 pub use page::{Picture, Report, Run};
+
+/// A number with its noun, as in "1 place" and "5 places".
+#[must_use]
+pub fn counted(number: usize, noun: &str) -> String {
+    let ending = if number == 1 { "" } else { "s" };
+    format!("{number} {noun}{ending}")
+}

@@ -226,10 +226,9 @@ fn footprint_shares(page: &mut String, runs: &[(&String, &Value)]) {
     }
 }
 
-/// A number with its noun.
+/// A stored number with its noun.
 fn counted(number: &Value, noun: &str) -> String {
-    let ending = if number.as_u64() == Some(1) { "" } else { "s" };
-    format!("{number} {noun}{ending}")
+    grimnet_eval::report::counted(number.as_u64().unwrap_or(0) as usize, noun)
 }
 
 /// How often fixes of a stated confidence are right.

@@ -116,8 +116,8 @@ fn frames(page: &mut String, frames: &Value, fixes: &Value) {
         page,
         "\n{} frames, {} of them over water or snow ({} fixes there). Elsewhere {} have a right fix (median error {} on the map, NEES {}), \
          and {} of the fixes are of another place; {} of the fixes came from a window of the filter. Search and motion of such a frame \
-         take {} (median; {} at 95 %). {} of the frames over town and country have a motion from the frame before; its error is {} of the distance \
-         (median; {} at 90 %), that of the turn {} degrees.\n",
+         take {} (median; {} at 95 %). {} of the frames over town and country have a motion from the frame before. \
+         The error of all motions, {} of them over water or snow, is {} of the distance (median; {} at 90 %), that of the turn {} degrees.\n",
         frames["frames"],
         frames["covered"],
         frames["covered_fixes"],
@@ -129,6 +129,7 @@ fn frames(page: &mut String, frames: &Value, fixes: &Value) {
         number(&frames["tracked_time_p50_ms"], " ms"),
         number(&frames["tracked_time_p95_ms"], " ms"),
         share(&frames["motion_share"]),
+        frames["covered_motions"],
         share(&frames["motion_error_share_p50"]),
         share(&frames["motion_error_share_p90"]),
         number(&frames["turn_error_p50_deg"], ""),
@@ -200,6 +201,7 @@ mod tests {
         let text = r#"{"title":"T","data":"d","command":"c","remarks":["r"]}"#;
         fs_err::write(claim.join("claim.json"), text).unwrap();
         let summary = r#"{"flights":1,"hours":0.5,"filter":{"median_m":1.94,"answered":0.5,"confidently_wrong":0,"instants":9},
+            "frames":{"motion_share":0.9,"covered_motions":7,"motion_error_share_p50":0.11},
             "hidden":[{"hidden":2,"predictions":7,"joined":6,"answered":0.714}]}"#;
         fs_err::write(claim.join("track_summary.json"), summary).unwrap();
         let page = sections(folder.path()).unwrap();
@@ -207,6 +209,9 @@ mod tests {
             page.contains("| **filter** | 50.0 % | 1.9 m | - |"),
             "{page}"
         );
+        // The errors are those of all motions.
+        let motions = "all motions, 7 of them over water or snow, is 11.0 % of the distance";
+        assert!(page.contains(motions), "{page}");
         assert!(page.contains("| 2 | 7 | 6 | 5 | - |"), "{page}");
         fs_err::remove_file(claim.join("track_summary.json")).unwrap();
         let error = sections(folder.path()).unwrap_err().to_string();

@@ -10,13 +10,13 @@ use grimnet_eval::datasets::{DataSet, DataSetRequest};
 use grimnet_eval::report::Run;
 use grimnet_eval::report::results::{self, About, FILE_NAMES, peak_memory_mib};
 use grimnet_eval::retrieval::RetrievalSummary;
-use grimnet_eval::scene::Scene;
+use grimnet_eval::scene::{HeadingMode, Scene};
 use grimnet_eval::tracks::about::TrackAbout;
 use grimnet_eval::tracks::hidden_results::HIDDEN_FILES;
 use grimnet_eval::tracks::results::TRACK_FILES;
 use grimnet_eval::tracks::town::Town;
 use grimnet_geo::Raster;
-use grimnet_locate::{Localizer, Options, Prior};
+use grimnet_locate::{HeadingPrior, Localizer, Options, Prior};
 use grimnet_net::Model;
 use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::{BuildOptions, Pack};
@@ -109,6 +109,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     }
     let map = open_map(&data, &results.policy)?;
     let scene = data.into_scene(map)?;
+    warn_of_unknown_headings(arguments, &scene);
     results.check(names())?;
     let matches = results.folder.subfolder("matches")?;
     matches.check(eval_pictures::names(&scene.shots))?;
@@ -131,6 +132,21 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
         (&results.folder, &matches),
         about,
     )
+}
+
+/// Warns of photos whose true heading is not known, if true headings are to be given.
+fn warn_of_unknown_headings(arguments: &EvalArgs, scene: &Scene) {
+    let headings = scene.shots.iter().map(|shot| shot.known.view.heading);
+    let unknown = headings
+        .filter(|heading| !matches!(heading, HeadingPrior::Known { .. }))
+        .count();
+    if unknown > 0 && arguments.heading.contains(&HeadingMode::Known) {
+        tracing::warn!(
+            "{unknown} of {} photos have no true heading: the run \"{}\" has what their metadata say of it, if anything",
+            scene.shots.len(),
+            HeadingMode::Known.name()
+        );
+    }
 }
 
 /// Refuses options that would have no effect.

@@ -5,7 +5,7 @@ use std::io::Write;
 use anyhow::Result;
 use grimnet_eval::metrics::footprint::FootprintSummary;
 use grimnet_eval::metrics::recall::RECALL_AT;
-use grimnet_eval::report::Run;
+use grimnet_eval::report::{Run, counted};
 use grimnet_eval::retrieval::RetrievalSummary;
 
 use crate::standard_output::StandardOutput;
@@ -88,7 +88,7 @@ const FOOTPRINT_ROWS: [FootprintRow; 7] = [
     }),
     ("95 % interval by place", |s| {
         let [low, high] = s.right_share_interval.map(|v| 100.0 * v);
-        format!("{low:.0}-{high:.0} %, {} places", s.places)
+        format!("{low:.0}-{high:.0} %, {}", counted(s.places, "place"))
     }),
     ("wrong (any photo)", |s| s.wrong.to_string()),
     ("neither right nor wrong", |s| s.undecided.to_string()),

@@ -1,7 +1,8 @@
 //! How far a track is from the truth.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::ffi::OsString;
+use std::path::{Component, Path, PathBuf};
 
 use anyhow::{Result, bail};
 use grimnet_answer::printable;
@@ -18,12 +19,13 @@ const NEAR_THE_MAP_M: f64 = 10_000.0;
 /// So many true positions are compared with the map.
 const MOST_COMPARED: usize = 100;
 
-/// True positions by file name.
+/// True positions by photo.
 pub struct Truth {
     path: PathBuf,
-    /// The photo that it names first.
-    first: String,
-    of_photo: HashMap<String, TruthFrame>,
+    /// The rows, one at least.
+    frames: Vec<TruthFrame>,
+    /// Numbers of the rows whose photo has this file name, in their order.
+    of_name: HashMap<OsString, Vec<usize>>,
 }
 
 /// The comparison of one frame.
@@ -44,16 +46,19 @@ impl Truth {
     pub fn read(path: &Path) -> Result<Self> {
         crate::inputs::check_regular(path)?;
         let frames = truth::read(path)?;
-        let Some(first) = frames.first() else {
+        if frames.is_empty() {
             bail!("{}: holds no true position", path.display());
-        };
+        }
+        let mut of_name: HashMap<OsString, Vec<usize>> = HashMap::new();
+        for (row, frame) in frames.iter().enumerate() {
+            if let Some(name) = Path::new(&frame.photo).file_name() {
+                of_name.entry(name.to_owned()).or_default().push(row);
+            }
+        }
         Ok(Self {
             path: path.to_owned(),
-            first: first.photo.clone(),
-            of_photo: frames
-                .into_iter()
-                .map(|frame| (frame.photo.clone(), frame))
-                .collect(),
+            frames,
+            of_name,
         })
     }
 
@@ -67,12 +72,12 @@ impl Truth {
             known.map(|(lat_deg, lon_deg)| LonLat::new(lon_deg, lat_deg))
         };
         let radius_m = NEAR_THE_MAP_M;
-        for centre in self.of_photo.values().filter_map(place).take(MOST_COMPARED) {
+        for centre in self.frames.iter().filter_map(place).take(MOST_COMPARED) {
             if localizer.has_tiles_near(&Near { centre, radius_m })? {
                 return Ok(());
             }
         }
-        if let Some(LonLat { lon_deg, lat_deg }) = self.of_photo.get(&self.first).and_then(place) {
+        if let Some(LonLat { lon_deg, lat_deg }) = self.frames.first().and_then(place) {
             tracing::warn!(
                 "{}: its true positions are not within {:.0} km of the map of {} (the first: latitude {lat_deg}, longitude {lon_deg}); \
                  check its columns of latitude and longitude",
@@ -84,9 +89,12 @@ impl Truth {
         Ok(())
     }
 
+    /// The first row of a photo: its path ends with what the row names, a file name or a path.
     fn frame(&self, photo: &str) -> Option<&TruthFrame> {
-        let name = Path::new(photo).file_name()?.to_str()?;
-        self.of_photo.get(name)
+        let photo = Path::new(photo);
+        let rows = self.of_name.get(photo.file_name()?)?;
+        let mut frames = rows.iter().map(|&row| &self.frames[row]);
+        frames.find(|frame| photo.ends_with(plain_path(&frame.photo)))
     }
 
     /// Whether it says something of a photo.
@@ -96,11 +104,11 @@ impl Truth {
 
     /// What is said where it names none of so many frames.
     pub fn names_none_text(&self, frames: usize) -> String {
-        let (path, first) = (self.path.display().to_string(), &self.first);
+        let (path, first) = (self.path.display().to_string(), self.frames.first());
         format!(
             "{} names none of the {frames} frames, so that the track is compared with nothing (the first photo that it names: {})",
             printable(&path),
-            printable(first)
+            printable(first.map_or("", |frame| &frame.photo))
         )
     }
 
@@ -154,6 +162,12 @@ impl Truth {
             frame.receiver().or_else(|| frame.position())
         }
     }
+}
+
+/// A path without parts that lead nowhere, as in `./a.jpg`.
+fn plain_path(path: &str) -> PathBuf {
+    let parts = Path::new(path).components();
+    parts.filter(|part| *part != Component::CurDir).collect()
 }
 
 /// Figures over a flight.
@@ -232,6 +246,21 @@ pub(super) mod tests {
         let answer = compared(Some(&line)).unwrap().instant.answer.unwrap();
         assert!((answer.error_m() - 22.15).abs() < 0.1, "{answer:?}");
         assert!(compared(None).unwrap().instant.answer.is_none());
+    }
+
+    #[test]
+    fn a_photo_is_found_by_its_path_and_its_first_row_counts() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("truth.csv");
+        let rows = "100/a.jpg,1,120\n101/a.jpg,2,120\n./b.jpg,3,120\nb.jpg,4,120\n";
+        fs_err::write(&path, format!("photo,lat_deg,lon_deg\n{rows}")).unwrap();
+        let truth = Truth::read(&path).unwrap();
+        let lat_deg = |photo: &str| truth.of(photo, None).map(|position| position.lat_deg);
+        assert_eq!(lat_deg("flight/100/a.jpg"), Some(1.0));
+        assert_eq!(lat_deg("flight/101/a.jpg"), Some(2.0));
+        assert_eq!(lat_deg("flight/102/a.jpg"), None);
+        assert_eq!(lat_deg("flight/b.jpg"), Some(3.0));
+        assert_eq!(lat_deg("b.jpg"), Some(3.0));
     }
 
     #[test]

@@ -33,7 +33,7 @@ pub enum MosaicError {
         source: image::ImageError,
     },
     /// The folder has no usable pictures.
-    #[error("{path}: no picture of at least {min_px} x {min_px} pixels")]
+    #[error("{path}: no JPEG or PNG picture of at least {min_px} x {min_px} pixels")]
     NoPictures {
         /// The folder.
         path: PathBuf,
@@ -237,5 +237,14 @@ mod tests {
             let off = grimnet_geo::turn_deg(cut.heading_deg, bearing);
             assert!(off.abs() < 2.0, "{bearing} against {}", cut.heading_deg);
         }
+    }
+
+    #[test]
+    fn a_folder_of_other_pictures_is_told_which_are_taken() {
+        let folder = tempfile::tempdir().unwrap();
+        let large = RgbImage::new(MIN_SIDE_PX, MIN_SIDE_PX);
+        large.save(folder.path().join("a.tif")).unwrap();
+        let error = Mosaic::of_folder(folder.path()).unwrap_err().to_string();
+        assert!(error.contains("no JPEG or PNG picture"), "{error}");
     }
 }

@@ -87,7 +87,7 @@ pub enum TruthError {
         column: String,
         /// The text found.
         value: String,
-        /// The accepted range.
+        /// The accepted range, or why there must be a value.
         expected: String,
     },
 }
@@ -180,7 +180,7 @@ impl Columns {
                 _ => return Ok(lat.zip(lon)),
             };
             // Half a position is a slip, and no reason to take another one.
-            let expected = "a number, as the other coordinate is given".to_owned();
+            let expected = "because the other coordinate is given".to_owned();
             Err(self.wrong_value(path, record, missing, expected))
         };
         let text = |column: usize| record.get(column).unwrap_or("").to_owned();
@@ -295,7 +295,8 @@ mod tests {
             ("a.jpg,24.5,120.2,24.6,", "`gps_lon` is ``"),
         ] {
             let error = read_text(&format!("{header}\n{row}\n")).unwrap_err();
-            assert!(error.to_string().contains(column), "{error}");
+            let expected = format!("{column}, expected a number because the other coordinate");
+            assert!(error.to_string().contains(&expected), "{error}");
         }
     }
 

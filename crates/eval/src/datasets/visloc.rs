@@ -2,9 +2,10 @@
 //!
 //! `UAV-VisLoc/03/` holds `drone/*.JPG`, `satellite03.tif` and `03.csv`; the corners of all maps are in
 //! `satellite_coordinates_range.csv` in the parent folder (some copies have a space before `coordinates`), with the columns
-//! `mapname, LT_lat_map, LT_lon_map, RB_lat_map, RB_lon_map`. `03.csv` gives the position of each photo's centre (`filename`,
-//! `lat`, `lon`) and the aircraft's heading (`Phi1`). Its heights are above sea level and are not used. The map of scene 09 is in
-//! four parts, `satellite09_01-01.tif` and so on, which are joined.
+//! `mapname` (`satellite03.tif`, or `03.tif` as in the publishers' example), `LT_lat_map`, `LT_lon_map`, `RB_lat_map`,
+//! `RB_lon_map`. `03.csv` gives the position of each photo's centre (`filename`, `lat`, `lon`) and the aircraft's heading
+//! (`Phi1`), which scene 07 lacks. Its heights are above sea level and are not used. The map of scene 09 is in four parts,
+//! `satellite09_01-01.tif` and so on, which are joined.
 
 mod map_parts;
 
@@ -108,9 +109,10 @@ pub fn read(folder: &Path, scratch: &Path) -> Result<VislocScene, VislocError> {
             folder: above.clone(),
         })?;
     let rows = rows(&table)?;
-    let corners = rows
+    let names = [map_name.clone(), format!("{name}.tif")];
+    let corners = names
         .iter()
-        .find(|row| row.get("mapname").is_some_and(|map| *map == map_name))
+        .find_map(|name| rows.iter().find(|row| row.get("mapname") == Some(name)))
         .and_then(|row| {
             let number = |column: &str| row.get(column)?.parse::<f64>().ok();
             let (top, left) = (number("LT_lat_map")?, number("LT_lon_map")?);
@@ -208,5 +210,10 @@ mod tests {
         assert_eq!(found.frames[0].centre_lat_lon_deg, Some((32.30, 119.90)));
         assert_eq!(found.frames[0].heading_deg, Some(-170.5));
         assert!(found.left_out[0].contains("line 3"), "{:?}", found.left_out);
+        // As the example archive names the map.
+        let example = line.replace("satellite03", "03");
+        fs_err::write(&table, format!("{header}{example}")).unwrap();
+        let found = read(&scene, root.path()).unwrap();
+        assert_eq!(found.corners, [119.805, 32.251, 119.955, 32.355]);
     }
 }

@@ -34,6 +34,9 @@ pub struct Frame {
     pub radius90_m: Option<f64>,
     /// Stated 95 % radius enlarged by the error of the truth, metres ([`Frame::with_truth_error`]).
     pub radius95_with_truth_m: Option<f64>,
+    /// Whether the position of the satellite receiver is known.
+    #[serde(skip)]
+    pub has_receiver: bool,
     /// Distance from the satellite receiver, metres, if its position is known.
     pub gps_error_m: Option<f64>,
     /// Stated probability that the fix is right.

@@ -77,7 +77,7 @@ pub struct Summary {
     pub gps_median_m: Option<f64>,
     /// Average distance of the fixes from the satellite receiver.
     pub gps_ale_m: Option<f64>,
-    /// Share of all frames within 20 m of the satellite receiver.
+    /// Share of the frames whose receiver's position is known within 20 m of it.
     pub gps_within_20m: Option<f64>,
     /// Median and 95th percentile of the time by stage, milliseconds.
     #[serde(skip_serializing_if = "BTreeMap::is_empty")]
@@ -112,6 +112,7 @@ impl Summary {
         let covered = by_place(&places, |f| is_inside(f, f.radius95_m));
         let fix_errors = values(&|f| f.error_m);
         let gps = values(&|f| f.gps_error_m);
+        let receivers = frames.iter().filter(|f| f.has_receiver).count();
         let times: Vec<f64> = frames.iter().filter_map(|f| f.time_ms).collect();
         Self {
             frames: frames.len(),
@@ -147,8 +148,8 @@ impl Summary {
             }),
             gps_median_m: percentile(&gps, 0.5),
             gps_ale_m: mean(&gps),
-            gps_within_20m: (!gps.is_empty())
-                .then(|| gps.iter().filter(|e| **e <= 20.0).count() as f64 / frames.len() as f64),
+            gps_within_20m: (receivers > 0)
+                .then(|| gps.iter().filter(|e| **e <= 20.0).count() as f64 / receivers as f64),
             stage_p50_p95_ms: stages(frames),
             time_p50_ms: percentile(&times, 0.5),
             time_p95_ms: percentile(&times, 0.95),
@@ -237,6 +238,20 @@ mod tests {
         let [low, high] = one.within_5m_interval;
         assert!(low < 0.5 && high > 0.99, "{low} {high}");
         assert_eq!((one.median_interval_m, one.ale_interval_m), (None, None));
+    }
+
+    #[test]
+    fn a_photo_whose_receiver_is_not_known_is_no_miss_of_it() {
+        let at = |gps_error_m, error_m| Frame {
+            has_receiver: true,
+            gps_error_m,
+            ..frame(error_m)
+        };
+        let mut frames = vec![at(Some(12.0), Some(1.0)), at(None, None)];
+        frames.extend([frame(Some(1.0)), frame(None)]);
+        assert_eq!(Summary::of(&frames).gps_within_20m, Some(0.5));
+        assert_eq!(Summary::of(&frames[1..]).gps_within_20m, Some(0.0));
+        assert_eq!(Summary::of(&frames[2..]).gps_within_20m, None);
     }
 
     #[test]

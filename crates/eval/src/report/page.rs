@@ -3,8 +3,8 @@
 use base64::Engine as _;
 use maud::{Markup, html};
 
-use super::html;
 use super::plot::{self, PlotError};
+use super::{counted, html};
 use crate::metrics::footprint::FootprintSummary;
 use crate::metrics::reliability::Reliability;
 use crate::metrics::{Frame, Summary};
@@ -251,10 +251,10 @@ fn reliability_table(name: &str, reliability: &Reliability) -> Markup {
                         td { (percent(bin.right_share)) }
                         td {
                             (format!(
-                                "{:.0}-{:.0} %, {} places",
+                                "{:.0}-{:.0} %, {}",
                                 100.0 * bin.right_share_interval[0],
                                 100.0 * bin.right_share_interval[1],
-                                bin.places
+                                counted(bin.places, "place")
                             ))
                         }
                     }

@@ -25,7 +25,7 @@ pub struct FrameFigures {
     pub motion_share: f64,
     /// Motions on covered frames.
     pub covered_motions: usize,
-    /// Median error of a motion over its distance.
+    /// Median error of a motion over its distance, of covered frames too.
     pub motion_error_share_p50: Option<f64>,
     /// 90th percentile of it.
     pub motion_error_share_p90: Option<f64>,

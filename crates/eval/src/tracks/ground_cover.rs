@@ -48,8 +48,8 @@ pub struct WaterView {
 #[must_use]
 pub fn water(size_px: (u32, u32), view: &WaterView, time_s: f64, seed: u64) -> RgbImage {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // Wave number east and north, phase now, height.
-    let waves: [[f32; 4]; WAVES] = std::array::from_fn(|_| {
+    // Wave number east and north, phase now.
+    let waves: [[f32; 3]; WAVES] = std::array::from_fn(|_| {
         let length_m = 1.2 * 10f64.powf(rng.random::<f64>());
         let towards: f64 = rng.random_range(-0.9..0.9);
         let number = std::f64::consts::TAU / length_m;
@@ -59,7 +59,6 @@ pub fn water(size_px: (u32, u32), view: &WaterView, time_s: f64, seed: u64) -> R
             (number * towards.sin()) as f32,
             (number * towards.cos()) as f32,
             now.rem_euclid(std::f64::consts::TAU) as f32,
-            1.0,
         ]
     });
     let mut noise = ChaCha8Rng::seed_from_u64(seed ^ time_s.to_bits());
@@ -71,9 +70,7 @@ pub fn water(size_px: (u32, u32), view: &WaterView, time_s: f64, seed: u64) -> R
         let north_m = (view.place_en_m[1] - right_m * sin + up_m * cos) as f32;
         let slope: f32 = waves
             .iter()
-            .map(|[east, north, phase, height]| {
-                height * (east * east_m + north * north_m + phase).sin()
-            })
+            .map(|[east, north, phase]| (east * east_m + north * north_m + phase).sin())
             .sum();
         let glitter = if slope > 6.5 { 60.0 } else { 0.0 };
         let light = 1.6 * slope + glitter + noise.random_range(-3.0f32..3.0);

@@ -311,7 +311,9 @@ mod tests {
             yaw_deg: Some((10.0, 8.0)),
             ..steering(&view)
         };
-        for search in plan(&search, &steering) {
+        let searches = plan(&search, &steering);
+        assert_eq!(searches.len(), 2);
+        for search in searches {
             assert_eq!(search.prior.view, steering.known.view);
         }
     }

@@ -13,6 +13,7 @@ const MAX_LEN: usize = 120;
 /// assert_eq!(file_name_from("sub/a b.jpg"), "sub_a b.jpg");
 /// assert_eq!(file_name_from("/etc/passwd"), "etc_passwd");
 /// assert_eq!(file_name_from("../../x"), "x");
+/// assert_eq!(file_name_from(" .x"), "x");
 /// assert_eq!(file_name_from(""), "unnamed");
 /// ```
 #[must_use]
@@ -33,7 +34,9 @@ pub fn file_name_from(text: &str) -> String {
             }
         }));
     }
-    let name = name.trim_start_matches('.').trim();
+    let name = name
+        .trim_start_matches(|c: char| c == '.' || c.is_whitespace())
+        .trim_end();
     let mut end = name.len().min(MAX_LEN);
     while !name.is_char_boundary(end) {
         end -= 1;

@@ -113,8 +113,8 @@ pub struct Footprint {
 }
 
 impl Footprint {
-    /// Whether the width is so uncertain that other widths should be tried: matching tolerates a ratio of 1.5, which must be
-    /// more than twice the sigma away.
+    /// Whether the width is so uncertain that other widths should be tried: a fix may be at up to 1.35 times the stated scale
+    /// (`max_scale_change` of `grimnet-locate`), which must be more than three sigma away.
     pub fn is_uncertain(&self) -> bool {
         self.relative_sigma > 0.1
     }

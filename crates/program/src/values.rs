@@ -54,7 +54,7 @@ numbers! {
     minutes: "a number of minutes, above 0 and at most 600" if |v| v > 0.0 && v <= 600.0;
     /// A frame rate, at most 30 frames a second.
     frame_rate_hz: "frames a second, above 0 and at most 30" if |v| v > 0.0 && v <= 30.0;
-    /// A number of frames per second, above zero.
+    /// A number of frames per second, above zero, at most 1000.
     rate_per_s: "a number of frames per second, above 0 and at most 1000" if |v| v > 0.0 && v <= 1000.0;
     /// A share above 0 and below 1.
     inner_share: "a share above 0 and below 1" if |v| v > 0.0 && v < 1.0;

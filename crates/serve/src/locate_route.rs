@@ -73,9 +73,9 @@ pub(crate) async fn locate(
 ) -> Result<Response, Problem> {
     let kind = AnswerType::accepted(&headers, &OFFERED)?;
     let mut query = Query::of(&uri)?;
-    let map = query.take("map");
+    let map = query.take("map")?;
     state.maps.get_or_only(map.as_deref())?;
-    let name = query.take("name");
+    let name = query.take("name")?;
     let detailed = query.take_bool("detail")?;
     let arrival = state.localisations.arrive()?;
     let upload = Upload::read(request, &state.limits, &arrival).await?;

@@ -20,17 +20,30 @@ impl Query {
     }
 
     /// Removes the value of `name`.
-    pub(crate) fn take(&mut self, name: &str) -> Option<String> {
-        let at = self.0.iter().position(|(given, _)| given == name)?;
-        Some(self.0.remove(at).1)
+    ///
+    /// # Errors
+    /// Status 400 if it is given twice.
+    pub(crate) fn take(&mut self, name: &str) -> Result<Option<String>, Problem> {
+        let mut values: Vec<String> = Vec::new();
+        self.0.retain_mut(|(given, value)| {
+            let is_other = given != name;
+            if !is_other {
+                values.push(std::mem::take(value));
+            }
+            is_other
+        });
+        if values.len() > 1 {
+            return Err(Problem::bad_request(format!("{name} is given twice")));
+        }
+        Ok(values.pop())
     }
 
     /// Removes the value of `name`, which is false if it is not given.
     ///
     /// # Errors
-    /// Status 400 if it is neither `true` nor `false`.
+    /// Status 400 if it is neither `true` nor `false`, or given twice.
     pub(crate) fn take_bool(&mut self, name: &str) -> Result<bool, Problem> {
-        match self.take(name).as_deref() {
+        match self.take(name)?.as_deref() {
             None | Some("false") => Ok(false),
             Some("true") => Ok(true),
             Some(other) => Err(Problem::bad_request(format!(

@@ -102,7 +102,7 @@ pub(crate) async fn tile(
 ) -> Result<Response, Problem> {
     let map = state.maps.get(&id)?;
     let mut query = Query::of(&uri)?;
-    let layer = match query.take("layer").as_deref() {
+    let layer = match query.take("layer")?.as_deref() {
         Some("outlines") => Layer::Outlines,
         None if map.raster.is_none() => Layer::Outlines,
         None | Some("map") => Layer::Map,

@@ -170,8 +170,8 @@ pub(crate) async fn frame(
 ) -> Result<Json<TrackFrame>, Problem> {
     let track = state.tracks.get(&id)?;
     let mut query = Query::of(&uri)?;
-    let time_s = time_of(query.take("time_s").as_deref())?;
-    let name = query.take("name");
+    let time_s = time_of(query.take("time_s")?.as_deref())?;
+    let name = query.take("name")?;
     let arrival = state.localisations.arrive()?;
     let upload = Upload::read(request, &state.limits, &arrival).await?;
     let prior = upload.prior(&query)?;

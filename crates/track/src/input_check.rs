@@ -50,7 +50,8 @@ impl Input {
 
 fn validate_fix(fix: &PositionFix) -> Result<(), InputError> {
     let LonLat { lon_deg, lat_deg } = fix.lonlat;
-    require("lat_deg", lat_deg, fix.lonlat.is_valid(), "in [-90, 90]")?;
+    let on_globe = (-90.0..=90.0).contains(&lat_deg);
+    require("lat_deg", lat_deg, on_globe, "in [-90, 90]")?;
     let on_earth = (-360.0..=360.0).contains(&lon_deg);
     require("lon_deg", lon_deg, on_earth, "in [-360, 360]")?;
     let [ee, en, nn] = fix.covariance_en_m2;
@@ -111,6 +112,13 @@ mod tests {
                 "lat_deg",
                 PositionFix {
                     lonlat: LonLat::new(0.0, 91.0),
+                    ..fix()
+                },
+            ),
+            (
+                "lon_deg",
+                PositionFix {
+                    lonlat: LonLat::new(f64::NAN, 24.2),
                     ..fix()
                 },
             ),

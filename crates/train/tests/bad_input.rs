@@ -136,6 +136,14 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
         ("world_share = 2.0\n", "world_share"),
         ("minutes = 1\n", "[[data]]"),
         ("global_from = 1.0\n", "`global_from` is 1; it must be"),
+        (
+            "minutes = inf\n",
+            "`minutes` is inf; it must be finite and above 0",
+        ),
+        (
+            "validate_minutes = inf\n",
+            "`validate_minutes` is inf; it must be finite and at least 0",
+        ),
         ("encoder_rate = -1.0\n", "`encoder_rate` is -1"),
         ("decay_from = -1.0\n", "decay_from"),
         ("average_decay = -3.0\n", "average_decay"),

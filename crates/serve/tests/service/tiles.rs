@@ -134,8 +134,10 @@ fn tiles_that_do_not_exist() {
         get(shared(), &format!("/v1/maps/area/tiles/{tile}")).problem(404, "not-found");
     }
     get(shared(), "/v1/maps/town/tiles/19/0/0").problem(404, "not-found");
-    let line = "/v1/maps/area/tiles/19/0/0?layer=secret";
-    get(shared(), line).problem(400, "bad-request");
+    for query in ["layer=secret", "layer=map&layer=map"] {
+        let line = format!("/v1/maps/area/tiles/19/0/0?{query}");
+        get(shared(), &line).problem(400, "bad-request");
+    }
 }
 
 #[test]

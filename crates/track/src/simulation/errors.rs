@@ -42,7 +42,7 @@ impl Drift {
     }
 }
 
-/// A confidence with the property that `kind` says.
+/// The confidence of [`Confidence::Calibrated`] for a score, where `share_wrong` of all fixes are wrong.
 ///
 /// A score is normal with means that are `2 * SEPARATION` apart for right and wrong fixes; its log likelihood ratio and the
 /// share of wrong fixes give the confidence by Bayes' rule.

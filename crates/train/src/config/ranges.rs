@@ -48,9 +48,9 @@ impl fmt::Display for Range {
             Self::Share => f.write_str("between 0 and 1"),
             Self::BelowOne => f.write_str("at least 0 and below 1"),
             Self::Similarity => f.write_str("between -1 and 1"),
-            Self::Positive => f.write_str("above 0"),
+            Self::Positive => f.write_str("finite and above 0"),
             Self::PositiveOrInfinite => f.write_str("above 0, or inf"),
-            Self::NotNegative => f.write_str("at least 0"),
+            Self::NotNegative => f.write_str("finite and at least 0"),
             Self::AtLeast(least) => write!(f, "at least {least}"),
             Self::UpTo(most) => write!(f, "from 1 to {most}"),
         }

@@ -158,14 +158,7 @@ impl Measure {
 
     /// The figures.
     pub fn summary(&self) -> TrackSummary {
-        let mut errors_m = self.errors_m.clone();
-        errors_m.sort_by(f64::total_cmp);
-        let quantile = |share: f64| {
-            let last = errors_m.len().checked_sub(1)?;
-            errors_m
-                .get((share * last as f64).round() as usize)
-                .copied()
-        };
+        let quantile = |q: f64| percentile(&self.errors_m, q);
         let share = |count: usize| count as f64 / self.instants.max(1) as f64;
         // Chi-square with two degrees of freedom: P(x < q) = 1 - exp(-q / 2).
         let holds = |probability: f64| {
@@ -191,6 +184,26 @@ impl Measure {
                 .then(|| self.nees.iter().sum::<f64>() / self.nees.len() as f64),
         }
     }
+}
+
+/// Quantile `q` of the values, 0 to 1 (linear interpolation, numpy's default); `None` for an empty sample or if it is not
+/// finite.
+#[must_use]
+pub fn percentile(values: &[f64], q: f64) -> Option<f64> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1)?;
+    let position = q * last as f64;
+    let (low, high) = (
+        sorted[position.floor() as usize],
+        sorted[position.ceil() as usize],
+    );
+    let value = if low == high {
+        low
+    } else {
+        low + (high - low) * position.fract()
+    };
+    value.is_finite().then_some(value)
 }
 
 /// Time from an event (the start of a flight, being put elsewhere) to the first answer with a radius below 25 m that is right,
@@ -244,7 +257,8 @@ mod tests {
         ]);
         let summary = measure.summary();
         assert_relative_eq!(summary.answered, 4.0 / 6.0);
-        assert_eq!(summary.median_m, Some(8.0));
+        assert_eq!(summary.median_m, Some(5.5));
+        assert_relative_eq!(summary.p90_m.unwrap(), 9.4, epsilon = 1e-12);
         assert_relative_eq!(summary.availability_5m, 0.5);
         assert_relative_eq!(summary.availability_25m, 0.5);
         assert_relative_eq!(summary.longest_gap_s, 4.5);

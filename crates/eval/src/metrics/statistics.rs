@@ -1,5 +1,6 @@
 //! Statistics of a sample: percentiles, bootstrap intervals and the interval of a share.
 
+pub use grimnet_track::measure::percentile;
 use rand::{Rng, SeedableRng};
 
 /// Quantile of the normal distribution for a two-sided 95 % interval.
@@ -18,26 +19,6 @@ pub fn share_within(values: &[f64], limit: f64) -> f64 {
 #[must_use]
 pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
-}
-
-/// Quantile `q` of the values, 0 to 1 (linear interpolation, numpy's default); `None` for an empty sample or if it is not
-/// finite.
-#[must_use]
-pub fn percentile(values: &[f64], q: f64) -> Option<f64> {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let last = sorted.len().checked_sub(1)?;
-    let position = q * last as f64;
-    let (low, high) = (
-        sorted[position.floor() as usize],
-        sorted[position.ceil() as usize],
-    );
-    let value = if low == high {
-        low
-    } else {
-        low + (high - low) * position.fract()
-    };
-    value.is_finite().then_some(value)
 }
 
 /// 95 % percentile bootstrap interval (Efron 1979) of a figure, 1,000 resamples, fixed seed. The values are in groups that are not

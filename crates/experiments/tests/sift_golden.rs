@@ -56,6 +56,7 @@ fn keypoints_and_descriptors_are_those_of_opencv() {
         let ours = ours(&format!("{pair}_{name}.png"));
         let theirs = table(&format!("{pair}_keypoints_{name}.csv"));
         let bytes = std::fs::read(golden(&format!("{pair}_descriptors_{name}.bin"))).unwrap();
+        assert_eq!(bytes.len(), theirs.len() * DESCRIPTOR_DIM);
         let mut similarities = Vec::new();
         for (keypoint, descriptor) in theirs.iter().zip(bytes.chunks_exact(DESCRIPTOR_DIM)) {
             let Some(i) = same(&ours.keypoints, keypoint) else {

@@ -95,6 +95,7 @@ fn flown_on(reported_m_s: impl Fn(f64) -> f64) -> Vec<(Estimate, f64)> {
 fn a_single_impossible_velocity_moves_nothing() {
     let usual = flown_on(|_| SPEED_M_S);
     let single = flown_on(|time_s| if time_s == 12.0 { 110.0 } else { SPEED_M_S });
+    assert!(!usual.is_empty() && usual.len() == single.len());
     for ((usual, _), (single, error_m)) in usual.iter().zip(&single) {
         assert!(*error_m < 2.0, "{single:?}");
         assert!(single.radius95_m < 1.1 * usual.radius95_m, "{single:?}");

@@ -168,12 +168,7 @@ impl AtomicFile {
             .map_err(OutputError::io("sync to disk", &self.path))?;
         let hash = hash_of(file).map_err(OutputError::io("read back", &self.path))?;
         if let Some(checked) = &aside.checked {
-            let now = Snapshot::of(&replaced).map_err(OutputError::io("examine", &self.path))?;
-            if now != *checked {
-                return Err(OutputError::Changed {
-                    path: self.path.clone(),
-                });
-            }
+            checked.check(&replaced, &self.path)?;
         }
         before_renaming(hash)?;
         fs::rename(&aside.path, &replaced)
@@ -274,11 +269,7 @@ pub fn rename_into_place(
     take_access_rights(&file, &place.path());
     file.sync_all()
         .map_err(OutputError::io("sync to disk", written))?;
-    if Snapshot::of(&place.path()).map_err(OutputError::io("examine", path))? != *checked {
-        return Err(OutputError::Changed {
-            path: path.to_owned(),
-        });
-    }
+    checked.check(&place.path(), path)?;
     fs::rename(written, place.path())
         .map_err(OutputError::io("rename a temporary file to", path))?;
     sync_folder(&place.folder);

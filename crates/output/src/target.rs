@@ -186,4 +186,18 @@ impl Snapshot {
             metadata.modified().ok(),
         ))))
     }
+
+    /// Checks that `place` still looks so; `path` is how errors name it.
+    ///
+    /// # Errors
+    /// [`OutputError::Changed`] if it does not; [`OutputError`] if it cannot be examined.
+    pub(crate) fn check(&self, place: &Path, path: &Path) -> Result<()> {
+        let now = Self::of(place).map_err(OutputError::io("examine", path))?;
+        if now != *self {
+            return Err(OutputError::Changed {
+                path: path.to_owned(),
+            });
+        }
+        Ok(())
+    }
 }

@@ -24,18 +24,14 @@ impl Query {
     /// # Errors
     /// Status 400 if it is given twice.
     pub(crate) fn take(&mut self, name: &str) -> Result<Option<String>, Problem> {
-        let mut values: Vec<String> = Vec::new();
-        self.0.retain_mut(|(given, value)| {
-            let is_other = given != name;
-            if !is_other {
-                values.push(std::mem::take(value));
-            }
-            is_other
-        });
-        if values.len() > 1 {
+        let Some(at) = self.0.iter().position(|(given, _)| given == name) else {
+            return Ok(None);
+        };
+        let (_, value) = self.0.remove(at);
+        if self.0.iter().any(|(given, _)| given == name) {
             return Err(Problem::bad_request(format!("{name} is given twice")));
         }
-        Ok(values.pop())
+        Ok(Some(value))
     }
 
     /// Removes the value of `name`, which is false if it is not given.

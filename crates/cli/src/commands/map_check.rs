@@ -7,6 +7,7 @@ use std::time::Instant;
 use anyhow::Result;
 use clap::Args;
 use grimnet_answer::printable_text;
+use grimnet_eval::report::counted;
 use grimnet_geo::{Concern, Raster, RasterPatch, concerns, overview};
 use grimnet_limits::Limits;
 use grimnet_net::Model;
@@ -234,7 +235,7 @@ fn print(out: &mut dyn Write, report: &Report) -> Result<()> {
             out,
             "level    {:.3} m per pixel: {}",
             level.gsd_m,
-            in_words(level.tiles)
+            counted(level.tiles as usize, "tile")
         )?;
     }
     if let (Some(tiles), Some(bytes)) = (report.tiles, report.pack_bytes) {
@@ -244,7 +245,7 @@ fn print(out: &mut dyn Write, report: &Report) -> Result<()> {
         writeln!(
             out,
             "pack     {}, about {:.1} MB{time}",
-            in_words(tiles),
+            counted(tiles as usize, "tile"),
             bytes as f64 / 1e6
         )?;
     }
@@ -255,12 +256,6 @@ fn print(out: &mut dyn Write, report: &Report) -> Result<()> {
         writeln!(out, "warning  {}", printable_text(&concern.text))?;
     }
     Ok(())
-}
-
-/// `1 tile`, `2 tiles`.
-fn in_words(tiles: u64) -> String {
-    let noun = if tiles == 1 { "tile" } else { "tiles" };
-    format!("{tiles} {noun}")
 }
 
 /// `40 s`, `12 min`, `3.5 h`.

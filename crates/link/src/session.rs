@@ -267,6 +267,7 @@ impl Session {
     fn note_time(&mut self, message: &MavMessage, now_s: f64) {
         let boot_ms = match message {
             MavMessage::ATTITUDE(data) => data.time_boot_ms,
+            MavMessage::ATTITUDE_QUATERNION(data) => data.time_boot_ms,
             MavMessage::GLOBAL_POSITION_INT(data) => data.time_boot_ms,
             MavMessage::LOCAL_POSITION_NED(data) => data.time_boot_ms,
             MavMessage::SYSTEM_TIME(data) => data.time_boot_ms,

@@ -4,7 +4,7 @@ use grimnet_track::{Estimate, Input, PositionOf, Source, TrackPoint, TrackState}
 use mavlink::{
     MavHeader,
     dialects::common::{
-        ATTITUDE_DATA, AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA,
+        ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA,
         GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA, GPS_GLOBAL_ORIGIN_DATA,
         GimbalDeviceFlags, HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavCmd, MavFrame,
         MavMessage, MavModeFlag, MavParamType, MavResult, MavType, ODOMETRY_DATA, PARAM_VALUE_DATA,
@@ -346,6 +346,24 @@ fn an_autopilot_that_goes_and_starts_again_is_followed() {
         let late_s = flight.now_s - input.time_s();
         assert!((0.0..1.1).contains(&late_s), "{late_s}");
     }
+}
+
+/// It may be the first message after it.
+#[test]
+fn a_quaternion_tells_a_restart() {
+    let mut flight = Flight::new(|_| {});
+    flight.second(ARDUPILOT);
+    flight.session.inputs.clear();
+    let came_s = flight.now_s;
+    flight.says(&MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+        time_boot_ms: 500,
+        q1: 1.0,
+        ..ATTITUDE_QUATERNION_DATA::default()
+    }));
+    flight.step(0.05);
+    assert!(flight.events.contains(&LinkEvent::AutopilotRestarted));
+    let times_s: Vec<f64> = flight.session.inputs.iter().map(Input::time_s).collect();
+    assert_eq!(times_s, [came_s]);
 }
 
 #[test]

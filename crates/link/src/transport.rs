@@ -37,12 +37,13 @@ impl Transport {
     pub fn open(address: &Address) -> io::Result<Self> {
         match address {
             Address::UdpIn { host, port } => Ok(Self::Udp(Udp {
-                socket: UdpSocket::bind((host.as_str(), *port))?,
+                socket: UdpSocket::bind(resolve(host, *port)?.as_slice())?,
                 peer: None,
                 only: None,
             })),
             Address::UdpOut { host, port } => {
-                let peer = resolve(host, *port)?;
+                let addresses = resolve(host, *port)?;
+                let peer = *addresses.first().ok_or_else(|| no_address(host))?;
                 let any: IpAddr = if peer.is_ipv4() {
                     [0, 0, 0, 0].into()
                 } else {
@@ -55,7 +56,7 @@ impl Transport {
                 }))
             }
             Address::Tcp { host, port } => {
-                let stream = TcpStream::connect_timeout(&resolve(host, *port)?, TIMEOUT)?;
+                let stream = connect(host, &resolve(host, *port)?)?;
                 stream.set_nodelay(true)?;
                 stream.set_write_timeout(Some(TIMEOUT))?;
                 Ok(Self::Tcp(stream))
@@ -165,9 +166,77 @@ fn is_unreachable(error: &io::Error) -> bool {
     )
 }
 
-fn resolve(host: &str, port: u16) -> io::Result<SocketAddr> {
-    (host, port)
-        .to_socket_addrs()?
-        .next()
-        .ok_or_else(|| io::Error::new(ErrorKind::NotFound, format!("{host} has no address")))
+/// The addresses of a host.
+fn resolve(host: &str, port: u16) -> io::Result<Vec<SocketAddr>> {
+    Ok(ipv4_first((host, port).to_socket_addrs()?.collect()))
+}
+
+/// Autopilots, simulators and routers seldom listen on IPv6, which is what `localhost` and names of a local network often are first. A
+/// datagram does not tell that nobody listens.
+fn ipv4_first(mut addresses: Vec<SocketAddr>) -> Vec<SocketAddr> {
+    addresses.sort_by_key(SocketAddr::is_ipv6);
+    addresses
+}
+
+/// A connection to the first of a host's addresses that takes one.
+fn connect(host: &str, addresses: &[SocketAddr]) -> io::Result<TcpStream> {
+    let mut failure = None;
+    for address in addresses {
+        match TcpStream::connect_timeout(address, TIMEOUT) {
+            Ok(stream) => return Ok(stream),
+            Err(error) => {
+                failure.get_or_insert(error);
+            }
+        }
+    }
+    Err(failure.unwrap_or_else(|| no_address(host)))
+}
+
+fn no_address(host: &str) -> io::Error {
+    io::Error::new(ErrorKind::NotFound, format!("{host} has no address"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+
+    #[test]
+    fn of_several_addresses_the_one_that_listens_is_connected() {
+        let listening = TcpListener::bind("127.0.0.1:0").unwrap();
+        let listening_at = listening.local_addr().unwrap();
+        let closed = TcpListener::bind("127.0.0.1:0").unwrap();
+        let closed_at = closed.local_addr().unwrap();
+        drop(closed);
+        let stream = connect("two", &[closed_at, listening_at]).unwrap();
+        assert_eq!(stream.peer_addr().unwrap(), listening_at);
+        let refused = connect("one", &[closed_at]).unwrap_err();
+        assert_eq!(refused.kind(), ErrorKind::ConnectionRefused);
+        let error = connect("none", &[]).unwrap_err();
+        assert_eq!(error.to_string(), "none has no address");
+    }
+
+    #[test]
+    fn addresses_of_ipv4_come_first() {
+        let of = |texts: [&str; 4]| {
+            texts
+                .map(|text| text.parse::<SocketAddr>().unwrap())
+                .to_vec()
+        };
+        assert_eq!(
+            ipv4_first(of([
+                "[::1]:5760",
+                "127.0.0.1:5760",
+                "[fe80::1]:5760",
+                "10.0.0.2:5760"
+            ])),
+            of([
+                "127.0.0.1:5760",
+                "10.0.0.2:5760",
+                "[::1]:5760",
+                "[fe80::1]:5760"
+            ])
+        );
+    }
 }

@@ -83,6 +83,22 @@ fn a_demo_that_cannot_be_served_is_refused_before_the_work() {
     }
 }
 
+/// The service would answer without one otherwise.
+#[cfg(unix)]
+#[test]
+fn a_token_that_no_client_can_send_is_refused() {
+    use std::os::unix::ffi::OsStrExt as _;
+
+    for token in [&b""[..], b"short", b"p\xe4ssword-p\xe4ssword-p\xe4ssword"] {
+        grim()
+            .args(["serve", "--pack", "absent.grim", "--listen", "127.0.0.1:0"])
+            .env("GRIM_TOKEN", OsStr::from_bytes(token))
+            .assert()
+            .code(2)
+            .stderr(contains("GRIM_TOKEN: expected a token"));
+    }
+}
+
 #[test]
 fn a_map_is_shown_for_all_packs_that_were_built_from_it() {
     let folder = tempfile::tempdir().unwrap();

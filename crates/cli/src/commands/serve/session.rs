@@ -94,10 +94,14 @@ fn access(listen: SocketAddr, token_file: Option<&Path>, no_token: bool) -> Resu
     }
     let (text, source) = match token_file {
         Some(path) => (read_token(path)?, path.display().to_string()),
-        None => match std::env::var(TOKEN_VARIABLE) {
-            Ok(text) => (text, TOKEN_VARIABLE.to_owned()),
-            Err(_) if listen.ip().is_loopback() => return Ok(Access::ThisMachine),
-            Err(_) => bail!(
+        None => match std::env::var_os(TOKEN_VARIABLE) {
+            // One that is not UTF-8 is refused below, and not taken for none.
+            Some(text) => (
+                text.to_string_lossy().into_owned(),
+                TOKEN_VARIABLE.to_owned(),
+            ),
+            None if listen.ip().is_loopback() => return Ok(Access::ThisMachine),
+            None => bail!(
                 "{listen} can be reached from other machines; give a token that clients must send, in the variable {TOKEN_VARIABLE} or \
                  with --token-file FILE of `grim serve`, or serve everybody with its --no-token"
             ),

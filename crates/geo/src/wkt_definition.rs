@@ -8,11 +8,15 @@ use crate::{Crs, GeoError};
 
 /// Web Mercator, as ESRI names its projection.
 const WEB_MERCATOR: (&str, u32) = ("mercator_auxiliary_sphere", 3857);
+/// ESRI's stereographic projections from a pole, and the one whose origin says from where.
+const NORTH_POLE: &str = "stereographic_north_pole";
+const SOUTH_POLE: &str = "stereographic_south_pole";
+const STEREOGRAPHIC: &str = "stereographic";
 /// Radians of a degree, as the texts round them.
 const RADIANS_PER_DEGREE: f64 = std::f64::consts::PI / 180.0;
 
 /// Projection methods, by their names of GDAL and of ESRI in small letters.
-const METHODS: [(&str, ProjectionMethod); 20] = [
+const METHODS: [(&str, ProjectionMethod); 23] = [
     ("transverse_mercator", ProjectionMethod::TransverseMercator),
     ("gauss_kruger", ProjectionMethod::TransverseMercator),
     ("mercator_1sp", ProjectionMethod::Mercator),
@@ -38,6 +42,10 @@ const METHODS: [(&str, ProjectionMethod); 20] = [
     ("albers_conic_equal_area", ProjectionMethod::Albers),
     ("albers", ProjectionMethod::Albers),
     ("polar_stereographic", ProjectionMethod::PolarStereographic),
+    (NORTH_POLE, ProjectionMethod::PolarStereographic),
+    (SOUTH_POLE, ProjectionMethod::PolarStereographic),
+    // From a pole or, which is refused, from any other point.
+    (STEREOGRAPHIC, ProjectionMethod::PolarStereographic),
     (
         "oblique_stereographic",
         ProjectionMethod::ObliqueStereographic,
@@ -95,7 +103,8 @@ pub(crate) fn crs_of_definition(system: &WktNode) -> Result<Crs, String> {
                 .iter()
                 .find(|(known, _)| *known == name)
                 .ok_or_else(|| format!("the projection {name} without an EPSG code"))?;
-            projected(system, *method, parameters(system, *method)?)?
+            let parameters = with_polar_origin(&name, parameters(system, *method)?)?;
+            projected(system, *method, parameters)?
         }
         other => return Err(format!("{other} without an EPSG code")),
     };
@@ -240,6 +249,26 @@ fn parameters(system: &WktNode, method: ProjectionMethod) -> Result<ProjectionPa
     Ok(found)
 }
 
+/// Parameters with the latitude of origin that [`ProjectionMethod::PolarStereographic`] takes: ESRI states the latitude of true scale as
+/// a standard parallel, and the pole by the name of the method.
+fn with_polar_origin(
+    name: &str,
+    mut parameters: ProjectionParameters,
+) -> Result<ProjectionParameters, String> {
+    let sign: f64 = match name {
+        NORTH_POLE => 1.0,
+        SOUTH_POLE => -1.0,
+        STEREOGRAPHIC if parameters.lat_0_deg.abs() != 90.0 => {
+            return Err("a stereographic projection from another point than a pole".to_string());
+        }
+        _ => return Ok(parameters),
+    };
+    let parallel_deg = parameters.lat_1_deg.filter(|lat_1| lat_1 * sign > 0.0);
+    parameters.lat_0_deg =
+        parallel_deg.ok_or_else(|| format!("{name} without a standard parallel on its side"))?;
+    Ok(parameters)
+}
+
 /// Whether Web Mercator has its own origin.
 fn is_plain(parameters: &ProjectionParameters) -> bool {
     let ProjectionParameters {
@@ -379,6 +408,22 @@ mod tests {
                 (100_000.0, 1_500_000.0),
                 (3.814074834, -76.227881287),
             ),
+            // EPSG:3413, 3031 and 32761.
+            (
+                r#"PROJCS["WGS_1984_NSIDC_Sea_Ice_Polar_Stereographic_North",GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Stereographic_North_Pole"],PARAMETER["False_Easting",0.0],PARAMETER["False_Northing",0.0],PARAMETER["Central_Meridian",-45.0],PARAMETER["Standard_Parallel_1",70.0],UNIT["Meter",1.0]]"#,
+                (123_456.0, -1_900_000.0),
+                (-41.282327296, 72.5541787),
+            ),
+            (
+                r#"PROJCS["WGS_1984_Antarctic_Polar_Stereographic",GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Stereographic_South_Pole"],PARAMETER["False_Easting",0.0],PARAMETER["False_Northing",0.0],PARAMETER["Central_Meridian",0.0],PARAMETER["Standard_Parallel_1",-71.0],UNIT["Meter",1.0]]"#,
+                (300_000.0, -1_300_000.0),
+                (167.005383208, -77.765607138),
+            ),
+            (
+                r#"PROJCS["UPS_South",GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]],PROJECTION["Stereographic"],PARAMETER["False_Easting",2000000.0],PARAMETER["False_Northing",2000000.0],PARAMETER["Central_Meridian",0.0],PARAMETER["Scale_Factor",0.994],PARAMETER["Latitude_Of_Origin",-90.0],UNIT["Meter",1.0]]"#,
+                (1_900_000.0, 2_300_000.0),
+                (-18.434948823, -87.152274993),
+            ),
             (
                 r#"GEOGCS["GCS_WGS_1984",DATUM["D_WGS_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]],PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]]"#,
                 (120.5, 24.5),
@@ -486,6 +531,14 @@ mod tests {
         for (projection, words) in [
             (r#"PROJECTION["Bonne"]"#, "bonne"),
             (r#"PROJECTION["Hotine_Oblique_Mercator"]"#, "azimuth"),
+            (
+                r#"PROJECTION["Stereographic"],PARAMETER["latitude_of_origin",50]"#,
+                "another point",
+            ),
+            (
+                r#"PROJECTION["Stereographic_South_Pole"],PARAMETER["standard_parallel_1",71]"#,
+                "on its side",
+            ),
             (r#"PROJECTION["Krovak"]"#, "axes point"),
             (r#"PROJECTION["Krovak"],PARAMETER["X_Scale",1]"#, "x_scale"),
             (

@@ -96,8 +96,10 @@ fn find_autopilot(
     let mut session = Session::without_telemetry(link_options, clock.now_s());
     let within = Duration::try_from_secs_f64(options.within_s).unwrap_or(Duration::MAX);
     let began = Instant::now();
+    let mut something_came = false;
     loop {
         let mut events = exchange(connection, &mut session, &clock, WAIT, &|_| None);
+        something_came |= connection.has_received();
         // That there is no track is no news here.
         session
             .events
@@ -110,10 +112,16 @@ fn find_autopilot(
                 let failure = connection.failure().map(|why| format!(" ({why})"));
                 let wanted = options.system_id;
                 let wanted = wanted.map(|id| format!("; system {id} was awaited"));
+                let unread = if something_came {
+                    "; bytes came, but no heartbeat of an autopilot that is taken in: the baud rate, the version of MAVLink or \
+                     the signing key may be another"
+                } else {
+                    ""
+                };
                 return Err(LinkError::NoAutopilot {
                     address: options.address.to_string(),
                     within_s: options.within_s,
-                    reason: failure.unwrap_or_default() + &wanted.unwrap_or_default(),
+                    reason: failure.unwrap_or_default() + &wanted.unwrap_or_default() + unread,
                 });
             }
             Some(_) | None => {}

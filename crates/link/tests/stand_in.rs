@@ -509,6 +509,27 @@ fn a_system_that_was_awaited_in_vain_is_named() {
 }
 
 #[test]
+fn an_autopilot_that_is_not_taken_in_is_told_from_silence() {
+    let (socket, address) = udp();
+    let options = CheckOptions {
+        address,
+        output: None,
+        system_id: None,
+        signing: Some(SigningKey::from_bytes([7; 32])),
+        within_s: 0.5,
+    };
+    let error = || check(&options, &mut |_| {}).unwrap_err().to_string();
+    let silence = error();
+    assert!(!silence.contains("bytes came"), "{silence}");
+    let _unsigned = StandIn::ardupilot(Wire::Udp(socket)).start();
+    let unsigned = error();
+    assert!(
+        unsigned.contains("the signing key may be another"),
+        "{unsigned}"
+    );
+}
+
+#[test]
 fn of_several_senders_to_a_port_the_one_that_is_awaited_is_heard() {
     // The first one sends what holds no message.
     let mut senders = vec![(udp().0, b"$GPGGA,,,,,,0,,,,,,,,*66\r\n".to_vec())];

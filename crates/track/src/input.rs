@@ -1,11 +1,16 @@
 //! What the filter takes in, each with the time at which it was true (not the time at which it arrived).
 
 use std::cmp::Ordering;
+use std::ops::RangeInclusive;
 
 use grimnet_geo::LonLat;
 use serde::{Deserialize, Serialize};
 
 use crate::attitude::Attitude;
+
+/// Heights above ground that are taken, metres. Below them an aircraft stands; above them a height is in another unit or a mark for none,
+/// such as 65535.
+pub const HEIGHT_AGL_RANGE_M: RangeInclusive<f64> = 1.0..=20_000.0;
 
 /// A position measured from one photo: the ground point at the photo's centre.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -3,7 +3,7 @@
 use grimnet_geo::LonLat;
 
 use crate::error::InputError;
-use crate::input::{Input, PositionFix};
+use crate::input::{HEIGHT_AGL_RANGE_M, Input, PositionFix};
 
 impl Input {
     /// Checks that every number is finite and in its range.
@@ -19,8 +19,8 @@ impl Input {
                 finite("roll_deg", a.roll_deg)
             }
             Self::Height(h) => {
-                let possible = h.agl_m.is_finite() && h.agl_m > 0.0;
-                require("agl_m", h.agl_m, possible, "finite and above 0")?;
+                let possible = HEIGHT_AGL_RANGE_M.contains(&h.agl_m);
+                require("agl_m", h.agl_m, possible, "in [1, 20000]")?;
                 h.amsl_m.map_or(Ok(()), |value| finite("amsl_m", value))
             }
             Self::Velocity(v) => {
@@ -103,7 +103,7 @@ fn require(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::input::tests::fix;
+    use crate::input::{Height, tests::fix};
 
     #[test]
     fn what_cannot_be_is_refused_by_name() {
@@ -179,5 +179,22 @@ mod tests {
             }
         }
         assert!(Input::Fix(fix()).validate().is_ok());
+    }
+
+    #[test]
+    fn heights_that_no_aircraft_has_are_refused() {
+        let height = |agl_m| {
+            Input::Height(Height {
+                time_s: 0.0,
+                agl_m,
+                amsl_m: None,
+            })
+            .validate()
+        };
+        for agl_m in [f64::NAN, -3.0, 0.05, 65_535.0, 1e300] {
+            let refused = height(agl_m).unwrap_err().to_string();
+            assert!(refused.contains("agl_m"), "{refused}");
+        }
+        assert_eq!([1.0, 20_000.0].map(height), [Ok(()), Ok(())]);
     }
 }

@@ -59,7 +59,7 @@ mod window;
 pub use attitude::Attitude;
 pub use error::{InputError, OptionsError};
 pub use hypothesis::PositionOf;
-pub use input::{Height, Input, Miss, PositionFix, RelativeMotion, Velocity};
+pub use input::{HEIGHT_AGL_RANGE_M, Height, Input, Miss, PositionFix, RelativeMotion, Velocity};
 pub use lag::Taken;
 pub use options::{GATE_99_9_PERCENT, Start, TrackOptions, Vehicle};
 pub use point::{Estimate, Source, TrackPoint, TrackState};

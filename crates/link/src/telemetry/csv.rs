@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use csv::{ReaderBuilder, StringRecord};
-use grimnet_track::{Attitude, Height, Input, Velocity};
+use grimnet_track::{Attitude, HEIGHT_AGL_RANGE_M, Height, Input, Velocity};
 
 use super::recorded::{Telemetry, TelemetryClock};
 use crate::time_text::unix_s_from_rfc3339;
@@ -203,7 +203,7 @@ impl Columns {
             });
         }
         if let [Some(agl_m), amsl_m] = numbers(&self.height)?[..]
-            && agl_m > 0.0
+            && HEIGHT_AGL_RANGE_M.contains(&agl_m)
         {
             others.push(Input::Height(Height {
                 time_s,
@@ -285,6 +285,8 @@ mod tests {
     fn what_was_not_measured_is_unknown() {
         let text = "time,height_agl_m,altitude_amsl_m,velocity_east_m_s,velocity_north_m_s\n\
                     1.5,100,nan,NaN,NaN\n\
+                    1.6,65535,130,,\n\
+                    1.7,0.05,130,,\n\
                     2.5,inf,130,1,2\n";
         let telemetry = parse(text.as_bytes()).unwrap();
         let height = Height {

@@ -4,12 +4,9 @@
 //! 3.4]`, `[gb_yaw: 1.0 gb_pitch: -90.0 gb_roll: 0.0]`, `BAROMETER:1.9`, `H 58.20m` and `G.PRY (-90.0°, 0.0°, 172.4°)`. What is
 //! bracketed by `<` and `>` is formatting.
 
-use grimnet_track::{Attitude, Height, Input};
+use grimnet_track::{Attitude, HEIGHT_AGL_RANGE_M, Height, Input};
 
 use super::recorded::{Telemetry, TelemetryClock};
-
-/// Heights above the take-off point below this are those of an aircraft that stands, metres.
-const LOWEST_M: f64 = 1.0;
 
 /// Reads the content of a file.
 pub(super) fn parse(text: &str) -> Telemetry {
@@ -41,7 +38,7 @@ fn push_inputs(body: &str, time_s: f64, inputs: &mut Vec<Input>) {
     let height = ["rel_alt", "BAROMETER", "H"]
         .iter()
         .find_map(|key| number_after(body, key));
-    if let Some(agl_m) = height.filter(|height| *height >= LOWEST_M) {
+    if let Some(agl_m) = height.filter(|height| HEIGHT_AGL_RANGE_M.contains(height)) {
         inputs.push(Input::Height(Height {
             time_s,
             agl_m,

@@ -1,6 +1,6 @@
 //! MISB ST 0601: metadata of a UAS in KLV packets.
 
-use grimnet_track::{Attitude, Height, Input, Velocity};
+use grimnet_track::{Attitude, HEIGHT_AGL_RANGE_M, Height, Input, Velocity};
 use nalgebra::UnitQuaternion;
 
 use super::mpeg_ts::Unit;
@@ -19,8 +19,6 @@ const HEAD_BYTES: usize = 1 << 16;
 const MOST_PACKET_BYTES: usize = 1 << 16;
 /// The velocity is stated without an error, metres per second, 1 sigma.
 const VELOCITY_SIGMA_M_S: f64 = 0.5;
-/// Heights above ground below this are those of an aircraft that stands, metres.
-const LOWEST_M: f64 = 1.0;
 
 /// Whether the bytes hold packets.
 pub(super) fn is_klv(bytes: &[u8]) -> bool {
@@ -162,7 +160,7 @@ impl Packet {
             )));
         }
         if let (Some(amsl_m), Some(ground_m)) = (self.altitude_amsl_m, self.ground_amsl_m)
-            && amsl_m - ground_m >= LOWEST_M
+            && HEIGHT_AGL_RANGE_M.contains(&(amsl_m - ground_m))
         {
             inputs.push(Input::Height(Height {
                 time_s,

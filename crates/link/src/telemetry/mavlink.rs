@@ -1,6 +1,6 @@
 //! Telemetry of an autopilot.
 
-use grimnet_track::{Attitude, Height, Input, Velocity};
+use grimnet_track::{Attitude, HEIGHT_AGL_RANGE_M, Height, Input, Velocity};
 use mavlink::dialects::common::{
     ALTITUDE_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA,
     LOCAL_POSITION_NED_DATA, MavMessage,
@@ -19,8 +19,6 @@ const PREFER_S: f64 = 1.0;
 const HOLD_S: f64 = 1.0;
 /// The ground that a rangefinder measured longer ago is no longer the ground below, seconds: a roof or a valley was passed by then.
 const GROUND_HOLD_S: f64 = 30.0;
-/// Heights above ground below this are those of an aircraft that stands, metres.
-const LOWEST_M: f64 = 1.0;
 
 /// What is read of an autopilot's telemetry, and how.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -225,9 +223,11 @@ impl MavlinkTelemetry {
         // and the ground last seen is nearer than home.
         let agl_m = recent(self.home_above_ground_m, now_s, GROUND_HOLD_S)
             .map(|home_above_ground_m| relative_m + home_above_ground_m)
-            .filter(|agl_m| *agl_m >= LOWEST_M)
+            .filter(|agl_m| HEIGHT_AGL_RANGE_M.contains(agl_m))
             .unwrap_or(relative_m);
-        if agl_m >= LOWEST_M && recent(self.above_ground, now_s, PREFER_S).is_none() {
+        if HEIGHT_AGL_RANGE_M.contains(&agl_m)
+            && recent(self.above_ground, now_s, PREFER_S).is_none()
+        {
             inputs.push(Input::Height(Height {
                 time_s,
                 agl_m,
@@ -252,7 +252,7 @@ impl MavlinkTelemetry {
     /// ALTITUDE has no time since the start that all autopilots agree on; heights change slowly.
     fn take_altitude(&mut self, data: &ALTITUDE_DATA, now_s: f64, inputs: &mut Vec<Input>) {
         let agl_m = f64::from(data.bottom_clearance);
-        if agl_m.is_finite() && agl_m >= LOWEST_M {
+        if HEIGHT_AGL_RANGE_M.contains(&agl_m) {
             self.above_ground = Some((now_s, ()));
             if let Some(relative_m) = recent(self.relative_m, now_s, HOLD_S) {
                 self.home_above_ground_m = Some((now_s, agl_m - relative_m));

@@ -1,12 +1,13 @@
 //! Follows a flight over a map: each photo is searched where the track says, and its fix moves the track on.
 //!
 //! ```no_run
-//! use grimnet_flight::{Flight, FlightOptions, Known};
+//! use grimnet_flight::{Attitude, Flight, FlightOptions, Input, Known};
 //! use grimnet_locate::Localizer;
 //! use grimnet_photo::Photo;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
 //! let mut flight = Flight::new(Localizer::open("area.grim")?, FlightOptions::default())?;
+//! flight.push(Input::Attitude(Attitude { time_s: 0.2, yaw_deg: 92.0, pitch_deg: 4.0, roll_deg: 0.0 }))?;
 //! for (number, name) in ["a.jpg", "b.jpg", "c.jpg"].into_iter().enumerate() {
 //!     let answer = flight.frame(&Photo::open(name)?, 0.5 * number as f64, &Known::default());
 //!     if let Some(point) = answer.point {
@@ -59,3 +60,9 @@ pub use frame::{FrameAnswer, FrameTimeMs, Known, Searched};
 pub use left_out::LeftOut;
 pub use position_fix::position_fix;
 pub use warning::{ClockWarning, Warning};
+
+/// What goes into a flight and what comes out of it, as the filter has it.
+pub use grimnet_track::{
+    Attitude, Estimate, Height, Input, InputError, Miss, OptionsError, PositionFix, PositionOf,
+    RelativeMotion, Source, Start, Taken, TrackOptions, TrackPoint, TrackState, Vehicle, Velocity,
+};

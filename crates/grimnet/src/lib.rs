@@ -29,6 +29,10 @@
 //! [`Localizer`] returns [`LocateError`], [`Photo`] returns [`PhotoError`], [`map::build`] returns [`map::BuildError`]. A photo whose
 //! position is not found is no error but [`Outcome::NoFix`] with a [`Reason`].
 //!
+//! # Warnings
+//! What is no error but may make positions wrong, such as a map whose shift to WGS 84 is coarse, is an event of the crate `tracing`, of the
+//! level `WARN`: a program that sets no subscriber does not see it.
+//!
 //! # Threads
 //! A [`Localizer`] may be shared by threads. One search, and one [`map::build`], is computed on the rayon pool of the thread that calls it:
 //! the global pool, with all cores, unless it is called within `rayon::ThreadPool::install`. A build reads its map on a thread of its own,

@@ -76,8 +76,9 @@ impl LocalizerBuilder {
     /// Opens the pack at `path` and builds the localiser.
     ///
     /// # Errors
-    /// Returns an error if the pack cannot be opened, was built with another model or not in the mode that the settings want, the
-    /// model cannot run, or a setting is invalid.
+    /// Returns an error if the pack cannot be opened or was built with another model, the settings want paper mode and it was not built
+    /// in it, the model cannot run, or a setting is invalid. A pack of paper mode is searched in default mode too; its tiles have another
+    /// size, so that fewer photos get a fix.
     pub fn open(self, path: impl AsRef<Path>) -> Result<Localizer> {
         self.build(Pack::open(path)?)
     }
@@ -251,7 +252,7 @@ impl Localizer {
     /// ([`Adapt::Flight`]). Every answer then depends on these photos, which are taken one at a time. Damaged photos are left out.
     ///
     /// # Errors
-    /// Returns an error if a photo cannot be resampled, there is none, or the pack is not of the mode that the settings want.
+    /// Returns an error if a photo cannot be resampled, there is none, or the settings want paper mode and the pack was not built in it.
     pub fn adapted_to_flight<'a, P: Borrow<Photo>>(
         self,
         photos: impl IntoIterator<Item = (P, &'a Prior)>,

@@ -9,6 +9,7 @@
 mod answers;
 mod errors;
 mod features;
+mod library_log;
 mod localizer;
 mod long_work;
 mod matching;
@@ -24,6 +25,7 @@ use pyo3::prelude::*;
 
 #[pymodule]
 fn _grimnet(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    library_log::start();
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     errors::add_to(module)?;
     module.add_class::<answers::Fix>()?;

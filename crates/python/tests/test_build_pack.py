@@ -43,6 +43,15 @@ def test_precision_is_that_of_the_program(grim, demo, tmp_path):
         grimnet.build_pack(demo / "map.tif", tmp_path / "none.grim", precision="f16")
 
 
+def test_warnings_of_the_library_are_logged(demo, tmp_path, caplog):
+    # A shift to WGS 84 of three parameters, and not the system that the map's file states.
+    grimnet.build_pack(demo / "map.tif", tmp_path / "area.grim", gsd_m=GSD_M, crs="EPSG:23032")
+    records = [record for record in caplog.records if record.name == "grimnet"]
+    assert {record.levelname for record in records} == {"WARNING"}
+    assert any("positions can be off by tens of metres" in record.getMessage() for record in records)
+    assert any("the file itself states EPSG:" in record.getMessage() for record in records)
+
+
 def test_an_exception_in_the_callback_ends_the_build(demo, tmp_path):
     out = tmp_path / "area.grim"
 

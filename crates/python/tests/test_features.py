@@ -94,6 +94,10 @@ def test_wrong_input(pair, photos):
         grimnet.match(np.zeros((3, 4), np.float32), pair[0])
     with pytest.raises(grimnet.InvalidValueError):
         grimnet.match(*pair, max_ratio=0.0)
+    # A pebibyte of similarities: refused, where the lack of memory would end the process.
+    many = np.zeros((1 << 24, 1), np.float32)
+    with pytest.raises(grimnet.InvalidValueError, match="no memory for 16777216 x 16777216 similarities"):
+        grimnet.match(many, many)
     with pytest.raises(grimnet.InvalidValueError, match="domain"):
         grimnet.FeatureExtractor(domain="map")
     with pytest.raises(grimnet.InvalidValueError, match="threshold"):

@@ -68,6 +68,14 @@ pub enum MatchingError {
         /// Dimension of a descriptor.
         dim: usize,
     },
+    /// There is no memory for the similarities of all pairs.
+    #[error("no memory for {rows} x {columns} similarities; match fewer descriptors at a time")]
+    Memory {
+        /// Descriptors of the query.
+        rows: usize,
+        /// Descriptors of the tile.
+        columns: usize,
+    },
 }
 
 /// Compares descriptors; keeps its buffers from one pair of pictures to the next.
@@ -128,7 +136,7 @@ impl Matcher {
     /// Compares all unit descriptors of dimension `dim` of one picture with all of the other.
     ///
     /// # Errors
-    /// Returns an error if the two sides differ in type, or a length is not a multiple of `dim`.
+    /// Returns an error if the two sides differ in type, a length is not a multiple of `dim`, or there is no memory for the similarities.
     pub fn compare(
         &mut self,
         query: Descriptors<'_>,
@@ -142,6 +150,7 @@ impl Matcher {
         match (query, tile) {
             (Descriptors::F32(query), Descriptors::F32(tile)) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
+                reserve(&mut self.f32.scores, m, n)?;
                 let mut table = Table {
                     isa: self.isa,
                     buffers: &mut self.f32,
@@ -167,6 +176,7 @@ impl Matcher {
                 },
             ) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
+                reserve(&mut self.i32.scores, m, n)?;
                 let mut table = Table {
                     isa: self.isa,
                     buffers: &mut self.i32,
@@ -183,6 +193,17 @@ impl Matcher {
             _ => Err(MatchingError::Kinds),
         }
     }
+}
+
+/// Makes room for the similarities of all pairs. Without this a lack of memory would end the process.
+///
+/// # Errors
+/// [`MatchingError::Memory`].
+fn reserve<S>(scores: &mut Vec<S>, rows: usize, columns: usize) -> Result<(), MatchingError> {
+    let lacks = MatchingError::Memory { rows, columns };
+    let pairs = rows.checked_mul(columns).ok_or(lacks)?;
+    let more = pairs.saturating_sub(scores.len());
+    scores.try_reserve(more).map_err(|_| lacks)
 }
 
 impl Similarities<'_> {

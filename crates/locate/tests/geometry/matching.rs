@@ -183,3 +183,20 @@ fn matching_refuses_what_it_cannot_compare() {
         [(0, 0)]
     );
 }
+
+#[test]
+fn pairs_for_which_there_is_no_memory_are_refused() {
+    // A pebibyte of similarities.
+    let rows = 1 << 24;
+    let values = vec![0_i8; rows];
+    let many = Descriptors::I8 {
+        values: &values,
+        scale: 1.0,
+    };
+    let refused = Matcher::new(Isa::detect()).mutual(many, many, 1, None, &mut Vec::new());
+    let expected = grimnet_locate::MatchingError::Memory {
+        rows,
+        columns: rows,
+    };
+    assert_eq!(refused, Err(expected));
+}

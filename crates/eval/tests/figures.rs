@@ -37,6 +37,15 @@ fn an_error_of_hundreds_of_metres_is_drawn_where_it_belongs() {
 }
 
 #[test]
+fn errors_of_a_good_flight_fill_the_figure() {
+    let svg = error_per_frame(&frames(&[Some(0.5), Some(4.5)])).unwrap();
+    let [near, far] = circles_px(&svg)[..] else {
+        panic!("two errors: {svg}");
+    };
+    assert!(near - far > 150.0, "{near} and {far} px from the top");
+}
+
+#[test]
 fn every_frame_of_every_run_is_drawn() {
     let (ours, theirs) = (
         frames(&[Some(1.0), None, Some(2.0), Some(900.0)]),

@@ -31,8 +31,12 @@ export function ellipse(point) {
   return ring;
 }
 
+/** Least seconds that are taken for a date: those of 2001 since 1970. */
+const DATES_FROM_S = 1e9;
+
 /** A frame of a track in words. */
 export function frameText({ number, time_s, point }) {
   const where = point?.lat_deg === undefined ? "" : `, ${point.lat_deg.toFixed(6)}, ${point.lon_deg.toFixed(6)}, within ${point.radius95_m.toFixed(1)} m`;
-  return `${point?.state ?? "no position"} at frame ${number} (${time_s} s)${where}`;
+  const time = time_s >= DATES_FROM_S ? new Date(1000 * time_s).toISOString() : `${time_s} s`;
+  return `${point?.state ?? "no position"} at frame ${number} (${time})${where}`;
 }

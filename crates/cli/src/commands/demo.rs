@@ -21,7 +21,7 @@ use grimnet_world::WorldConfig;
 
 use super::ModelChoice;
 use super::demo_flight::follow_crossing;
-use super::eval_pictures::matches_jpeg;
+use super::eval_pictures::{COLOURS, matches_jpeg};
 use super::eval_run::{answers, evaluate_all};
 use super::map::build_with_bar;
 use super::results::print_summary;
@@ -177,7 +177,9 @@ fn report(photos: usize, runs: Vec<Run>, pictures: Vec<Picture>) -> Report {
                  camera and metadata errors; {:.0} m of town and countryside at {MAP_GSD_M} m per pixel.",
                 WorldConfig::default().size_m
             ),
-            "Everything here was made by this program: there is no such town, and real maps are harder.".into(),
+            "Everything here was made by this program: there is no such town, and real maps are harder. The map has no error of its own, so \
+             that the stated radii leave it out; grim locate and grim eval count 1 m per axis (--map-error)."
+                .into(),
         ],
         runs,
         pictures,
@@ -222,7 +224,7 @@ fn draw_some(scene: &Scene, trials: &[Trial], folder: &OutputFolder) -> Result<V
         };
         folder.write_bytes(&shot.name, &jpeg)?;
         pictures.push(Picture {
-            caption: format!("{}: error {:.1} m", shot.name, error_m(i)),
+            caption: format!("{}: error {:.1} m ({COLOURS})", shot.name, error_m(i)),
             jpeg,
         });
     }

@@ -30,7 +30,7 @@ use super::eval_track_flights::{self, TownSearch};
 use super::eval_track_hidden;
 use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight};
 use super::map::build_with_bar;
-use super::results::{print_retrieval, print_summary};
+use super::results::{print_report_path, print_retrieval, print_summary};
 use crate::exit::Exit;
 use crate::outputs::OWN_MAGICS;
 use crate::procedural_flight::{MAP, draw_map, make_flight};
@@ -209,6 +209,7 @@ fn evaluate_and_write(
     folder.write_bytes(RECALL, (recall_json + "\n").as_bytes())?;
     print_summary(&runs)?;
     print_retrieval(&retrievals)?;
+    print_report_path(folder, &FILE_NAMES)?;
     Ok(Exit::Done)
 }
 

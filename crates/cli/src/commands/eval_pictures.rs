@@ -19,6 +19,10 @@ const WORST: usize = 5;
 /// JPEG quality of the map.
 const MAP_JPEG_QUALITY: u8 = 82;
 
+/// What the colours of a picture of matches mean.
+pub const COLOURS: &str =
+    "matches that agree in green, others in red, outline of the photo in yellow";
+
 /// Draws the map of one run, then the worst photos: misses first, then by error.
 ///
 /// # Errors
@@ -52,7 +56,10 @@ pub fn draw(
                 reason.as_deref().unwrap_or("no reason given")
             ),
         };
-        pictures.push(Picture { caption, jpeg });
+        pictures.push(Picture {
+            caption: format!("{caption} ({COLOURS})"),
+            jpeg,
+        });
     }
     folder.prune(|_| true)?;
     Ok(pictures)

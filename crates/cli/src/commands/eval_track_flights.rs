@@ -9,7 +9,7 @@ use grimnet_eval::tracks::about::TrackAbout;
 use grimnet_eval::tracks::figures::ThreeFigures;
 use grimnet_eval::tracks::figures_table::ROWS;
 use grimnet_eval::tracks::rendered::{FlownFrames, RenderedFlight, RenderedPlan};
-use grimnet_eval::tracks::results::TrackResults;
+use grimnet_eval::tracks::results::{TRACK_FILES, TrackResults};
 use grimnet_eval::tracks::simulated::{FixStatistics, simulate};
 use grimnet_eval::tracks::stored_flight::{read_stored_flight, stored_flight};
 use grimnet_eval::tracks::three_runs::{FlightRuns, ThreeRuns};
@@ -20,6 +20,7 @@ use grimnet_track::TrackOptions;
 use indicatif::ProgressBar;
 
 use super::eval_track_options::{TrackEvalOptions, flown_area};
+use super::results::print_report_path;
 use crate::exit::Exit;
 use crate::procedural_flight::make_town;
 use crate::progress;
@@ -106,6 +107,7 @@ pub fn fly(
     if let Some(simulated) = &results.simulated {
         print("simulated", simulated)?;
     }
+    print_report_path(folder, &TRACK_FILES)?;
     Ok(Exit::Done)
 }
 

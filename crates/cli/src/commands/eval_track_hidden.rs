@@ -8,12 +8,13 @@ use grimnet_eval::scene::Scene;
 use grimnet_eval::tracks::about::TrackAbout;
 use grimnet_eval::tracks::hidden::{TimedShot, predict_hidden};
 use grimnet_eval::tracks::hidden_figures::figures;
-use grimnet_eval::tracks::hidden_results::hidden_files;
+use grimnet_eval::tracks::hidden_results::{HIDDEN_FILES, hidden_files};
 use grimnet_locate::Localizer;
 use grimnet_output::OutputFolder;
 use grimnet_photo::Photo;
 use grimnet_track::TrackOptions;
 
+use super::results::print_report_path;
 use crate::exit::Exit;
 use crate::progress;
 use crate::standard_output::StandardOutput;
@@ -80,5 +81,6 @@ pub fn hide(
             metres(f.radius95_median_m),
         )?;
     }
+    print_report_path(folder, &HIDDEN_FILES)?;
     Ok(Exit::Done)
 }

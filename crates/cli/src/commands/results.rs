@@ -3,10 +3,12 @@
 use std::io::Write;
 
 use anyhow::Result;
+use grimnet_answer::printable;
 use grimnet_eval::metrics::footprint::FootprintSummary;
 use grimnet_eval::metrics::recall::RECALL_AT;
 use grimnet_eval::report::{Run, counted};
 use grimnet_eval::retrieval::RetrievalSummary;
+use grimnet_output::OutputFolder;
 
 use crate::standard_output::StandardOutput;
 
@@ -181,6 +183,18 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
     row(&format!("R@5, centre within {radius:.0} px"), &|r| {
         r.near.by_descriptor[index(5)]
     })
+}
+
+/// Says where the page of the results is, which is among `files` in `folder`.
+///
+/// # Errors
+/// Standard output is closed.
+pub fn print_report_path(folder: &OutputFolder, files: &[&str]) -> Result<()> {
+    if let Some(page) = files.iter().find(|name| name.ends_with(".html")) {
+        let path = folder.path().join(page).display().to_string();
+        writeln!(StandardOutput, "\nThe report is {}", printable(&path))?;
+    }
+    Ok(())
 }
 
 fn line(name: &str, cells: impl Iterator<Item = String>) -> Result<()> {

@@ -62,6 +62,9 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
     for (number, name) in [(1, "flight_001.jpg"), (2, "far.jpg"), (3, "alone.jpg")] {
         std::fs::copy(photo(number), photos.join(name)).unwrap();
     }
+    for number in 1..=3 {
+        std::fs::write(photos.join(format!("other{number}.jpg")), "").unwrap();
+    }
     let bad = "gone.jpg,1.0,1.5,0,100\nnan.jpg,NaN,1.5,0,100\nfar.jpg,48.0,11.0,0,100";
     let table = format!("{header}\n{first}\n{bad}\n");
     std::fs::write(folder.path().join("truth.csv"), table).unwrap();
@@ -79,7 +82,8 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
         .stderr(contains("gone.jpg: listed in the truth file but missing"))
         .stderr(contains("line 4: `lat_deg` is `NaN`"))
         .stderr(contains("far.jpg: its true position is off the map"))
-        .stderr(contains("alone.jpg: has no truth"));
+        .stderr(contains("alone.jpg: has no truth"))
+        .stderr(contains("photos: 1 more without truth"));
     let summary = json(&out.join("summary.json"));
     assert_eq!(summary["heading_from_the_photo"]["frames"], 1);
     assert_eq!(summary["about"]["mode"], "default");
@@ -167,6 +171,10 @@ fn footprint_place_and_answerability_come_from_the_truth_file() {
         .assert()
         .success()
         .stdout(contains("right (within 5 % of footprint)"))
+        .stdout(contains(format!(
+            "The report is {}",
+            out.join("report.html").display()
+        )))
         .stderr(contains("1 of 2 photos have no true heading"));
     let summary = json(&out.join("summary.json"));
     let figures = &summary["heading_known"]["footprint"];

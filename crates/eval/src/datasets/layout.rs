@@ -120,7 +120,8 @@ impl DataSet {
             Self::anyvisloc(request)
         } else {
             tracing::warn!(
-                "{}: no {TRUTH_FILE}; the truth is the receiver's position in the photos' EXIF",
+                "{}: no {TRUTH_FILE}; the truth is the receiver's position in the photos' EXIF, not the image centre: its own error \
+                 and the tilt of the camera count as errors",
                 folder.display()
             );
             Self::by_exif(request)
@@ -379,6 +380,9 @@ fn has_truth_file(folder: &Path) -> bool {
     folder.join(TRUTH_FILE).symlink_metadata().is_ok()
 }
 
+/// Photos without a truth that are named; more are counted.
+const MOST_NAMED: usize = 3;
+
 /// The truths that can be scored: the photo exists and its position is known. All others are logged as warnings.
 fn scorable(
     truth: Vec<TruthFrame>,
@@ -403,10 +407,13 @@ fn scorable(
             usable.push((frame, path));
         }
     }
-    for path in picture_files(photos).unwrap_or_default() {
-        if !listed.contains(&plain_path(&path)) {
-            tracing::warn!("{}: has no truth; skipped", path.display());
-        }
+    let mut without = picture_files(photos).unwrap_or_default();
+    without.retain(|path| !listed.contains(&plain_path(path)));
+    for path in without.iter().take(MOST_NAMED) {
+        tracing::warn!("{}: has no truth; skipped", path.display());
+    }
+    if let Some(more @ 1..) = without.len().checked_sub(MOST_NAMED) {
+        tracing::warn!("{}: {more} more without truth; skipped", photos.display());
     }
     if usable.is_empty() {
         return Err(DataSetError::NoTruth(photos.to_owned()));

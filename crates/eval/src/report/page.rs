@@ -81,8 +81,9 @@ impl Report {
         ));
         for run in &self.runs {
             let caption = format!(
-                "{}: error of each photo with the stated 95 % radius (a gap is a photo without a fix)",
-                run.name
+                "{}: error of each photo with the stated 95 % radius (a gap is a photo without a fix, red an error above {:.0} m)",
+                run.name,
+                plot::AXIS_M
             );
             figures.push((plot::error_per_frame(&run.frames)?, caption));
         }

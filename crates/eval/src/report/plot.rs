@@ -23,8 +23,11 @@ impl<E: std::error::Error + Send + Sync> From<DrawingAreaErrorKind<E>> for PlotE
 /// Size of every curve.
 const SIZE_PX: (u32, u32) = (900, 320);
 
-/// Largest error that distributions show, metres.
-const AXIS_M: f64 = 30.0;
+/// Largest error that distributions show, and above which a photo's error is red, metres.
+pub(super) const AXIS_M: f64 = 30.0;
+
+/// Least top of an axis that reaches to the largest error, metres.
+const LEAST_AXIS_M: f64 = 5.0;
 
 /// Least top of the axis of failures, percent.
 const RISK_AXIS_PERCENT: f64 = 20.0;
@@ -52,6 +55,8 @@ pub fn svg_chart(
         let root = SVGBackend::with_string(&mut svg, size_px).into_drawing_area();
         let mut chart = ChartBuilder::on(&root)
             .margin(10)
+            // Half of the last label of the horizontal axis.
+            .margin_right(24)
             .x_label_area_size(below_px)
             .y_label_area_size(48)
             .build_cartesian_2d(x, y)?;
@@ -124,10 +129,10 @@ pub fn error_distribution(runs: &[(&str, &[Frame])]) -> Result<String, PlotError
     })
 }
 
-/// Top of an axis of errors that shows every error of the frames, at least [`AXIS_M`], metres.
+/// Top of an axis of errors that shows every error of the frames, at least [`LEAST_AXIS_M`], metres.
 fn axis_for<'a>(frames: impl Iterator<Item = &'a Frame>) -> f64 {
     let largest = frames.filter_map(|frame| frame.error_m);
-    1.05 * largest.fold(AXIS_M / 1.05, f64::max)
+    (1.05 * largest.fold(0.0, f64::max)).max(LEAST_AXIS_M)
 }
 
 /// Error of each photo in the order of flight, with its stated 95 % radius (figure 7a of the paper). The axis reaches to the largest

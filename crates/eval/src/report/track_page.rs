@@ -8,6 +8,7 @@ use nalgebra::{Matrix2, SymmetricEigen};
 
 use super::html;
 use super::track_plan::Plan;
+use crate::metrics::statistics::percentile;
 
 /// Ellipses that are drawn at most: those in between are left out.
 const MOST_ELLIPSES: usize = 80;
@@ -76,7 +77,7 @@ impl TrackPage {
                 None => p { "No position was found." },
             }
             @if let Some(errors) = errors {
-                (figure(errors, "Distance from the truth (blue) and stated 95 % radius (grey) over time"))
+                (figure(errors, "Distance from the truth (blue) and stated 95 % radius (grey, cut off at the top) over time"))
             }
         };
         Ok(html::page(&self.title, &content))
@@ -146,7 +147,10 @@ impl TrackPage {
         let (first_s, last_s) = (at.first()?.0, at.last()?.0);
         let mut sorted: Vec<f64> = at.iter().flat_map(|(_, e, _)| *e).collect();
         sorted.sort_by(f64::total_cmp);
-        let top_m = (1.5 * sorted.last()?).max(5.0);
+        let radii: Vec<f64> = at.iter().filter_map(|(_, e, r)| e.map(|_| *r)).collect();
+        // The usual radius is shown; those of a coasting track would leave no room for the errors.
+        let usual_radius_m = percentile(&radii, 0.5)?;
+        let top_m = (1.5 * sorted.last()?).max(1.2 * usual_radius_m).max(5.0);
         let [width, height] = CURVE_PX;
         let x =
             |time_s: f64| 60.0 + (width - 70.0) * (time_s - first_s) / (last_s - first_s).max(1e-9);
@@ -289,6 +293,24 @@ mod tests {
         assert!((at[0] - above[0]).abs() < 1e-6);
         assert!((at[1] - above[1] - 100.0 * plan.px_per_m).abs() < 1e-6);
         assert!(Plan::around(&[]).is_none());
+    }
+
+    #[test]
+    fn the_axis_of_errors_reaches_to_the_usual_radius() {
+        let mut page = page(8);
+        for mark in &mut page.marks {
+            mark.radius95_m = 30.0;
+        }
+        // The longest one is cut off.
+        page.marks[7].radius95_m = 300.0;
+        let html = page.to_html(None).unwrap();
+        let radii = html
+            .split("\" fill=\"none\" stroke=\"#999\"")
+            .next()
+            .unwrap();
+        let path = radii.rsplit("<path d=\"").next().unwrap();
+        assert!(path.starts_with("M60.0 43.3L"), "{path}");
+        assert!(path.ends_with(" 5.0"), "{path}");
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub struct EvalArgs {
     #[arg(long, value_name = "SEED", conflicts_with_all = ["folder", ELSEWHERE_FOLDERS])]
     pub(super) world: Option<u64>,
 
-    /// Folder for summary.json, report.html, frames.csv, failed.jsonl and the pack
+    /// Folder for report.html, summary.json, frames.csv, failed.jsonl, recall.json, matches, pack
     #[arg(short, long, value_name = "DIR", value_parser = values::output_folder())]
     pub(super) out: PathBuf,
 

@@ -292,7 +292,7 @@ pub enum Rejection {
         needed: usize,
     },
     /// Another position fits nearly as well.
-    #[error("another position fits nearly as well ({runner_up} matches, the best has {inliers})")]
+    #[error("two positions fit about equally well ({inliers} and {runner_up} matches)")]
     Ambiguous {
         /// Inliers of the best candidate.
         inliers: usize,

@@ -1,8 +1,11 @@
-//! Progress bars: shown on a terminal, silent in a pipe.
+//! Progress of long work: a bar on a terminal; where standard error is a pipe or a file, a line a minute for whoever asks with `-v`.
 
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
+
+/// Time between two lines.
+const BETWEEN_LINES: Duration = Duration::from_secs(60);
 
 /// A bar that counts to `total`, with rate and time left.
 pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
@@ -13,7 +16,11 @@ pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
     if let Ok(style) = ProgressStyle::with_template(&template) {
         bar.set_style(style.progress_chars("━╸ "));
     }
-    bar.enable_steady_tick(Duration::from_millis(250));
+    if bar.is_hidden() {
+        log_lines(&bar, what, unit);
+    } else {
+        bar.enable_steady_tick(Duration::from_millis(250));
+    }
     bar
 }
 
@@ -22,4 +29,42 @@ pub fn spinner(what: &str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
     spinner.enable_steady_tick(Duration::from_millis(250));
     spinner
+}
+
+/// Logs where the bar stands from time to time, until it is finished or gone.
+fn log_lines(bar: &ProgressBar, what: &str, unit: &str) {
+    let (bar, what, unit) = (bar.downgrade(), what.to_owned(), unit.to_owned());
+    let lines = move || {
+        loop {
+            std::thread::sleep(BETWEEN_LINES);
+            match bar.upgrade() {
+                Some(bar) if !bar.is_finished() => tracing::info!("{}", line(&bar, &what, &unit)),
+                _ => return,
+            }
+        }
+    };
+    // Without a thread there are no lines, and the work goes on.
+    let _ = std::thread::Builder::new()
+        .name("progress".into())
+        .spawn(lines);
+}
+
+fn line(bar: &ProgressBar, what: &str, unit: &str) -> String {
+    let (done, total) = (bar.position(), bar.length().unwrap_or(0));
+    let left_min = bar.eta().as_secs_f64() / 60.0;
+    format!("{what}: {done} of {total} {unit}, about {left_min:.0} min left")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_line_says_how_much_is_done() {
+        let bar = ProgressBar::hidden();
+        bar.set_length(847);
+        bar.inc(120);
+        let line = line(&bar, "localising", "photos");
+        assert!(line.starts_with("localising: 120 of 847 photos, about "));
+    }
 }

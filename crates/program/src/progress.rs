@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressStyle};
+use tracing::Level;
 
 /// Time between two lines.
 const BETWEEN_LINES: Duration = Duration::from_secs(60);
@@ -16,10 +17,10 @@ pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
     if let Ok(style) = ProgressStyle::with_template(&template) {
         bar.set_style(style.progress_chars("━╸ "));
     }
-    if bar.is_hidden() {
-        log_lines(&bar, what, unit);
-    } else {
+    if !bar.is_hidden() {
         bar.enable_steady_tick(Duration::from_millis(250));
+    } else if tracing::enabled!(Level::INFO) {
+        log_lines(&bar, what, unit);
     }
     bar
 }

@@ -150,7 +150,6 @@ impl Matcher {
         match (query, tile) {
             (Descriptors::F32(query), Descriptors::F32(tile)) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
-                reserve(&mut self.f32.scores, m, n)?;
                 let mut table = Table {
                     isa: self.isa,
                     buffers: &mut self.f32,
@@ -162,7 +161,7 @@ impl Matcher {
                     let (query, tile) = (MatRef::new(query, m, dim), MatRef::new(tile, n, dim));
                     matmul_nt(isa, query, tile, MatMut::new(&mut *scores, m, n));
                     finished(0, scores);
-                });
+                })?;
                 Ok(Similarities(Tables::F32(table)))
             }
             (
@@ -176,7 +175,6 @@ impl Matcher {
                 },
             ) => {
                 let (m, n) = (rows(query.len())?, rows(tile.len())?);
-                reserve(&mut self.i32.scores, m, n)?;
                 let mut table = Table {
                     isa: self.isa,
                     buffers: &mut self.i32,
@@ -187,23 +185,12 @@ impl Matcher {
                 table.multiply(m, |isa, scores, finished| {
                     let (query, tile) = (MatRef::new(query, m, dim), MatRef::new(tile, n, dim));
                     matmul_nt_i8_by_rows(isa, query, tile, scores, finished);
-                });
+                })?;
                 Ok(Similarities(Tables::I32(table)))
             }
             _ => Err(MatchingError::Kinds),
         }
     }
-}
-
-/// Makes room for the similarities of all pairs. Without this a lack of memory would end the process.
-///
-/// # Errors
-/// [`MatchingError::Memory`].
-fn reserve<S>(scores: &mut Vec<S>, rows: usize, columns: usize) -> Result<(), MatchingError> {
-    let lacks = MatchingError::Memory { rows, columns };
-    let pairs = rows.checked_mul(columns).ok_or(lacks)?;
-    let more = pairs.saturating_sub(scores.len());
-    scores.try_reserve(more).map_err(|_| lacks)
 }
 
 impl Similarities<'_> {
@@ -248,19 +235,26 @@ impl<S: Similarity + Default + Send + Sync> Table<'_, S> {
     /// Computes the similarities of `rows` rows with `product`, which is given memory for them and a function that it calls with
     /// the first row and the similarities of each block of rows. The nearest neighbours are found block by block, while it is in
     /// the cache.
+    ///
+    /// # Errors
+    /// [`MatchingError::Memory`], where a plain `resize` would end the process.
     fn multiply(
         &mut self,
         rows: usize,
         product: impl FnOnce(Isa, &mut [S], &(dyn Fn(usize, &[S]) + Sync)),
-    ) {
+    ) -> Result<(), MatchingError> {
         let (isa, columns, least) = (self.isa, self.columns, self.least);
         let Buffers {
             scores, nearest, ..
         } = &mut *self.buffers;
-        scores.resize(rows * columns, S::default());
+        let lacks = MatchingError::Memory { rows, columns };
+        let pairs = rows.checked_mul(columns).ok_or(lacks)?;
+        let more = pairs.saturating_sub(scores.len());
+        scores.try_reserve(more).map_err(|_| lacks)?;
+        scores.resize(pairs, S::default());
         nearest.reset(rows, columns, least);
         if scores.is_empty() {
-            return;
+            return Ok(());
         }
         let nearest = Mutex::new(nearest);
         product(isa, scores, &|first, block| {
@@ -278,6 +272,7 @@ impl<S: Similarity + Default + Send + Sync> Table<'_, S> {
                 block: &best,
             });
         });
+        Ok(())
     }
 
     fn mutual(&mut self, max_ratio: Option<f32>, matches: &mut Vec<Match>) {

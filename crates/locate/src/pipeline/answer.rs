@@ -130,9 +130,12 @@ impl AcceptedAnswer {
             support,
             confidence,
         } = self;
-        let runner_up = best.runner_up.and_then(|Rival { level, verified }| {
+        let runner_up = best.runner_up.and_then(|Rival { round, verified }| {
             let centre = verified.centre_level_px?;
-            let lonlat = context.level(level).lonlat_from_level_px(centre).ok()?;
+            let lonlat = context
+                .level(round.level)
+                .lonlat_from_level_px(centre)
+                .ok()?;
             Some(RunnerUp {
                 lat_deg: lonlat.lat_deg,
                 lon_deg: lonlat.lon_deg,

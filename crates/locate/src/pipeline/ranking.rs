@@ -27,8 +27,7 @@ pub(crate) struct RankedAnswer<'a> {
 /// A candidate at another position than an answer.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Rival<'a> {
-    /// Level of the pack.
-    pub level: usize,
+    pub round: &'a RoundResult,
     pub verified: &'a VerifiedCandidate,
 }
 
@@ -76,11 +75,10 @@ impl<'a> RankedAnswer<'a> {
         runner_up: Option<&'a VerifiedCandidate>,
         options: &Options,
     ) -> Self {
-        let level = round.level;
         Self {
             round,
             verified,
-            runner_up: runner_up.map(|verified| Rival { level, verified }),
+            runner_up: runner_up.map(|verified| Rival { round, verified }),
             rejection: verified
                 .rejection
                 .or_else(|| margin_rejection(verified, runner_up, options)),
@@ -108,9 +106,23 @@ impl<'a> RankedAnswer<'a> {
     /// This answer as a rival of others.
     pub fn as_rival(&self) -> Rival<'a> {
         Rival {
-            level: self.round.level,
+            round: self.round,
             verified: self.verified,
         }
+    }
+
+    /// The runner-up in place of this answer if it has more inliers and a gate refuses it: two places do not look alike there. Of a tilted photo
+    /// an answer by chance may pass the gates that the right one does not.
+    pub fn or_refused_rival(self, options: &Options) -> Self {
+        let Some(Rejection::Ambiguous { inliers, runner_up }) = self.rejection else {
+            return self;
+        };
+        let refused = self
+            .runner_up
+            .filter(|rival| runner_up > inliers && rival.verified.rejection.is_some());
+        refused.map_or(self, |Rival { round, verified }| {
+            Self::new(round, verified, None, options)
+        })
     }
 
     fn second(&self) -> Option<&'a VerifiedCandidate> {
@@ -371,6 +383,32 @@ mod tests {
     }
 
     #[test]
+    fn a_chance_answer_does_not_hide_why_the_best_place_is_refused() {
+        let options = Options {
+            gates: Some(crate::Gates::default().with_calibration()),
+            ..Options::default()
+        };
+        let sheared = Rejection::Shear { shear: 0.8 };
+        let tilted = VerifiedCandidate {
+            rejection: Some(sheared),
+            ..verified(900.0, 319)
+        };
+        let result = round(1, vec![verified(0.0, 26), tilted]);
+        let best = RankedAnswer::of(&result, &options).unwrap();
+        assert_eq!(inliers(&best), (26, 319));
+        let told = best.or_refused_rival(&options);
+        assert_eq!(told.rejection, Some(sheared));
+        assert_eq!((told.round.level, inliers(&told)), (1, (319, 0)));
+        // Two places that pass the gates do look alike.
+        let alike = round(0, vec![verified(0.0, 243), verified(900.0, 232)]);
+        let alike = RankedAnswer::of(&alike, &options).unwrap();
+        assert!(matches!(
+            alike.or_refused_rival(&options).rejection,
+            Some(Rejection::Ambiguous { .. })
+        ));
+    }
+
+    #[test]
     fn the_best_place_outside_the_area_is_named_if_it_is_no_chance() {
         let outside = |inliers| VerifiedCandidate {
             rejection: Some(Rejection::OutsideArea),
@@ -398,10 +436,10 @@ mod tests {
         let of = |result| RankedAnswer::of(result, &options).unwrap();
         let best = of(&fine).against(&[of(&coarse).as_rival()], &options);
         assert_eq!(inliers(&best), (30, 22));
-        assert_eq!(best.runner_up.unwrap().level, 1);
+        assert_eq!(best.runner_up.unwrap().round.level, 1);
         let alone = of(&fine).against(&[], &options);
         assert_eq!(
-            (inliers(&alone), alone.runner_up.unwrap().level),
+            (inliers(&alone), alone.runner_up.unwrap().round.level),
             ((30, 12), 0)
         );
     }

@@ -107,7 +107,8 @@ pub(crate) fn locate(
             time_ms,
         });
     };
-    let inside = outcome(context, photo, view, &best, evidence.clone())?;
+    let told = best.or_refused_rival(context.options);
+    let inside = outcome(context, photo, view, &told, evidence.clone())?;
     let outcome = match RankedAnswer::outside_area(&results, context.options) {
         Some(outside) if inside.fix().is_none() => {
             outcome(context, photo, view, &outside, evidence)?

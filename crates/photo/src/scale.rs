@@ -192,6 +192,7 @@ fn focal(
     if let Some(zoom) = metadata.digital_zoom.filter(|zoom| *zoom > 1.01) {
         let reason = "digital zoom: manufacturers differ in whether focal lengths include it, so no focal length is used";
         view.set_aside("DigitalZoomRatio", zoom.to_string(), reason);
+        set_focal_lengths_aside(metadata, reason, view);
         return None;
     }
     focal_of_original(metadata, original_px, view).map(|focal| Uncertain {
@@ -231,7 +232,7 @@ fn focal_of_original(
         view.set_aside(
             "FocalLengthIn35mmFilm",
             format!("{focal_35mm} mm"),
-            "the aspect ratio is not that of a camera sensor (a panorama or a crop)",
+            "the aspect ratio is none for which its convention is known, 4:3, 3:2 or 16:9 (a panorama, a crop or a thermal picture)",
         );
     }
     if let Some(calibrated) = metadata.calibrated_focal_px {

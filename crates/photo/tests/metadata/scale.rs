@@ -106,6 +106,7 @@ fn digital_zoom_makes_the_field_of_view_unknown() {
     ]);
     let view = resolve(&metadata);
     assert!(view.hfov_deg.is_none() && aside(&view, "DigitalZoomRatio", "digital zoom"));
+    assert!(aside(&view, "FocalLengthIn35mmFilm", "digital zoom"));
 }
 
 #[test]

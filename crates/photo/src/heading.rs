@@ -22,6 +22,9 @@ const MIN_TILT_DEG: f64 = 1.0;
 const TURNED: &str = "the picture was turned by a quarter after it was taken (its width and height are exchanged), in an \
                       unknown direction";
 
+/// What is said of a yaw besides where EXIF orientation turns the stored picture.
+const TURNED_BY_ORIENTATION: &str = "; rotated with the image by EXIF orientation";
+
 /// Sets the view's heading. Returns the attitude, `None` if it is unknown. `size_px` is the size of the displayed picture.
 pub(crate) fn resolve(
     metadata: &Metadata,
@@ -234,7 +237,7 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         }
         if turn != 0.0 {
             sigma_deg = sigma_deg.max(FLIGHT_SIGMA_DEG);
-            reason.push_str("; rotated with the image by EXIF orientation");
+            reason.push_str(TURNED_BY_ORIENTATION);
         }
         if let Some(flight) = flight_yaw {
             view.set_aside(
@@ -249,11 +252,12 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
             sigma_deg,
         });
     } else if let Some(yaw) = flight_yaw {
-        view.use_evidence(
-            "flight yaw",
-            degrees(yaw),
-            "uncertain: yaw of the aircraft, used because no gimbal yaw is recorded",
-        );
+        let mut reason =
+            String::from("uncertain: yaw of the aircraft, used because no gimbal yaw is recorded");
+        if turn != 0.0 {
+            reason.push_str(TURNED_BY_ORIENTATION);
+        }
+        view.use_evidence("flight yaw", degrees(yaw), reason);
         view.heading = Some(Heading {
             heading_deg: (yaw + turn).rem_euclid(360.0),
             sigma_deg: FLIGHT_SIGMA_DEG,

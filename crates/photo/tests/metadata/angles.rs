@@ -158,12 +158,17 @@ fn the_image_direction_does_not_turn_with_the_stored_picture(
 #[case(7, 280.0)]
 #[case(8, 100.0)]
 fn a_yaw_turns_with_the_stored_picture(#[case] orientation: u8, #[case] heading_deg: f64) {
-    let mut metadata = read_xmp(&dji_elements(&[
-        ("GimbalYawDegree", "10"),
-        ("GimbalPitchDegree", "-90"),
-    ]));
-    metadata.orientation = orientation;
-    assert_eq!(resolve(&metadata).heading.unwrap().heading_deg, heading_deg);
+    let gimbal = [("GimbalYawDegree", "10"), ("GimbalPitchDegree", "-90")];
+    let aircraft = [("FlightYawDegree", "10")];
+    for properties in [&gimbal[..], &aircraft[..]] {
+        let mut metadata = read_xmp(&dji_elements(properties));
+        metadata.orientation = orientation;
+        let view = resolve(&metadata);
+        assert_eq!(view.heading.unwrap().heading_deg, heading_deg);
+        let mut reasons = view.used.iter().map(|e| &e.reason);
+        let is_said = reasons.any(|reason| reason.contains("rotated with the image"));
+        assert_eq!(is_said, heading_deg != 10.0);
+    }
 }
 
 /// Metadata that a program puts together for a picture in memory.

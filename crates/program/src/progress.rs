@@ -25,6 +25,14 @@ pub fn bar(total: u64, what: &str, unit: &str) -> ProgressBar {
     bar
 }
 
+/// Moves a bar to where an earlier run ended: what that did says nothing about the rate of this one, nor about the time left.
+pub fn go_on_from(bar: &ProgressBar, done: u64, total: u64) {
+    bar.set_position(done);
+    // Second: this one passes the position on to the estimate, also where the bar ticks by itself.
+    bar.set_length(total);
+    bar.reset_eta();
+}
+
 /// A spinner, for work whose steps are not counted.
 pub fn spinner(what: &str) -> ProgressBar {
     let spinner = ProgressBar::new_spinner().with_message(what.to_owned());
@@ -67,5 +75,18 @@ mod tests {
         bar.inc(120);
         let line = line(&bar, "localising", "photos");
         assert!(line.starts_with("localising: 120 of 847 photos, about "));
+    }
+
+    #[test]
+    fn what_an_earlier_run_did_counts_for_no_rate() {
+        let bar = ProgressBar::hidden();
+        // As on a terminal.
+        bar.enable_steady_tick(Duration::from_secs(3600));
+        go_on_from(&bar, 1000, 2000);
+        std::thread::sleep(Duration::from_millis(5));
+        // What the next tick does.
+        bar.set_length(2000);
+        assert_eq!(bar.position(), 1000);
+        assert!(bar.per_sec() < 1.0, "{} per second", bar.per_sec());
     }
 }

@@ -201,8 +201,13 @@ pub fn build_with_bar(
     let had_partial = partial.symlink_metadata().is_ok();
     let bar = progress::bar(0, "building the pack", "tiles");
     let mut done = 0;
+    let mut resumed = 0;
     let mut on_progress = |p: &Progress| {
         done = p.tiles_done;
+        if p.tiles_resumed > resumed {
+            resumed = p.tiles_resumed;
+            progress::go_on_from(&bar, p.tiles_done, p.tiles_total);
+        }
         bar.set_length(p.tiles_total);
         bar.set_position(p.tiles_done);
     };

@@ -43,8 +43,7 @@ impl Observing<'_> {
         let bar = progress::bar(self.count as u64, "localising", "photos");
         if !earlier.is_empty() {
             tracing::info!("going on after {} of {} photos", earlier.len(), self.count);
-            bar.set_position(earlier.len() as u64);
-            bar.reset_eta();
+            progress::go_on_from(&bar, earlier.len() as u64, self.count as u64);
         }
         let stop = Arc::new(AtomicBool::new(false));
         interrupt::stop_on_interrupt(&stop)?;

@@ -10,7 +10,7 @@ use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
 use grimnet_pack::{
-    BuildOptions, BuildReport, Levels, PackError, Progress, TILE_PX, build, working_files,
+    BuildOptions, BuildReport, Levels, PackError, Phase, Progress, TILE_PX, build, working_files,
 };
 use grimnet_photo::{HeadingPrior, Photo, PhotoLimits, QUERY_LONG_SIDE_PX, ViewPrior};
 
@@ -210,6 +210,10 @@ pub fn build_with_bar(
         }
         bar.set_length(p.tiles_total);
         bar.set_position(p.tiles_done);
+        if p.phase == Phase::Writing {
+            // All tiles are done, and writing a large pack takes its time.
+            bar.set_message("(writing the pack)");
+        }
     };
     let report = build(map, model, options, out, &mut on_progress);
     bar.finish_and_clear();

@@ -65,9 +65,9 @@ pub struct FootprintSummary {
     /// Places: by name, or photos without one by the ground that they show. A photo belongs to the first place whose first photo
     /// is nearer than the narrower of their two ground widths.
     pub places: usize,
-    /// Photos with a wrong fix, answerable or not.
+    /// Photos with a wrong fix, of all photos: answerable or not, by metres where the ground width is not known ([`is_wrong`]).
     pub wrong: usize,
-    /// Photos with a fix that is neither right nor wrong.
+    /// Photos with a fix that is neither right nor wrong, of all photos.
     pub undecided: usize,
     /// Median error as a share of the ground width over the answerable photos, a miss counting as infinite; `None` if half of
     /// them or more are missed.
@@ -77,11 +77,13 @@ pub struct FootprintSummary {
 }
 
 impl FootprintSummary {
-    /// Figures of the photos whose ground width is known; `None` if there are none.
+    /// Figures of the photos whose ground width is known, and the wrong fixes of all; `None` if no ground width is known.
     #[must_use]
     pub fn of(frames: &[Frame]) -> Option<Self> {
-        let known: Vec<&Frame> = frames
+        let all: Vec<&Frame> = frames.iter().collect();
+        let known: Vec<&Frame> = all
             .iter()
+            .copied()
             .filter(|frame| frame.footprint_width_m.is_some())
             .collect();
         if known.is_empty() {
@@ -110,8 +112,8 @@ impl FootprintSummary {
             right_share: right as f64 / answerable.len().max(1) as f64,
             right_share_interval: grouped_share_interval(&right_by_place),
             places: right_by_place.len(),
-            wrong: count(&known, is_wrong),
-            undecided: count(&known, |f| f.fixed && !is_right(f) && !is_wrong(f)),
+            wrong: count(&all, is_wrong),
+            undecided: count(&all, |f| f.fixed && !is_right(f) && !is_wrong(f)),
             median_share: percentile(&shares, 0.5),
             fixes_p90_share: percentile(&fixed, 0.9),
         })
@@ -160,6 +162,24 @@ mod tests {
         let [low, high] = summary.right_share_interval;
         assert_eq!((low, high), (0.0, wilson_interval(0.25, 2)[1]));
         assert_eq!(FootprintSummary::of(&[Frame::default()]), None);
+    }
+
+    #[test]
+    fn a_wrong_fix_counts_where_other_photos_alone_have_a_ground_width() {
+        let by_metres = |error_m| Frame {
+            footprint_width_m: None,
+            ..frame("b", Some(error_m), true)
+        };
+        // Without a width right within 20 m, wrong beyond 26 m.
+        let frames = [
+            frame("a", Some(1.0), true),
+            by_metres(1.0),
+            by_metres(21.0),
+            by_metres(110.0),
+        ];
+        let summary = FootprintSummary::of(&frames).unwrap();
+        assert_eq!((summary.photos, summary.right), (1, 1));
+        assert_eq!((summary.wrong, summary.undecided), (1, 1));
     }
 
     #[test]

@@ -18,7 +18,7 @@ pub(super) fn percent(share: Option<f64>) -> String {
 type Row = (&'static str, fn(&RunFigures) -> String);
 
 /// The figures of a run, for tables.
-pub const ROWS: [Row; 15] = [
+pub const ROWS: [Row; 16] = [
     ("answered", |r| percent(Some(r.track.answered))),
     ("median error", |r| number(r.track.median_m, "m")),
     ("90th percentile", |r| number(r.track.p90_m, "m")),
@@ -37,6 +37,9 @@ pub const ROWS: [Row; 15] = [
     ("relocalised after", |r| number(r.relocalise_s, "s")),
     ("relocalised after, frames", |r| {
         number(r.relocalise_frames, "")
+    }),
+    ("not relocalised, flights", |r| {
+        r.not_relocalised.to_string()
     }),
     ("confidently wrong instants", |r| {
         r.track.confidently_wrong.to_string()

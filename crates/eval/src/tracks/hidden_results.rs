@@ -43,13 +43,14 @@ pub fn hidden_files(
         p { "Fixes of one to four photos in a row are hidden and predicted from the motion between the photos." }
         table {
             tr {
-                th { "hidden" } th { "predictions" } th { "joined" } th { "distance" } th { "fixes only" }
+                th { "hidden" } th { "predictions" } th { "joined" } th { "answered" } th { "distance" } th { "fixes only" }
                 th { "motion only" } th { "filter" } th { "filter, joined" } th { "90th percentile" }
                 th { "stated radius" } th { "within the 95 % ellipse" }
             }
             @for f in figures {
                 tr {
                     td { (f.hidden) } td { (f.predictions) } td { (f.joined) }
+                    td { (percent(Some(f.answered))) }
                     td { (number(f.distance_median_m, "m")) }
                     td { (number(f.fixes_only_median_m, "m")) }
                     td { (number(f.motion_only_median_m, "m")) }

@@ -57,7 +57,7 @@ impl FromStr for Near {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Prior {
-    /// Heading, height, field of view and ground resolution.
+    /// Heading, pitch, height, field of view and ground resolution.
     #[serde(flatten)]
     pub view: ViewPrior,
     /// An area that contains the photo's centre.
@@ -82,6 +82,13 @@ impl Prior {
     /// The heading is unknown; metadata are ignored.
     pub fn with_unknown_heading(mut self) -> Self {
         self.view.heading = HeadingPrior::Unknown;
+        self
+    }
+
+    /// Pitch of the camera, degrees, as gimbals state it: -90 looks straight down, -60 towards the photo's top by 30 degrees. It is of use
+    /// where the field of view is known, too.
+    pub fn with_pitch_deg(mut self, pitch_deg: f64) -> Self {
+        self.view.pitch_deg = Some(pitch_deg);
         self
     }
 

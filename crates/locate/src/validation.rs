@@ -5,6 +5,7 @@ use std::fmt::Display;
 use grimnet_pack::Index;
 use grimnet_photo::{
     HEADING_RANGE_DEG, HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior, PHOTO_GSD_RANGE_M,
+    PITCH_RANGE_DEG,
 };
 
 use crate::{
@@ -195,6 +196,15 @@ impl Prior {
             let holds = HEADING_RANGE_DEG.contains(&heading_deg);
             require("heading_deg", heading_deg, holds, "-720 to 720 degrees")?;
             require_not_negative("heading sigma_deg", sigma_deg)?;
+        }
+        if let Some(pitch_deg) = self.view.pitch_deg {
+            let holds = PITCH_RANGE_DEG.contains(&pitch_deg);
+            require(
+                "pitch_deg",
+                pitch_deg,
+                holds,
+                "-165 to -15 degrees, where -90 is straight down",
+            )?;
         }
         if let Some(height_agl_m) = self.view.height_agl_m {
             let holds = HEIGHT_AGL_RANGE_M.contains(&height_agl_m);

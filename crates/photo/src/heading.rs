@@ -3,7 +3,9 @@
 use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::metadata::Metadata;
 use crate::nadir_angles::from_nadir_angles;
-use crate::view::{CameraAttitude, HEADING_RANGE_DEG, Heading, HeadingPrior, View, ViewPrior};
+use crate::view::{
+    CameraAttitude, HEADING_RANGE_DEG, Heading, HeadingPrior, PITCH_RANGE_DEG, View, ViewPrior,
+};
 
 /// 1-sigma of a gimbal's yaw, degrees: typical for the compass of a small drone in flight.
 const GIMBAL_SIGMA_DEG: f64 = 5.0;
@@ -22,6 +24,9 @@ const MIN_TILT_DEG: f64 = 1.0;
 const TURNED: &str = "the picture was turned by a quarter after it was taken (its width and height are exchanged), in an \
                       unknown direction";
 
+/// Name of the pitch that the caller gave.
+const GIVEN_PITCH: &str = "pitch";
+
 /// What is said of a yaw besides where EXIF orientation turns the stored picture.
 const TURNED_BY_ORIENTATION: &str = "; rotated with the image by EXIF orientation";
 
@@ -34,13 +39,19 @@ pub(crate) fn resolve(
 ) -> Option<CameraAttitude> {
     let recorded = gimbal_is_recorded(metadata, view);
     let turned = metadata.was_turned(metadata.stored_px(size_px));
+    let given = given_attitude(prior, view);
     let attitude = match metadata.gimbal_pitch_deg.filter(|_| recorded) {
+        Some(pitch) if given.is_some() => {
+            let reason = "overridden by the pitch that the caller gave";
+            view.set_aside("gimbal pitch", degrees(pitch), reason);
+            given
+        }
         Some(pitch) if turned => {
             view.set_aside("gimbal pitch", degrees(pitch), TURNED);
             None
         }
         Some(pitch) => attitude(metadata, pitch, view),
-        None => None,
+        None => given,
     };
     match prior.heading {
         HeadingPrior::Known {
@@ -72,9 +83,27 @@ pub(crate) fn resolve(
         HeadingPrior::FromMetadata if turned => {
             set_yaws_aside(metadata, recorded, TURNED, view);
         }
-        HeadingPrior::FromMetadata => from_metadata(metadata, recorded, view),
+        HeadingPrior::FromMetadata => from_metadata(metadata, recorded, given, view),
     }
     attitude
+}
+
+/// The attitude of the pitch that the caller gave.
+fn given_attitude(prior: &ViewPrior, view: &mut View) -> Option<CameraAttitude> {
+    let pitch = prior.pitch_deg?;
+    if !PITCH_RANGE_DEG.contains(&pitch) {
+        let reason = format!(
+            "given by the caller, but not degrees from {} to {}",
+            PITCH_RANGE_DEG.start(),
+            PITCH_RANGE_DEG.end()
+        );
+        view.set_aside(GIVEN_PITCH, pitch.to_string(), reason);
+        return None;
+    }
+    Some(CameraAttitude {
+        pitch_from_nadir_deg: pitch + 90.0,
+        roll_deg: 0.0,
+    })
 }
 
 fn set_yaws_aside(metadata: &Metadata, gimbal_is_recorded: bool, reason: &str, view: &mut View) {
@@ -152,22 +181,30 @@ fn attitude(metadata: &Metadata, pitch: f64, view: &mut View) -> Option<CameraAt
     Some(attitude)
 }
 
-/// States what the recorded pitch is used for, once it is known whether the field of view is: without one no tilt is rectified.
-pub(crate) fn state_pitch(metadata: &Metadata, view: &mut View) {
-    let (Some(pitch), Some(attitude)) = (metadata.gimbal_pitch_deg, view.attitude) else {
+/// States what the pitch is used for, once it is known whether the field of view is: without one no tilt is rectified.
+pub(crate) fn state_pitch(metadata: &Metadata, prior: &ViewPrior, view: &mut View) {
+    let given = prior
+        .pitch_deg
+        .filter(|pitch| PITCH_RANGE_DEG.contains(pitch));
+    let (field, from, pitch) = match (given, metadata.gimbal_pitch_deg) {
+        (Some(pitch), _) => (GIVEN_PITCH, "given by the caller: ", pitch),
+        (None, Some(pitch)) => ("gimbal pitch", "", pitch),
+        (None, None) => return,
+    };
+    let Some(attitude) = view.attitude else {
         return;
     };
     let from_nadir_deg = attitude.pitch_from_nadir_deg;
     if from_nadir_deg.abs() < MIN_TILT_DEG {
-        view.use_evidence("gimbal pitch", degrees(pitch), "nadir");
+        view.use_evidence(field, degrees(pitch), format!("{from}nadir"));
     } else if view.tilt.is_some() {
-        let reason = format!("{from_nadir_deg:.1} degrees from nadir; rectified");
-        view.use_evidence("gimbal pitch", degrees(pitch), reason);
+        let reason = format!("{from}{from_nadir_deg:.1} degrees from nadir; rectified");
+        view.use_evidence(field, degrees(pitch), reason);
     } else {
         let reason = format!(
-            "{from_nadir_deg:.1} degrees from nadir; not rectified, because the field of view (hfov) is unknown"
+            "{from}{from_nadir_deg:.1} degrees from nadir; not rectified, because the field of view (hfov) is unknown"
         );
-        view.set_aside("gimbal pitch", degrees(pitch), reason);
+        view.set_aside(field, degrees(pitch), reason);
     }
 }
 
@@ -197,7 +234,12 @@ impl CameraAttitude {
     }
 }
 
-fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
+fn from_metadata(
+    metadata: &Metadata,
+    recorded: bool,
+    given: Option<CameraAttitude>,
+    view: &mut View,
+) {
     let flight_yaw = metadata
         .flight_yaw_deg
         .filter(|_| flight_is_recorded(metadata, view));
@@ -210,7 +252,8 @@ fn from_metadata(metadata: &Metadata, recorded: bool, view: &mut View) {
         view.set_aside(IMAGE_DIRECTION, degrees(bearing), reason);
     }
     if let Some(yaw) = gimbal_yaw {
-        let (attitude, top_from_yaw_deg) = camera_angles(metadata);
+        let (attitude, top_from_yaw_deg) =
+            given.map_or_else(|| camera_angles(metadata), |given| (given, 0.0));
         let top = if attitude.pitch_from_nadir_deg.abs() < MAX_PITCH_FROM_NADIR_DEG {
             yaw + top_from_yaw_deg
         } else {

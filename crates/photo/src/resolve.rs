@@ -18,7 +18,7 @@ impl View {
         let attitude = heading::resolve(metadata, size_px, prior, &mut view);
         view.attitude = attitude;
         scale::resolve(metadata, size_px, prior, attitude, &mut view);
-        heading::state_pitch(metadata, &mut view);
+        heading::state_pitch(metadata, prior, &mut view);
         view
     }
 }

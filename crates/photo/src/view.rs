@@ -4,7 +4,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use crate::camera::Tilt;
+use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::evidence::Evidence;
 
 /// Prior knowledge of the heading: the bearing of the photo's top, degrees clockwise from true north.
@@ -28,6 +28,10 @@ pub enum HeadingPrior {
 /// Headings that are accepted, degrees: two turns either way, as programs that count on write them. Of a number that is much larger nothing
 /// is left when whole turns are taken off.
 pub const HEADING_RANGE_DEG: std::ops::RangeInclusive<f64> = -720.0..=720.0;
+
+/// Pitches of the camera that are accepted, degrees: straight down is -90, and [`MAX_PITCH_FROM_NADIR_DEG`] to either side can be rectified.
+pub const PITCH_RANGE_DEG: std::ops::RangeInclusive<f64> =
+    -90.0 - MAX_PITCH_FROM_NADIR_DEG..=-90.0 + MAX_PITCH_FROM_NADIR_DEG;
 
 /// Assumed 1-sigma of a heading that is given without one, degrees.
 const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
@@ -86,6 +90,9 @@ impl FromStr for HeadingPrior {
 pub struct ViewPrior {
     /// Heading.
     pub heading: HeadingPrior,
+    /// Pitch of the camera, degrees, as gimbals state it: -90 looks straight down, -60 towards the photo's top by 30 degrees; level from
+    /// side to side.
+    pub pitch_deg: Option<f64>,
     /// Height above ground, m.
     pub height_agl_m: Option<f64>,
     /// Field of view across the photo's width, degrees.
@@ -141,9 +148,9 @@ pub struct View {
     pub heading: Option<Heading>,
     /// How much ground it covers.
     pub footprint: Option<Footprint>,
-    /// Tilt of the camera if it is recorded and at least one degree; `None` is treated as straight down.
+    /// Tilt of the camera if it is given or recorded and at least one degree; `None` is treated as straight down.
     pub tilt: Option<Tilt>,
-    /// Attitude of the camera if it is recorded and plausible, straight down included.
+    /// Attitude of the camera if it is given, or recorded and plausible, straight down included.
     pub attitude: Option<CameraAttitude>,
     /// Field of view across the displayed photo's width, degrees.
     pub hfov_deg: Option<f64>,

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, PHOTO_GSD_RANGE_M};
+use grimnet_photo::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, PHOTO_GSD_RANGE_M, PITCH_RANGE_DEG};
 
 /// Photos that a demo or a calibration may make for each scene: more fill a disk.
 const PHOTO_COUNT_RANGE: RangeInclusive<usize> = 1..=100_000;
@@ -82,6 +82,15 @@ pub fn photo_gsd_m(text: &str) -> Result<f64, String> {
 /// What was expected, if the text is not a number or out of range.
 pub fn fov_deg(text: &str) -> Result<f64, String> {
     number_within(text, &HFOV_RANGE_DEG, "an angle in degrees")
+}
+
+/// The pitch of a camera in degrees, in the range of [`grimnet_photo::PITCH_RANGE_DEG`].
+///
+/// # Errors
+/// What was expected, if the text is not a number or out of range.
+pub fn pitch_deg(text: &str) -> Result<f64, String> {
+    let what = "degrees, where -90 is straight down";
+    number_within(text, &PITCH_RANGE_DEG, what)
 }
 
 fn number_within(text: &str, range: &RangeInclusive<f64>, what: &str) -> Result<f64, String> {
@@ -229,6 +238,9 @@ mod tests {
             let expected = "expected an angle in degrees, from 1 to 150";
             assert_eq!(fov_deg(bad), Err(expected.to_owned()), "{bad}");
         }
+        assert_eq!(pitch_deg("-60"), Ok(-60.0));
+        let expected = "expected degrees, where -90 is straight down, from -165 to -15";
+        assert_eq!(pitch_deg("30"), Err(expected.to_owned()));
         assert!(sigma_m("100000").is_ok() && sigma_m("1e308").is_err());
         assert!(gsd_m("0.05").is_ok() && gsd_m("1e-308").is_err() && gsd_m("1e20").is_err());
         assert!(photo_gsd_m("1000").is_ok() && photo_gsd_m("5000").is_err());

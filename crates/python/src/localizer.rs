@@ -59,7 +59,7 @@ impl Localizer {
 
     /// Finds the position of a photo's centre: `Fix`, or `NoFix` with the reason.
     #[pyo3(signature = (
-        photo, *, heading=None, heading_sigma_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
+        photo, *, heading=None, heading_sigma_deg=None, pitch_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
     ))]
     #[allow(
         clippy::too_many_arguments,
@@ -70,6 +70,7 @@ impl Localizer {
         photo: &Bound<'py, PyAny>,
         heading: Option<&Bound<'py, PyAny>>,
         heading_sigma_deg: Option<f64>,
+        pitch_deg: Option<f64>,
         height_agl_m: Option<f64>,
         hfov_deg: Option<f64>,
         gsd_m: Option<f64>,
@@ -79,6 +80,7 @@ impl Localizer {
         let prior = PriorArguments {
             heading,
             heading_sigma_deg,
+            pitch_deg,
             height_agl_m,
             hfov_deg,
             gsd_m,

@@ -12,6 +12,8 @@ pub struct PriorArguments<'a, 'py> {
     pub heading: Option<&'a Bound<'py, PyAny>>,
     /// 1-sigma of the heading, degrees.
     pub heading_sigma_deg: Option<f64>,
+    /// Pitch of the camera, degrees; -90 is straight down.
+    pub pitch_deg: Option<f64>,
     /// Height above ground, metres.
     pub height_agl_m: Option<f64>,
     /// Field of view across the photo's width, degrees.
@@ -36,6 +38,7 @@ impl PriorArguments<'_, '_> {
         let prior = Prior {
             view: ViewPrior {
                 heading: self.heading()?,
+                pitch_deg: self.pitch_deg,
                 height_agl_m: self.height_agl_m,
                 hfov_deg: self.hfov_deg,
                 gsd_m: self.gsd_m,

@@ -79,7 +79,7 @@ impl Tracker {
     /// known of the photo is given as for `Localizer.locate`. A frame of the same time as an earlier one is the same exposure: it is
     /// searched and answered, and is no more evidence.
     #[pyo3(signature = (
-        photo, time_s, *, heading=None, heading_sigma_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
+        photo, time_s, *, heading=None, heading_sigma_deg=None, pitch_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
     ))]
     #[allow(
         clippy::too_many_arguments,
@@ -91,6 +91,7 @@ impl Tracker {
         time_s: f64,
         heading: Option<&Bound<'py, PyAny>>,
         heading_sigma_deg: Option<f64>,
+        pitch_deg: Option<f64>,
         height_agl_m: Option<f64>,
         hfov_deg: Option<f64>,
         gsd_m: Option<f64>,
@@ -105,6 +106,7 @@ impl Tracker {
         let prior = PriorArguments {
             heading,
             heading_sigma_deg,
+            pitch_deg,
             height_agl_m,
             hfov_deg,
             gsd_m,

@@ -30,6 +30,8 @@ pub(crate) struct Detail {
     map: String,
     /// Heading from the prior or the metadata, degrees clockwise from true north.
     heading_deg: Option<f64>,
+    /// Pitch of the camera from the prior or the metadata, degrees; -90 is straight down.
+    pitch_deg: Option<f64>,
     /// Height above ground from the prior or the metadata, metres.
     height_agl_m: Option<f64>,
     /// Horizontal field of view from the prior or the metadata, degrees.
@@ -52,6 +54,9 @@ impl Detail {
         Self {
             map: map.id().to_owned(),
             heading_deg: view.heading.map(|heading| heading.heading_deg),
+            pitch_deg: view
+                .attitude
+                .map(|camera| camera.pitch_from_nadir_deg - 90.0),
             height_agl_m: view.height_agl_m,
             hfov_deg: view.hfov_deg,
             runner_up_lon_lat_deg: runner_up.map(|at| [at.lon_deg, at.lat_deg]),

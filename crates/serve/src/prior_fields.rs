@@ -18,6 +18,8 @@ pub(crate) struct PriorFields {
     heading: Option<HeadingField>,
     /// Standard deviation of a heading in degrees; 5 by default.
     heading_sigma_deg: Option<f64>,
+    /// Pitch of the camera, degrees: -90 looks straight down, -60 towards the photo's top by 30 degrees.
+    pitch_deg: Option<f64>,
     /// Height above ground, metres.
     height_agl_m: Option<f64>,
     /// Horizontal field of view, degrees.
@@ -112,6 +114,7 @@ impl PriorFields {
         let prior = Prior {
             view: ViewPrior {
                 heading: self.heading()?,
+                pitch_deg: self.pitch_deg,
                 height_agl_m: self.height_agl_m,
                 hfov_deg: self.hfov_deg,
                 gsd_m: self.gsd_m,
@@ -170,13 +173,14 @@ mod tests {
     #[test]
     fn json_and_query_say_the_same() {
         let from_json = json(
-            r#"{"heading": -146, "heading_sigma_deg": 3, "height_agl_m": 118, "hfov_deg": 73.5,
+            r#"{"heading": -146, "heading_sigma_deg": 3, "pitch_deg": -60, "height_agl_m": 118, "hfov_deg": 73.5,
                 "near": {"lat_deg": 24.26, "lon_deg": 120.72, "radius_m": 500}}"#,
         )
         .unwrap();
         let from_query = query(&[
             ("heading", "-146"),
             ("heading_sigma_deg", "3"),
+            ("pitch_deg", "-60"),
             ("height_agl_m", "118"),
             ("hfov_deg", "73.5"),
             ("near", "24.26,120.72,500"),
@@ -242,6 +246,7 @@ mod tests {
             r#"{"hfov_deg": 180}"#,
             r#"{"hfov_deg": "wide"}"#,
             r#"{"hfov_deg": 170}"#,
+            r#"{"pitch_deg": 30}"#,
             r#"{"height_agl_m": -1}"#,
             r#"{"height_agl_m": 30000}"#,
             r#"{"gsd_m": 0.1, "height_agl_m": 100}"#,

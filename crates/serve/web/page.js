@@ -3,7 +3,7 @@ import { ask, askJson, listOptions, locate, saveAs, ServiceError } from "/web/se
 import { connectTracks } from "/web/tracks.js";
 
 const byId = (id) => document.getElementById(id);
-const priorFields = ["heading", "height_agl_m", "hfov_deg", "near"];
+const priorFields = ["heading", "pitch_deg", "height_agl_m", "hfov_deg", "near"];
 // Photos, the last one first: each has a number and either an answer or an error.
 const entries = [];
 let lastNumber = 0;
@@ -96,7 +96,7 @@ function showDetail() {
     picture.alt = `Photo and map side by side; ${answer.inliers ?? 0} matches agree.`;
   }
   // What the photo's metadata say, as a hint in the empty fields.
-  for (const [id, value] of [["heading", detail.heading_deg], ["height_agl_m", detail.height_agl_m], ["hfov_deg", detail.hfov_deg]]) {
+  for (const [id, value] of [["heading", detail.heading_deg], ["pitch_deg", detail.pitch_deg], ["height_agl_m", detail.height_agl_m], ["hfov_deg", detail.hfov_deg]]) {
     byId(id).placeholder = value === null ? "" : value.toFixed(1);
   }
 }

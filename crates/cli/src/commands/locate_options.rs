@@ -52,6 +52,11 @@ pub struct LocateOptions {
     )]
     pub heading: HeadingPrior,
 
+    /// Pitch of the camera, degrees: -90 looks straight down, -60 towards the photo's top by 30 degrees; needs the field of
+    /// view, too; overrides metadata [default: from the photo, else straight down]
+    #[arg(long, value_name = "DEG", value_parser = values::pitch_deg, allow_hyphen_values = true, help_heading = PRIOR)]
+    pub pitch: Option<f64>,
+
     /// Height above ground, metres; overrides metadata [default: from the photo]
     #[arg(long, value_name = "M", value_parser = values::height_agl_m, allow_hyphen_values = true, help_heading = PRIOR)]
     pub height_agl: Option<f64>,
@@ -133,6 +138,7 @@ impl LocateOptions {
         Prior {
             view: ViewPrior {
                 heading: self.heading,
+                pitch_deg: self.pitch,
                 height_agl_m: self.height_agl,
                 hfov_deg: self.hfov,
                 gsd_m: self.gsd,
@@ -181,6 +187,7 @@ impl LocateOptions {
     pub fn plain(mode: ModeChoice, adapt: AdaptChoice) -> Self {
         Self {
             heading: HeadingPrior::FromMetadata,
+            pitch: None,
             height_agl: None,
             hfov: None,
             gsd: None,

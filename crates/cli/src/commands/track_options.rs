@@ -161,6 +161,11 @@ pub struct KnownArgs {
     #[arg(long, value_enum, default_value_t, help_heading = KNOWN)]
     pub vehicle: VehicleChoice,
 
+    /// Pitch of the camera, degrees: -90 looks straight down, -60 towards the photo's top by 30 degrees; needs the field of
+    /// view, too; overrides metadata [default: from the photos, else straight down]
+    #[arg(long, value_name = "DEG", value_parser = values::pitch_deg, allow_hyphen_values = true, help_heading = KNOWN)]
+    pub pitch: Option<f64>,
+
     /// Height above ground, metres; overrides metadata [default: from the photos]
     #[arg(long, value_name = "M", value_parser = values::height_agl_m, allow_hyphen_values = true, help_heading = KNOWN)]
     pub height_agl: Option<f64>,
@@ -190,6 +195,7 @@ impl KnownArgs {
             prior: Prior {
                 view: ViewPrior {
                     heading,
+                    pitch_deg: self.pitch,
                     height_agl_m: self.height_agl,
                     hfov_deg: self.hfov,
                     gsd_m: None,

@@ -175,6 +175,7 @@ fn every_invalid_prior_value_is_named() {
     let somewhere = LonLat::new(120.7, 24.2);
     let valid = none()
         .with_heading(-90.0, 0.0)
+        .with_pitch_deg(-60.0)
         .with_height_agl_m(120.0)
         .with_hfov_deg(70.0)
         .with_gsd_m(0.05)
@@ -183,6 +184,7 @@ fn every_invalid_prior_value_is_named() {
     assert_eq!(refused(none().check()), None);
     let mut cases = vec![
         ("heading sigma_deg", none().with_heading(10.0, -1.0)),
+        ("pitch_deg", none().with_pitch_deg(30.0)),
         ("height_agl_m", none().with_height_agl_m(0.0)),
         ("hfov_deg", none().with_hfov_deg(0.0)),
         ("hfov_deg", none().with_hfov_deg(180.0)),
@@ -194,6 +196,7 @@ fn every_invalid_prior_value_is_named() {
         cases.extend([
             ("heading_deg", none().with_heading(bad, 5.0)),
             ("heading sigma_deg", none().with_heading(5.0, bad)),
+            ("pitch_deg", none().with_pitch_deg(bad)),
             ("height_agl_m", none().with_height_agl_m(bad)),
             ("hfov_deg", none().with_hfov_deg(bad)),
             ("gsd_m", none().with_gsd_m(bad)),

@@ -206,3 +206,43 @@ fn a_picture_turned_after_it_was_taken_has_no_heading() {
     assert!((turned.footprint.unwrap().width_m - 75.0).abs() < 1e-9);
     assert!(of((2000, 1500)).heading.is_some());
 }
+
+#[test]
+fn a_pitch_that_is_given_overrides_the_recorded_one() {
+    let with = |metadata: &Metadata, pitch_deg, hfov_deg| {
+        let prior = ViewPrior {
+            pitch_deg: Some(pitch_deg),
+            hfov_deg,
+            ..ViewPrior::default()
+        };
+        View::resolve(metadata, (4000, 3000), &prior)
+    };
+    let silent = Metadata::default();
+    let view = with(&silent, -60.0, Some(70.0));
+    let tilt = view.tilt.unwrap();
+    assert_eq!((tilt.pitch_from_nadir_deg, tilt.roll_deg), (30.0, 0.0));
+    assert!(used(&view, "pitch"));
+    let view = with(&silent, -60.0, None);
+    assert!(view.tilt.is_none() && aside(&view, "pitch", "not rectified"));
+    for beyond in [30.0, -14.0, f64::NAN] {
+        let view = with(&silent, beyond, Some(70.0));
+        assert!(view.attitude.is_none() && aside(&view, "pitch", "from -165 to -15"));
+    }
+    // The yaw is still that of the gimbal, without the turn of a roll that the recorded pitch belonged to.
+    let recorded = read_xmp(&dji_elements(&[
+        ("GimbalYawDegree", "10"),
+        ("GimbalPitchDegree", "-45"),
+        ("GimbalRollDegree", "20"),
+    ]));
+    let view = with(&recorded, -90.0, Some(70.0));
+    assert!(view.tilt.is_none() && used(&view, "pitch"));
+    assert!(aside(&view, "gimbal pitch", "overridden"));
+    assert_eq!(view.heading.unwrap().heading_deg, 10.0);
+    // Not even one of which it is not known which side is the far one.
+    let turned = Metadata {
+        orientation: 6,
+        ..recorded
+    };
+    let view = with(&turned, -60.0, Some(70.0));
+    assert_eq!(view.tilt.unwrap().pitch_from_nadir_deg, 30.0);
+}

@@ -124,6 +124,7 @@ fn prior_values_override_metadata() {
             heading_deg: -90.0,
             sigma_deg: 7.5,
         },
+        pitch_deg: None,
         height_agl_m: Some(50.0),
         hfov_deg: Some(90.0),
         gsd_m: None,

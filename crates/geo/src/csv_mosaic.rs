@@ -53,7 +53,7 @@ pub(crate) fn open_mosaic(path: &Path, cache: Arc<BlockCache>) -> Result<CsvMosa
     let mut placed = Vec::with_capacity(rows.len());
     let mut files = vec![path.to_path_buf()];
     for row in &rows {
-        if form_of(&row.file)? == MapForm::Tiff {
+        if form_of(&row.file).map_err(|e| e.of_member(path))? == MapForm::Tiff {
             let reason = format!(
                 "{} is a TIFF file, and the picture of a row must be JPEG, PNG or WebP; GeoTIFFs go into a list (.txt)",
                 row.file.display()

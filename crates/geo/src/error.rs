@@ -16,6 +16,15 @@ pub enum GeoError {
         source: std::io::Error,
     },
 
+    /// A list, table or VRT names a file that does not exist.
+    #[error("{}: it names {}, which does not exist; put the file there, or leave it out", path.display(), file.display())]
+    MissingMember {
+        /// The list.
+        path: PathBuf,
+        /// The file that it names.
+        file: PathBuf,
+    },
+
     /// The file has none of the supported formats.
     #[error(
         "{}: not a map: {reason}; expected a GeoTIFF, a JPEG, PNG, WebP or TIFF picture, MBTiles, PMTiles, a folder of tiles or of GeoTIFFs, a .vrt, a .txt that lists GeoTIFFs, or a .csv that lists pictures and their corners",
@@ -263,6 +272,19 @@ impl GeoError {
         Self::Io {
             path: path.to_path_buf(),
             source,
+        }
+    }
+
+    /// The same error of a file that `list` names: says where the name of one comes from that does not exist.
+    pub(crate) fn of_member(self, list: &Path) -> Self {
+        match self {
+            Self::Io { path: file, source } if source.kind() == std::io::ErrorKind::NotFound => {
+                Self::MissingMember {
+                    path: list.to_path_buf(),
+                    file,
+                }
+            }
+            other => other,
         }
     }
 

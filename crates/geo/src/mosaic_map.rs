@@ -39,7 +39,7 @@ pub(crate) fn open_vrt(
     let mut members = Members::default();
     vrt.add_to(&mut members.values);
     for source in &vrt.sources {
-        let file = regular(&source.file)?;
+        let file = regular(path, &source.file)?;
         let opened = Source::open(file, source.nodata)?;
         if vrt.is_grey && !opened.is_grey() {
             return Err(GeoError::Unsupported {
@@ -135,7 +135,7 @@ pub(crate) fn open_list(
     }
     let mut caveat = None;
     for file in &files {
-        let file = regular(file)?;
+        let file = regular(path, file)?;
         let opened = Source::open(file, None)?;
         let Source::Tiff(map) = &opened else {
             return Err(GeoError::Unsupported {
@@ -211,14 +211,14 @@ impl Members {
     }
 }
 
-/// A file that can be read from any position: opening anything else may block.
-fn regular(path: &Path) -> Result<&Path, GeoError> {
-    let metadata = std::fs::metadata(path).map_err(|e| GeoError::io(path, e))?;
+/// A file of `list` that can be read from any position: opening anything else may block.
+fn regular<'a>(list: &Path, file: &'a Path) -> Result<&'a Path, GeoError> {
+    let metadata = std::fs::metadata(file).map_err(|e| GeoError::io(file, e).of_member(list))?;
     if metadata.is_file() {
-        return Ok(path);
+        return Ok(file);
     }
     Err(GeoError::NotAMap {
-        path: path.to_path_buf(),
+        path: file.to_path_buf(),
         reason: "it is not a file".to_string(),
     })
 }

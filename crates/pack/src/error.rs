@@ -221,10 +221,11 @@ impl PackError {
     /// Wraps a system error with the file and advice for the kinds that a user can resolve.
     pub(crate) fn io(action: &'static str, path: &Path, source: io::Error) -> Self {
         let hint = match source.kind() {
-            io::ErrorKind::StorageFull
-            | io::ErrorKind::QuotaExceeded
-            | io::ErrorKind::FileTooLarge => {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
                 "; free some space and run the same command again, it continues where it stopped"
+            }
+            io::ErrorKind::FileTooLarge => {
+                "; this file system, or a limit of the user (ulimit -f), takes no larger files: choose another folder"
             }
             io::ErrorKind::PermissionDenied if READING.contains(&action) => {
                 "; change its permissions so that you may read it"

@@ -35,13 +35,15 @@ fn tables_are_checked_line_by_line() {
         refused(open(&path), &path, &["filename"]),
         GeoError::BadTable { .. }
     ));
-    // The picture that is missing is named, not the table.
     let path = table(
         dir.path(),
         &format!("{head}b.png,60.403962,22.460441,60.402409,22.464059\n"),
     );
-    let error = refused(open(&path), &dir.path().join("b.png"), &[]);
-    assert!(matches!(error, GeoError::Io { .. }));
+    let error = refused(open(&path), &path, &["b.png, which does not exist"]);
+    assert!(matches!(error, GeoError::MissingMember { .. }));
+    let path = dir.path().join("list.txt");
+    std::fs::write(&path, "gone.tif\n").unwrap();
+    refused(open(&path), &path, &["gone.tif, which does not exist"]);
 }
 
 #[test]

@@ -148,6 +148,7 @@ fn prior_values_override_metadata() {
             heading_deg: f64::NAN,
             sigma_deg: 3.0,
         },
+        pitch_deg: None,
         height_agl_m: Some(-3.0),
         hfov_deg: Some(f64::INFINITY),
         gsd_m: Some(0.0),

@@ -11,10 +11,14 @@ import pathlib
 import re
 import shutil
 import subprocess
+import sys
 
 
 def run(*command):
-    return subprocess.run([str(word) for word in command], check=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True).stdout
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True)
+    if done.returncode:
+        sys.exit(f'harder_data.py: {command[0]} failed: {done.stderr.strip()}')
+    return done.stdout
 
 
 def cut(photo, share, out):
@@ -32,6 +36,10 @@ def main():
     parser.add_argument('--map-factor', type=float, default=1.0)
     parser.add_argument('--crop', type=float, default=1.0)
     arguments = parser.parse_args()
+    if not (arguments.map_factor >= 1 and 0 < arguments.crop <= 1):
+        parser.error('expected --map-factor of 1 or more, and --crop above 0, up to 1')
+    with open(arguments.folder / 'truth.csv', newline='') as file:
+        rows = list(csv.DictReader(file))
     (arguments.out / 'photos').mkdir(parents=True)
 
     share = f'{100 / arguments.map_factor}%'
@@ -39,8 +47,6 @@ def main():
         shutil.copy(arguments.folder / 'map.tif', arguments.out / 'map.tif')
     else:
         run('gdal_translate', '-q', '-r', 'average', '-outsize', share, share, arguments.folder / 'map.tif', arguments.out / 'map.tif')
-    with open(arguments.folder / 'truth.csv', newline='') as file:
-        rows = list(csv.DictReader(file))
     kept = [name for name in rows[0] if name not in ('map_x_px', 'map_y_px')]
     for row in rows:
         if row.get('footprint_w_m'):

@@ -47,12 +47,17 @@ def main():
     parser.add_argument('--side-px', default='20800x18400')
     parser.add_argument('--seed', type=int, default=5)
     arguments = parser.parse_args()
-    width, height = (int(side) // CELL_PX * CELL_PX for side in arguments.side_px.split('x'))
+    try:
+        width, height = (int(side) // CELL_PX * CELL_PX for side in arguments.side_px.split('x'))
+    except ValueError:
+        parser.error('--side-px: expected WIDTHxHEIGHT, such as 20800x18400')
 
     with tifffile.TiffFile(arguments.folder / 'map.tif') as file:
         page = file.pages[0]
         tags = {code: page.tags[code].value for code in GEO_TAGS if code in page.tags}
         small = page.asarray()
+    if small.shape[0] > height or small.shape[1] > width:
+        parser.error(f'the map has {small.shape[1]} x {small.shape[0]} pixels: --side-px has to be larger')
     canvas = np.zeros((height, width, 3), np.uint8)
     canvas[:small.shape[0], :small.shape[1]] = small
     taken = np.zeros((height // CELL_PX, width // CELL_PX), bool)
@@ -71,6 +76,9 @@ def main():
         taken[row:row + rows, column:column + columns] = True
         canvas[row * CELL_PX:, column * CELL_PX:][:pixels.shape[0], :pixels.shape[1]] = pixels
         placed += 1
+
+    if placed == 0:
+        parser.error('no .jpg picture has a place beside the map; check the folders of PICTURES and --side-px')
 
     arguments.out.mkdir(parents=True, exist_ok=True)
     extra = [

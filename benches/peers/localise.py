@@ -5,8 +5,8 @@ Usage: localise.py sift FOLDER [--footprint-width M] [--heading known|unknown] [
 FOLDER is laid out as for `grim eval`: map.tif, photos/, truth.csv. Without --footprint-width each photo's own is taken from the column
 footprint_w_m of truth.csv. Photos that are mostly flat (flat_frac above 0.5) have nothing to find and are left out. Right is an answer within
 5 % of the footprint, wrong one beyond 5 % and three times truth_err_m. Each photo is resampled to the map's working resolution as its
-footprint and heading say (unknown: twelve headings); a similarity is estimated by RANSAC. There is no retrieval and no gate: a photo
-is always answered if any tile has a transform. Prints one line of JSON, the fields as in a claim.json's `peers`.
+footprint and heading say (unknown: twelve headings), reduced by area averages as the map is; a similarity is estimated by RANSAC.
+There is no retrieval and no gate: a photo is always answered if any tile has a transform. Prints one line of JSON, the fields as in a claim.json's `peers`.
 """
 import argparse
 import csv
@@ -134,7 +134,7 @@ def locate(method, area, photo, headings_deg, scale):
     for heading in headings_deg:
         turn = cv2.getRotationMatrix2D((width / 2, height / 2), -heading, scale)
         turn[:, 2] += TILE_PX / 2 - np.array([width / 2, height / 2])
-        points, descriptors = method.features(cv2.warpAffine(photo, turn, (TILE_PX, TILE_PX), flags=cv2.INTER_AREA))
+        points, descriptors = method.features(cv2.warpAffine(photo, turn, (TILE_PX, TILE_PX), flags=cv2.INTER_LINEAR))
         for corner, tile_points, tile_descriptors in area.tiles:
             pairs = matches(method, descriptors, tile_descriptors)
             if len(pairs) < 8:
@@ -163,6 +163,8 @@ def main():
     parser.add_argument('--gsd', type=float, default=0.25, help='metres a pixel at which both are compared')
     parser.add_argument('--onnx', help='the XFeat network')
     arguments = parser.parse_args()
+    if arguments.method == 'xfeat' and not arguments.onnx:
+        parser.error('xfeat needs --onnx, the network')
     method = Sift() if arguments.method == 'sift' else XFeat(arguments.onnx)
     area = Map(arguments.folder / 'map.tif', arguments.gsd, method)
     errors, times, right, wrong = [], [], 0, 0
@@ -177,6 +179,9 @@ def main():
             start = time.perf_counter()
             footprint_m = arguments.footprint_width or column(row, 'footprint_w_m')
             scale = footprint_m / arguments.gsd / photo.shape[1]
+            if scale < 1:
+                # As the map is reduced: warpAffine has no area averaging, and four neighbours of a pixel alias.
+                photo, scale = cv2.resize(photo, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), 1.0
             place = locate(method, area, photo, headings, scale)
             times.append(time.perf_counter() - start)
             errors.append(distance_m(place, truth) if place else math.inf)

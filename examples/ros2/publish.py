@@ -9,15 +9,21 @@ Topics: `grimnet/fix` (sensor_msgs/NavSatFix, every line; without a fix where th
 
 import argparse
 import json
+import math
 import sys
 
 import grimnet_ros2
 
 
-def numbers(text):
-    values = tuple(float(part) for part in text.split(","))
+def origin(text):
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
     if len(values) not in (2, 3):
         raise argparse.ArgumentTypeError("expected LAT,LON or LAT,LON,ALTITUDE_M")
+    if not (abs(values[0]) <= 90 and abs(values[1]) <= 180 and all(map(math.isfinite, values))):
+        raise argparse.ArgumentTypeError(f"{text}: expected a latitude of -90 to 90 and a longitude of -180 to 180 degrees")
     return values
 
 
@@ -42,13 +48,16 @@ def messages(lines, origin, geoid_height_m=None):
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--origin", type=numbers, required=True, metavar="LAT,LON[,ALTITUDE_M]", help="origin of the frame `map`")
+    parser.add_argument("--origin", type=origin, required=True, metavar="LAT,LON[,ALTITUDE_M]", help="origin of the frame `map`")
     parser.add_argument("--geoid-height", type=float, metavar="M", help="height of the geoid above the WGS 84 ellipsoid here")
     arguments = parser.parse_args(with_values(sys.argv[1:]))
 
-    import rclpy
-    from geometry_msgs.msg import PoseWithCovarianceStamped
-    from sensor_msgs.msg import NavSatFix
+    try:
+        import rclpy
+        from geometry_msgs.msg import PoseWithCovarianceStamped
+        from sensor_msgs.msg import NavSatFix
+    except ImportError as error:
+        sys.exit(f"publish.py: {error}; source the setup.bash of a ROS 2 installation, and use its python3")
 
     rclpy.init()
     node = rclpy.create_node("grimnet")
@@ -61,6 +70,8 @@ def main():
                 poses.publish(grimnet_ros2.fill(PoseWithCovarianceStamped(), pose))
     except KeyboardInterrupt:
         pass
+    except json.JSONDecodeError:
+        sys.exit("publish.py: standard input is not JSON lines; give `grim track` the option --format jsonl")
     finally:
         node.destroy_node()
         # Ctrl-C has shut it down already.

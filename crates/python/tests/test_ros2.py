@@ -179,4 +179,11 @@ def test_without_ros_it_says_what_is_missing(origin):
     command = [sys.executable, EXAMPLE / "publish.py", "--origin", origin]
     done = subprocess.run(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     if done.returncode:
-        assert "rclpy" in done.stderr
+        assert done.stderr.startswith("publish.py: ") and "rclpy" in done.stderr and "ROS 2" in done.stderr
+
+
+@pytest.mark.parametrize("origin", ["1", "north,east", "124.26,20", "24.26,181", "nan,20", "1,1.5,inf"])
+def test_an_origin_that_cannot_be_is_refused(origin):
+    command = [sys.executable, EXAMPLE / "publish.py", "--origin", origin]
+    done = subprocess.run(command, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    assert done.returncode == 2 and "argument --origin" in done.stderr and "expected" in done.stderr

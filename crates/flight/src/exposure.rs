@@ -1,11 +1,11 @@
 //! A photo of a flight, and what is known of it besides the track.
 
-use grimnet_photo::{Photo, View, focal_px};
+use grimnet_photo::{HeadingPrior, Photo, View, focal_px};
 use grimnet_track::Attitude;
 
 use crate::frame::Known;
 use crate::recent::Recent;
-use crate::recorded_attitude::recorded_attitude;
+use crate::recorded_attitude::{attitude_towards, recorded_attitude};
 
 /// See the module.
 pub(crate) struct Exposure<'a> {
@@ -28,6 +28,14 @@ impl Exposure<'_> {
         known
             .or_else(|| recent.attitude_at(self.time_s))
             .or_else(|| recorded_attitude(self.view, self.time_s))
+    }
+
+    /// Attitude of the camera where its pitch alone is known and the photo's top points to `top_deg`, degrees clockwise from true north.
+    pub fn attitude_towards(&self, top_deg: f64) -> Option<Attitude> {
+        let prior = &self.known.prior.view;
+        // Without headings the attitudes of metadata are not used either.
+        let is_used = prior.pitch_deg.is_some() || prior.heading != HeadingPrior::Unknown;
+        attitude_towards(self.view, top_deg, self.time_s).filter(|_| is_used)
     }
 
     /// Yaw that was measured at this time, degrees.

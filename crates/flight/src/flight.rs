@@ -271,11 +271,22 @@ impl Flight {
         let fix = found.outcome.as_ref().ok().and_then(Outcome::fix);
         let heading = fix.and_then(|fix| Some((time_s, fix.heading_deg?)));
         self.checks.compare_times(heading, &self.recent);
+        let uses_attitude = !self.checks.leaves_out_attitude();
+        // Of a camera of which the pitch alone is known the fix tells the rest. A motion is levelled by the pitch alone.
+        if attitude.is_none()
+            && uses_attitude
+            && let Some((_, top_deg)) = heading
+            && let Some(attitude) = exposure.attitude_towards(top_deg)
+        {
+            given.push(&mut self.tracker, Input::Attitude(attitude));
+        }
         if let Some(features) = found.features.take() {
             let searched = SearchedFrame {
                 time_s,
                 features,
-                attitude: attitude.filter(|_| !self.checks.leaves_out_attitude()),
+                attitude: attitude
+                    .or_else(|| exposure.attitude_towards(0.0))
+                    .filter(|_| uses_attitude),
                 focal_length_px,
                 px_per_reference_px: exposure.px_per_reference_px,
             };

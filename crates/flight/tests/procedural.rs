@@ -197,6 +197,34 @@ fn a_flight_is_found_followed_and_searched_in_small_windows() {
 }
 
 #[test]
+fn a_pitch_alone_tells_where_the_aircraft_is() {
+    let mut flight = flight(None);
+    let mut last = None;
+    for number in 0..14 {
+        let time_s = f64::from(number) / FRAMES_PER_S;
+        let pose = Pose {
+            pitch_off_nadir_deg: 30.0,
+            roll_deg: 0.0,
+            ..pose(150.0 + SPEED_M_S * time_s, 320.0)
+        };
+        let known = Known {
+            prior: grimnet_locate::Prior::none()
+                .with_hfov_deg(CAMERA.hfov_deg)
+                .with_pitch_deg(-60.0),
+            attitude: None,
+        };
+        let answer = flight.frame(&photo(&pose), time_s, &known);
+        last = Some((answer, lonlat(&pose)));
+    }
+    // The image centre is 64 m ahead.
+    let last = last.unwrap();
+    let estimate = last.0.point.unwrap().estimate.unwrap();
+    assert_eq!(estimate.position_of, PositionOf::Aircraft);
+    let error_m = error_m(&last).unwrap();
+    assert!(error_m < 5.0, "{error_m} m: {estimate:?}");
+}
+
+#[test]
 fn a_start_is_searched_first() {
     let first = pose(300.0, 300.0);
     let start = Start {

@@ -161,8 +161,8 @@ pub struct KnownArgs {
     #[arg(long, value_enum, default_value_t, help_heading = KNOWN)]
     pub vehicle: VehicleChoice,
 
-    /// Pitch of the camera, degrees: -90 looks straight down, -60 towards the photo's top by 30 degrees; needs the field of
-    /// view, too; overrides metadata [default: from the photos, else straight down]
+    /// Pitch at which a gimbal holds the camera, degrees: -90 looks straight down, -60 towards the photo's top by 30 degrees;
+    /// needs the field of view, too; overrides metadata [default: from the photos, else about straight down]
     #[arg(long, value_name = "DEG", value_parser = values::pitch_deg, allow_hyphen_values = true, help_heading = KNOWN)]
     pub pitch: Option<f64>,
 

@@ -6,7 +6,8 @@ FOLDER is laid out as for `grim eval`: map.tif, photos/, truth.csv. Without --fo
 footprint_w_m of truth.csv. Photos that are mostly flat (flat_frac above 0.5) have nothing to find and are left out. Right is an answer within
 5 % of the footprint, wrong one beyond 5 % and three times truth_err_m. Each photo is resampled to the map's working resolution as its
 footprint and heading say (unknown: twelve headings), reduced by area averages as the map is; a similarity is estimated by RANSAC.
-There is no retrieval and no gate: a photo is always answered if any tile has a transform. Prints one line of JSON, the fields as in a claim.json's `peers`.
+There is no retrieval and no gate: a photo is always answered if any tile has a transform. Prints one line of JSON, the fields as in a
+claim.json's `peers`.
 """
 import argparse
 import csv

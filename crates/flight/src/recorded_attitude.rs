@@ -13,11 +13,10 @@ pub(crate) fn attitude_towards(view: &View, top_deg: f64, time_s: f64) -> Option
     let camera = view.attitude?;
     let top_from_yaw_deg = Tilt::top_from_yaw_deg(camera.pitch_from_nadir_deg, camera.roll_deg);
     let yaw_deg = top_deg - top_from_yaw_deg;
-    let gimbal_pitch_deg = camera.pitch_from_nadir_deg - 90.0;
     Some(Attitude::from_gimbal(
         time_s,
         yaw_deg,
-        gimbal_pitch_deg,
+        camera.gimbal_pitch_deg(),
         camera.roll_deg,
     ))
 }

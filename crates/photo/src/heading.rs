@@ -91,7 +91,7 @@ pub(crate) fn resolve(
 /// The attitude of the pitch that the caller gave.
 fn given_attitude(prior: &ViewPrior, view: &mut View) -> Option<CameraAttitude> {
     let pitch = prior.pitch_deg?;
-    if !PITCH_RANGE_DEG.contains(&pitch) {
+    if prior.usable_pitch_deg().is_none() {
         let reason = format!(
             "given by the caller, but not degrees from {} to {}",
             PITCH_RANGE_DEG.start(),
@@ -183,9 +183,7 @@ fn attitude(metadata: &Metadata, pitch: f64, view: &mut View) -> Option<CameraAt
 
 /// States what the pitch is used for, once it is known whether the field of view is: without one no tilt is rectified.
 pub(crate) fn state_pitch(metadata: &Metadata, prior: &ViewPrior, view: &mut View) {
-    let given = prior
-        .pitch_deg
-        .filter(|pitch| PITCH_RANGE_DEG.contains(pitch));
+    let given = prior.usable_pitch_deg();
     let (field, from, pitch) = match (given, metadata.gimbal_pitch_deg) {
         (Some(pitch), _) => (GIVEN_PITCH, "given by the caller: ", pitch),
         (None, Some(pitch)) => ("gimbal pitch", "", pitch),

@@ -101,6 +101,14 @@ pub struct ViewPrior {
     pub gsd_m: Option<f64>,
 }
 
+impl ViewPrior {
+    /// The pitch that is given, if it is in [`PITCH_RANGE_DEG`].
+    pub(crate) fn usable_pitch_deg(&self) -> Option<f64> {
+        self.pitch_deg
+            .filter(|pitch_deg| PITCH_RANGE_DEG.contains(pitch_deg))
+    }
+}
+
 /// A heading with its uncertainty.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Heading {
@@ -139,6 +147,13 @@ pub struct CameraAttitude {
     pub pitch_from_nadir_deg: f64,
     /// Turn about the optical axis, degrees.
     pub roll_deg: f64,
+}
+
+impl CameraAttitude {
+    /// Pitch as gimbals state it, degrees: -90 looks straight down.
+    pub fn gimbal_pitch_deg(&self) -> f64 {
+        self.pitch_from_nadir_deg - 90.0
+    }
 }
 
 /// What is known of how a photo sees the ground. Everything may be unknown; a localiser then searches.

@@ -54,9 +54,7 @@ impl Detail {
         Self {
             map: map.id().to_owned(),
             heading_deg: view.heading.map(|heading| heading.heading_deg),
-            pitch_deg: view
-                .attitude
-                .map(|camera| camera.pitch_from_nadir_deg - 90.0),
+            pitch_deg: view.attitude.map(|camera| camera.gimbal_pitch_deg()),
             height_agl_m: view.height_agl_m,
             hfov_deg: view.hfov_deg,
             runner_up_lon_lat_deg: runner_up.map(|at| [at.lon_deg, at.lat_deg]),

@@ -397,7 +397,7 @@ mod tests {
         }
         assert_eq!(
             summary.reasons,
-            [("too few matches".to_owned(), 80 - expected)]
+            [("too few matches: ...".to_owned(), 80 - expected)]
         );
         let names: Vec<&str> = summary
             .by_training

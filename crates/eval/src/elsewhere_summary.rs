@@ -38,7 +38,7 @@ pub struct ElsewhereSummary {
     pub by_setting: Vec<Group>,
     /// Sources.
     pub by_source: Vec<Group>,
-    /// Number of trials without a fix by reason, most frequent first.
+    /// Number of trials without a fix by reason, most frequent first. Figures of the single trial are `...`.
     pub reasons: Vec<(String, usize)>,
 }
 
@@ -63,6 +63,22 @@ fn setting(trial: &ElsewhereTrial) -> String {
         _ => "larger than the map",
     };
     format!("{scale}, heading {heading}, footprint {size}")
+}
+
+/// A reason with `...` in place of its figures, as `docs/answers.md` lists it.
+fn without_figures(reason: &str) -> String {
+    let mut words = String::new();
+    let mut is_figure = false;
+    for c in reason.chars() {
+        let is_part = c.is_ascii_digit() || is_figure && matches!(c, '.' | 'e' | '-');
+        if !is_part {
+            words.push(c);
+        } else if !is_figure {
+            words.push_str("...");
+        }
+        is_figure = is_part;
+    }
+    words
 }
 
 impl Group {
@@ -102,16 +118,11 @@ impl ElsewhereSummary {
     /// Figures of these trials.
     #[must_use]
     pub fn of(trials: &[ElsewhereTrial]) -> Self {
-        let mut reasons: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
         for reason in trials.iter().filter_map(|trial| trial.reason.as_deref()) {
-            // What follows a colon are figures of the single trial.
-            let kind = reason.split([':', ';']).next().unwrap_or(reason);
-            *reasons.entry(kind).or_default() += 1;
+            *reasons.entry(without_figures(reason)).or_default() += 1;
         }
-        let mut reasons: Vec<(String, usize)> = reasons
-            .into_iter()
-            .map(|(reason, count)| (reason.to_owned(), count))
-            .collect();
+        let mut reasons: Vec<(String, usize)> = reasons.into_iter().collect();
         reasons.sort_by(|a, b| b.1.cmp(&a.1).then_with(|| a.0.cmp(&b.0)));
         Self {
             all: Group::of("all trials", trials.iter()),
@@ -126,6 +137,35 @@ impl ElsewhereSummary {
             by_setting: groups(trials, setting),
             by_source: groups(trials, |trial| trial.source.clone()),
             reasons,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::without_figures;
+
+    #[test]
+    fn a_reason_is_told_apart_by_its_words_and_not_by_its_figures() {
+        for (reason, words) in [
+            (
+                "no position on the map fits well enough: confidence 0.3 %; at least 10.4 % is required",
+                "no position on the map fits well enough: confidence ... %; at least ... % is required",
+            ),
+            (
+                "one pixel of the photo covers 12 of the map's: check its height",
+                "one pixel of the photo covers ... of the map's: check its height",
+            ),
+            (
+                "the perspective of the transform is too strong (3.1e-4 per pixel)",
+                "the perspective of the transform is too strong (... per pixel)",
+            ),
+            (
+                "the transform mirrors the photo",
+                "the transform mirrors the photo",
+            ),
+        ] {
+            assert_eq!(without_figures(reason), words);
         }
     }
 }

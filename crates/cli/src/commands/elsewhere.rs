@@ -110,7 +110,7 @@ pub fn pictures(folder: &Path) -> Result<Vec<PathBuf>> {
 /// Runs the trials on a map, writes `elsewhere.json` and `elsewhere.csv` and prints the figures.
 ///
 /// # Errors
-/// Results that cannot be written.
+/// No picture can be read; results that cannot be written.
 pub fn run(
     options: &ElsewhereOptions,
     sources: &[Source],
@@ -130,6 +130,10 @@ pub fn run(
     };
     let trials = elsewhere::run(localizer, sources, &settings, &mut |_| bar.inc(1));
     bar.finish_and_clear();
+    // No fix among no trials says nothing of the map.
+    if trials.is_empty() {
+        bail!("none of the pictures that are not on the map can be read");
+    }
     let summary = ElsewhereSummary::of(&trials);
     let [json, csv] = FILES;
     let text = serde_json::to_string_pretty(&summary)? + "\n";

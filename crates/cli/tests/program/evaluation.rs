@@ -140,6 +140,14 @@ fn photos_of_another_town_are_counted_by_setting() {
         .assert()
         .code(2)
         .stderr(contains("no pictures"));
+    let unreadable = folder.path().join("unreadable");
+    std::fs::create_dir(&unreadable).unwrap();
+    std::fs::write(unreadable.join("a.jpg"), "no picture").unwrap();
+    eval(&unreadable)
+        .assert()
+        .code(2)
+        .stderr(contains("a.jpg: not a picture"))
+        .stderr(contains("none of the pictures"));
 }
 
 #[test]

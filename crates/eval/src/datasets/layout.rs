@@ -120,8 +120,7 @@ impl DataSet {
             Self::anyvisloc(request)
         } else {
             tracing::warn!(
-                "{}: no {TRUTH_FILE}; the truth is the receiver's position in the photos' EXIF, not the image centre: its own error \
-                 and the tilt of the camera count as errors",
+                "{}: no {TRUTH_FILE}; the truth is the receiver's position in the photos' EXIF, {NOT_THE_CENTRE}",
                 folder.display()
             );
             Self::by_exif(request)
@@ -211,13 +210,25 @@ impl DataSet {
         for error in bad {
             tracing::warn!("{error}; skipped");
         }
+        let frames = scorable(frames, &folder.join(PHOTO_FOLDER))?;
+        let mut name = file_name(folder);
+        let is_of_receiver =
+            |(frame, _): &&(TruthFrame, PathBuf)| frame.centre_lat_lon_deg.is_none();
+        let of_receiver = frames.iter().filter(is_of_receiver).count();
+        if of_receiver > 0 {
+            let share = format!("{of_receiver} of {} photos", frames.len());
+            tracing::warn!(
+                "{name}: the truth of {share} is the receiver's position, {NOT_THE_CENTRE}"
+            );
+            name += &format!(" (truth of {share}: receiver position)");
+        }
         Ok(Self {
-            name: file_name(folder),
+            name,
             map: request
                 .map
                 .map_or_else(|| folder.join(MAP_FILE), Path::to_owned),
             map_options: request.map_options.clone(),
-            frames: scorable(frames, &folder.join(PHOTO_FOLDER))?,
+            frames,
             other_files: vec![folder.join(TRUTH_FILE)],
             photo_limits: request.photo_limits,
         })
@@ -321,6 +332,10 @@ const TRUTH_FILE: &str = "truth.csv";
 const MAP_FILE: &str = "map.tif";
 /// Name of the folder of photos beside it.
 const PHOTO_FOLDER: &str = "photos";
+
+/// What it means that a truth is the receiver's position.
+const NOT_THE_CENTRE: &str =
+    "not the image centre: its own error and the tilt of the camera count as errors";
 
 /// A photo with the position in its EXIF; its name begins with that of its scene where there are several.
 fn frame_from_exif(
@@ -497,6 +512,27 @@ mod tests {
         let usable = scorable(listed, photos.path()).unwrap();
         assert_eq!(usable.len(), 1);
         assert_eq!(usable[0].0.photo, "./a.jpg");
+    }
+
+    #[test]
+    fn a_data_set_says_how_many_of_its_truths_are_the_receivers() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = root.path().join("flight");
+        fs_err::create_dir_all(folder.join(PHOTO_FOLDER)).unwrap();
+        for photo in ["a.jpg", "b.jpg"] {
+            fs_err::write(folder.join(PHOTO_FOLDER).join(photo), "").unwrap();
+        }
+        for (rows, name) in [
+            ("a.jpg,1,2,1,2\nb.jpg,1,2,,\n", "flight"),
+            (
+                "a.jpg,1,2,1,2\nb.jpg,,,1,2\n",
+                "flight (truth of 1 of 2 photos: receiver position)",
+            ),
+        ] {
+            let table = format!("photo,lat_deg,lon_deg,gps_lat,gps_lon\n{rows}");
+            fs_err::write(folder.join(TRUTH_FILE), table).unwrap();
+            assert_eq!(DataSet::find(&request(&folder)).unwrap().name, name);
+        }
     }
 
     #[test]

@@ -37,7 +37,7 @@ impl AnswerFormat for Csv {
         let text = |value: Option<f64>, decimals: usize| {
             value.map(|v| format!("{v:.decimals$}")).unwrap_or_default()
         };
-        let covariance = |i: usize| text(answer.covariance_en_m2.map(|c| c[i]), 4);
+        let covariance = |i: usize| text(answer.covariance_en_m2.map(|c| c[i]), 6);
         let mut writer = ::csv::Writer::from_writer(Vec::new());
         writer.write_record([
             printable_text(&answer.photo).into_owned(),
@@ -48,15 +48,15 @@ impl AnswerFormat for Csv {
             text(answer.lat_deg, 8),
             text(answer.lon_deg, 8),
             text(answer.heading_deg, 2),
-            text(answer.gsd_m, 5),
+            text(answer.gsd_m, 6),
             text(answer.radius95_m, 3),
             covariance(0),
             covariance(1),
             covariance(2),
-            text(answer.confidence, 4),
+            text(answer.confidence, 6),
             answer.inliers.map(|i| i.to_string()).unwrap_or_default(),
             printable_text(answer.reason.as_deref().unwrap_or_default()).into_owned(),
-            text(answer.time_ms.get("total").copied(), 2),
+            text(answer.time_ms.get("total").copied(), 3),
             answer.damaged.to_string(),
             text(answer.check_m, 3),
         ])?;

@@ -36,7 +36,7 @@ impl TextFormat<TrackLine> for Csv {
         let text = |value: Option<f64>, decimals: usize| {
             value.map(|v| format!("{v:.decimals$}")).unwrap_or_default()
         };
-        let covariance = |i: usize| text(line.covariance_en_m2.map(|c| c[i]), 4);
+        let covariance = |i: usize| text(line.covariance_en_m2.map(|c| c[i]), 6);
         let note = line.note.as_ref();
         let frame = note.map_or("", |note| note.frame.text());
         let mut writer = ::csv::Writer::from_writer(Vec::new());

@@ -134,8 +134,8 @@ pub fn print_retrieval(runs: &[RetrievalSummary]) -> Result<()> {
     };
     writeln!(
         StandardOutput,
-        "\nrecall among {} tiles (a tile is right if it covers the true centre)",
-        first.gallery_tiles
+        "\nrecall among {} (a tile is right if it covers the true centre)",
+        counted(first.gallery_tiles, "tile")
     )?;
     let row = |name: &str, cell: &dyn Fn(&RetrievalSummary) -> f64| {
         line(name, runs.iter().map(|run| percent(cell(run))))

@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, Result, bail};
 use grimnet_eval::datasets::{DataSet, DataSetRequest};
+use grimnet_eval::evaluation::{Trial, TrialError};
 use grimnet_eval::report::Run;
 use grimnet_eval::report::results::{self, About, FILE_NAMES, peak_memory_mib};
 use grimnet_eval::retrieval::RetrievalSummary;
@@ -149,6 +150,15 @@ fn warn_of_unknown_headings(arguments: &EvalArgs, scene: &Scene) {
     }
 }
 
+/// Warns of photos that cannot be read, which count as photos without a fix.
+fn warn_of_unreadable(trials: &[Trial]) {
+    for trial in trials {
+        if let Err(TrialError::Photo(error)) = &trial.found {
+            tracing::warn!("{error}; counts as a photo without a fix");
+        }
+    }
+}
+
 /// Refuses options that would have no effect.
 fn check_options(arguments: &EvalArgs) -> Result<()> {
     let is_elsewhere = arguments.elsewhere.is_asked();
@@ -196,6 +206,7 @@ fn evaluate_and_write(
             first_trials = trials;
         }
     }
+    warn_of_unreadable(&first_trials);
     let pictures = eval_pictures::draw(scene, &first_trials, &runs[0].name, matches)?;
     let about = About {
         peak_memory_mib: peak_memory_mib(),

@@ -65,7 +65,8 @@ fn photos_of_an_evaluation_have_the_limit() {
     };
     eval(&[data.to_str().unwrap(), "--heading", "exif"])
         .assert()
-        .success();
+        .success()
+        .stderr(contains("counts as a photo without a fix").and(contains(REFUSAL)));
     let failed = fs::read_to_string(out.join("failed.jsonl")).unwrap();
     assert!(failed.contains(REFUSAL), "{failed}");
     eval(&["--elsewhere", pictures.to_str().unwrap()])

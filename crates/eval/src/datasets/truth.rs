@@ -68,7 +68,7 @@ pub enum TruthError {
     },
     /// A required column is missing.
     #[error(
-        "{path}: expected a column `photo` and the columns `lat_deg`,`lon_deg` (or `centre_lat`,`centre_lon`, or `gps_lat`,`gps_lon`); found: {header}"
+        "{path}: expected a comma-separated table with a column `photo` and the columns `lat_deg`,`lon_deg` (or `centre_lat`,`centre_lon`, or `gps_lat`,`gps_lon`); found: {header}"
     )]
     Columns {
         /// The file.
@@ -332,10 +332,14 @@ mod tests {
 
     #[test]
     fn asks_for_missing_columns() {
-        let text = read_text("name,lat\nx,1\n").unwrap_err().to_string();
-        assert!(
-            text.contains("a column `photo`") && text.contains("name,lat"),
-            "{text}"
-        );
+        for header in ["name,lat", "photo;lat_deg;lon_deg"] {
+            let error = read_text(&format!("{header}\n")).unwrap_err();
+            let text = error.to_string();
+            assert!(
+                text.contains("a comma-separated table with a column `photo`")
+                    && text.contains(header),
+                "{text}"
+            );
+        }
     }
 }

@@ -1,5 +1,6 @@
 //! `grim eval --elsewhere`: photos that are not on the map must get no fix.
 
+use std::collections::HashSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -75,8 +76,16 @@ impl ElsewhereOptions {
 /// by their whole path.
 ///
 /// # Errors
-/// As [`pictures`].
+/// As [`pictures`], or a folder is given more than once: its pictures would count as so many others.
 pub fn sources(folders: &[(&PathBuf, bool)]) -> Result<Vec<Source>> {
+    let mut places = HashSet::new();
+    for (folder, _) in folders {
+        // One that cannot be read is named where its pictures are looked for.
+        let place = fs_err::canonicalize(folder).unwrap_or_else(|_| (*folder).clone());
+        if !places.insert(place) {
+            bail!("{}: given more than once", folder.display());
+        }
+    }
     let names: Vec<String> = folders.iter().map(|(path, _)| file_name(path)).collect();
     let is_alone = |name: &String| names.iter().filter(|other| *other == name).count() == 1;
     let source = |(&(folder, trained_on), name): (&(&PathBuf, bool), &String)| {
@@ -213,5 +222,16 @@ mod tests {
             .collect();
         let [a, b, _] = folders.map(|folder| folder.display().to_string());
         assert_eq!(names, [a, b, "coast".to_owned()]);
+    }
+
+    #[test]
+    fn a_folder_counts_once() {
+        let root = tempfile::tempdir().unwrap();
+        let coast = root.path().join("coast");
+        fs_err::create_dir(&coast).unwrap();
+        fs_err::write(coast.join("DJI_0001.jpg"), "").unwrap();
+        let again = root.path().join("coast/../coast");
+        let error = sources(&[(&coast, false), (&again, true)]).unwrap_err();
+        assert!(error.to_string().contains("more than once"), "{error}");
     }
 }

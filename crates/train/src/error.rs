@@ -22,7 +22,7 @@ pub enum TrainError {
     },
     /// Not enough pictures.
     #[error(
-        "found {found} usable pictures ({unreadable} unreadable) in {folders}; at least {needed} are needed"
+        "found {found} usable training pictures in {folders}; at least {needed} are needed; {unreadable} cannot be read or are too small for `pairs.side_px`"
     )]
     TooFewPictures {
         /// Usable pictures.

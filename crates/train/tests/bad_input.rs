@@ -107,6 +107,18 @@ fn too_few_pictures_and_missing_folders_are_named() {
 }
 
 #[test]
+fn pictures_that_are_too_small_are_not_called_unreadable_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = tiny(folder.path());
+    config.pairs.side_px = 160;
+    let error = trainer(&config, false).err().unwrap().to_string();
+    assert!(
+        error.contains("12 cannot be read or are too small for `pairs.side_px`"),
+        "{error}"
+    );
+}
+
+#[test]
 fn a_data_set_of_another_layout_says_what_is_missing() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = tiny(folder.path());

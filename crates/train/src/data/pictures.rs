@@ -104,6 +104,7 @@ impl Pictures {
         let among = self.scenes..self.scenes + classes.len();
         self.scenes = among.end;
         let numbers: HashMap<&String, usize> = classes.into_iter().zip(among.clone()).collect();
+        let mut small = 0;
         for Listed { path, fold, class } in &files {
             let (width, height) = match picture_file::size_px(path, self.limits) {
                 Ok(size_px) => size_px,
@@ -114,7 +115,7 @@ impl Pictures {
                 }
             };
             if width.min(height) < least_side_px {
-                self.unreadable += 1;
+                small += 1;
                 continue;
             }
             let fold = fold.unwrap_or_else(|| drawn_fold(path, folder));
@@ -136,6 +137,13 @@ impl Pictures {
                 }),
                 labels: None,
             });
+        }
+        if small > 0 {
+            tracing::warn!(
+                "{}: {small} pictures are skipped: their shorter side is below {least_side_px} px, three quarters of `pairs.side_px`",
+                folder.path.display()
+            );
+            self.unreadable += small;
         }
         Ok(())
     }

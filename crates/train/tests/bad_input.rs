@@ -145,6 +145,10 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
         ("minuts = 3\n", "minuts"),
         ("network = \"resnet\"\n", "resnet"),
         ("[pairs]\nside_px = 100\n", "side_px"),
+        (
+            "world_share = 1\n[pairs]\nside_px = 128\n",
+            "`pairs.points` is 256; with `pairs.side_px = 128` it must be at most 128",
+        ),
         ("world_share = 2.0\n", "world_share"),
         ("minutes = 1\n", "[[data]]"),
         ("global_from = 1.0\n", "`global_from` is 1; it must be"),

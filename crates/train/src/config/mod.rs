@@ -231,12 +231,16 @@ impl TrainConfig {
                 "`export.whitening = \"pca\"` needs `export.whitening_pairs` above {values}"
             ));
         }
-        let cells = (self.pairs.side_px / 8).pow(2) as usize;
         if self.pairs.side_px == 0 || !self.pairs.side_px.is_multiple_of(32) {
             return wrong("`pairs.side_px` must be a multiple of 32");
         }
-        if self.pairs.points > cells / 2 {
-            return wrong("`pairs.points` must be at most half the number of 8 x 8 cells");
+        let side_px = self.pairs.side_px;
+        let most_points = (side_px as usize / 8).pow(2) / 2;
+        if self.pairs.points > most_points {
+            return wrong(&format!(
+                "`pairs.points` is {}; with `pairs.side_px = {side_px}` it must be at most {most_points}, half the number of 8 x 8 cells",
+                self.pairs.points
+            ));
         }
         if let Some(labels) = &self.labels
             && (labels.side_px == 0 || !labels.side_px.is_multiple_of(32))

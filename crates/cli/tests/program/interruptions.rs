@@ -174,3 +174,48 @@ fn an_interrupted_calibration_goes_on_with_its_observations() {
     );
     assert_eq!(fs::read(&partial).unwrap(), continued);
 }
+
+#[test]
+#[cfg(all(unix, feature = "train"))]
+fn an_export_that_takes_long_ends_at_the_first_signal() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let config = path("training.toml");
+    crate::faults::training::write_config(&config, 1, 2);
+    // Pairs for the whitening that take hours.
+    let text = fs::read_to_string(&config).unwrap();
+    let text = text.replace("whitening_pairs = 0", "whitening_pairs = 10000000");
+    let run = format!("out = '{}'", path("run").display());
+    fs::write(&config, text.replace("out = \"run\"", &run)).unwrap();
+    let mut child = start(&["train", config.to_str().unwrap()]);
+    let curves = path("run").join("curves.csv");
+    let started = Instant::now();
+    let ends = |child: &mut Child| child.try_wait().unwrap();
+    // The last of its two steps.
+    while !fs::read_to_string(&curves).is_ok_and(|text| text.lines().count() == 3) {
+        assert!(started.elapsed() < Duration::from_secs(120), "no steps");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    std::thread::sleep(Duration::from_secs(2));
+    assert!(ends(&mut child).is_none(), "the export was over");
+    let sent = Command::new("kill")
+        .args(["-TERM", &child.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(sent.success());
+    let sent = Instant::now();
+    let status = loop {
+        if let Some(status) = ends(&mut child) {
+            break status;
+        }
+        if sent.elapsed() > Duration::from_secs(20) {
+            child.kill().unwrap();
+            child.wait().unwrap();
+            panic!("the export goes on");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    assert_eq!(status.code(), Some(130));
+    assert!(path("run").join("checkpoint.safetensors").exists());
+    assert!(!path("run").join("model.safetensors").exists());
+}

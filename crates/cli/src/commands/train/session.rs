@@ -62,6 +62,8 @@ pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> R
         )?;
         return Ok(Exit::Interrupted);
     }
+    // The checkpoint has it all, so that the first Ctrl-C of the export ends the program as a second one does.
+    stopped.store(true, Ordering::Relaxed);
     finish(trainer.state(), config, &data, &device, &folder)
 }
 

@@ -119,3 +119,15 @@ fn a_ground_resolution_of_another_unit_is_told_of() {
         .success()
         .stderr(contains("less than one tile"));
 }
+
+#[test]
+#[cfg(feature = "train")]
+fn a_stage_that_makes_no_model_exports_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("shapes.toml");
+    fs::write(config, "stage = \"shapes\"\nout = \"shapes\"\n").unwrap();
+    let mut export = grim();
+    export.current_dir(folder.path());
+    export.args(["train", "shapes.toml", "--export"]);
+    export.assert().code(2).stderr(contains("makes no model"));
+}

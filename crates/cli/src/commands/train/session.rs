@@ -4,7 +4,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-use anyhow::Result;
+use anyhow::{Result, bail};
 use grimnet_answer::printable;
 use grimnet_train::{
     Checkpoint, Curves, Data, Device, MODEL, Progress, RunFolder, Stage, TrainConfig, Trainer,
@@ -23,6 +23,13 @@ use crate::standard_output::StandardOutput;
 /// # Errors
 /// Returns an error if the data, the checkpoint or the initial weights cannot be used, or a loss is not finite.
 pub(super) fn run(path: &Path, config: &TrainConfig, arguments: &TrainArgs) -> Result<Exit> {
+    if arguments.export && config.stage != Stage::Joint {
+        bail!(
+            "the stage `{}` makes no model; give its checkpoint, {}, to the next stage",
+            config.stage,
+            printable(&checkpoint_path(config).display().to_string())
+        );
+    }
     // What cannot be written is refused at once, not after the data were read.
     let policy = arguments.overwrite.policy().protect(path);
     let folder = RunFolder::open(config, &policy)?;

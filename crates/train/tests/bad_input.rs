@@ -205,6 +205,29 @@ fn the_steps_after_the_last_report_are_reported_at_the_end() {
 }
 
 #[test]
+fn the_time_of_a_validation_is_not_that_of_the_next_steps() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = TrainConfig {
+        steps: Some(2),
+        ..tiny(folder.path())
+    };
+    let mut speeds = Vec::new();
+    let mut trainer = trainer(&config, false).unwrap();
+    let pause_s = 3.0;
+    trainer
+        .run(&mut |progress, _| {
+            speeds.push(progress.pairs_per_s);
+            std::thread::sleep(std::time::Duration::from_secs_f64(pause_s));
+            true
+        })
+        .unwrap();
+    assert!(
+        speeds[1] > config.pairs_per_step as f64 / pause_s,
+        "{speeds:?}"
+    );
+}
+
+#[test]
 fn a_picture_belongs_to_one_folder() {
     let folder = tempfile::tempdir().unwrap();
     let pictures = pictures(folder.path());

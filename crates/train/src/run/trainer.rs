@@ -169,6 +169,8 @@ impl Trainer {
                 if !on_report(&progress, &self.state) {
                     break;
                 }
+                // Validations, which callers make in it, are no time of the next steps.
+                report = Report::new();
             }
         }
         self.save(&folder)?;

@@ -78,9 +78,10 @@ impl Curves {
         let before = [p.step as f64, p.elapsed_s];
         let after = [p.pairs_per_s, p.learning_rate, f64::from(p.gradient)];
         let row = [&before[..], &losses, &after].concat();
+        // The digits of single precision, as many as the value has: a small learning rate is not 0.
         let text = |value: &f64| match value.is_nan() {
             true => String::new(),
-            false => format!("{value:.6}"),
+            false => (*value as f32).to_string(),
         };
         let values: Vec<String> = row.iter().map(text).collect();
         self.table.add([values.join(",")])?;
@@ -173,7 +174,7 @@ mod tests {
                 ..Losses::default()
             },
             pairs_per_s: 3.0,
-            learning_rate: 1e-3,
+            learning_rate: 2e-8,
             gradient: 0.5,
         }
     }
@@ -196,9 +197,10 @@ mod tests {
         let steps: Vec<&str> = text
             .lines()
             .skip(1)
-            .map(|l| l.split('.').next().unwrap())
+            .map(|l| l.split(',').next().unwrap())
             .collect();
         assert_eq!(steps, ["50", "100", "160"]);
+        assert!(text.ends_with(",3,0.00000002,0.5\n"), "{text}");
         let svg = fs_err::read_to_string(folder.path().join("curves.svg")).unwrap();
         assert_eq!(svg.matches("<polyline").count(), 3);
         assert!(!svg.contains("NaN"));

@@ -101,7 +101,9 @@ pub enum ModelFileError {
     #[error("not a safetensors file ({0}); download or export the model again")]
     NotSafetensors(String),
     /// An entry of the metadata that every model has is missing.
-    #[error("its metadata has no entry `{0}`: expected a model written by this program")]
+    #[error(
+        "its metadata has no entry `{0}`: expected a model written by this program; a checkpoint of a training run becomes one with `grim train CONFIG --export`"
+    )]
     MissingMetadata(&'static str),
     /// The format version is not supported.
     #[error(

@@ -91,6 +91,14 @@ fn a_damaged_checkpoint_is_named() {
 }
 
 #[test]
+fn a_checkpoint_in_place_of_a_model_says_how_it_becomes_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = one_step_run(folder.path());
+    let error = Model::open(checkpoint_path(&config)).err().unwrap();
+    assert!(error.to_string().contains("--export"), "{error}");
+}
+
+#[test]
 fn a_loss_that_is_no_number_names_the_last_good_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let config = tiny(folder.path());

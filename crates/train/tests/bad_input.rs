@@ -146,6 +146,11 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
         ("network = \"resnet\"\n", "resnet"),
         ("[pairs]\nside_px = 100\n", "side_px"),
         (
+            "[pairs]\nside_px = 1000000\n",
+            "`pairs.side_px` is 1000000; it must be from 1 to 4096",
+        ),
+        ("[labels]\nside_px = 9600\n", "`labels.side_px` is 9600"),
+        (
             "world_share = 1\n[pairs]\nside_px = 128\n",
             "`pairs.points` is 256; with `pairs.side_px = 128` it must be at most 128",
         ),

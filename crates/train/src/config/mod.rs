@@ -231,7 +231,7 @@ impl TrainConfig {
                 "`export.whitening = \"pca\"` needs `export.whitening_pairs` above {values}"
             ));
         }
-        if self.pairs.side_px == 0 || !self.pairs.side_px.is_multiple_of(32) {
+        if !self.pairs.side_px.is_multiple_of(32) {
             return wrong("`pairs.side_px` must be a multiple of 32");
         }
         let side_px = self.pairs.side_px;
@@ -243,7 +243,7 @@ impl TrainConfig {
             ));
         }
         if let Some(labels) = &self.labels
-            && (labels.side_px == 0 || !labels.side_px.is_multiple_of(32))
+            && !labels.side_px.is_multiple_of(32)
         {
             return wrong("`labels.side_px` must be a multiple of 32");
         }

@@ -7,6 +7,8 @@ use std::fmt;
 
 /// Most threads that make pairs: a slip of the keyboard is to be told, and not to stop the machine.
 const MOST_DATA_THREADS: usize = 256;
+/// Largest side of a view, pixels, for the same reason.
+const MOST_SIDE_PX: usize = 4096;
 
 /// The values that a setting may have.
 #[derive(Clone, Copy)]
@@ -142,6 +144,7 @@ impl TrainConfig {
         if let Some(labels) = &self.labels {
             let numbers = [
                 ("views", labels.views as f64, Range::AtLeast(1)),
+                ("side_px", labels.side_px.into(), Range::UpTo(MOST_SIDE_PX)),
                 ("threshold", labels.threshold.into(), Range::Share),
             ];
             out.extend(numbers_of("labels.", numbers));
@@ -151,7 +154,7 @@ impl TrainConfig {
         out
     }
 
-    fn numbers_of_the_run(&self) -> [Number; 19] {
+    fn numbers_of_the_run(&self) -> [Number; 20] {
         use Range::{AtLeast, BelowOne, NotNegative, Positive, PositiveOrInfinite, Share, UpTo};
         let (adam, pairs) = (&self.adam, &self.pairs);
         let numbers = [
@@ -175,6 +178,7 @@ impl TrainConfig {
             ("checkpoint_minutes", self.checkpoint_minutes, NotNegative),
             ("validate_minutes", self.validate_minutes, NotNegative),
             ("report_steps", self.report_steps as f64, AtLeast(1)),
+            ("pairs.side_px", pairs.side_px.into(), UpTo(MOST_SIDE_PX)),
             ("pairs.group", pairs.group as f64, AtLeast(1)),
             ("pairs.points", pairs.points as f64, AtLeast(1)),
             ("pairs.black_corners", pairs.black_corners, Share),

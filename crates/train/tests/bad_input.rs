@@ -180,6 +180,11 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
             "world_share = 1\n[weights]\nkeypoint = 0\ndescriptor = 0\nglobal = 0\n",
             "all `weights` are 0",
         ),
+        (
+            "world_share = 1\n[weights]\nkeypoint = 0\ndescriptor = 0\nglobal = 0\n\
+             [teacher]\nkeypoint = 0\ndescriptor = 0\nglobal = 0\n",
+            "all `weights` are 0",
+        ),
         ("[triplet]\nhardest = 0\n", "triplet.hardest"),
         ("[pairs.look]\nseason = 1.5\n", "pairs.look.season"),
         ("[[data]]\npath = \".\"\nrepeat = 0\n", "data[0].repeat"),

@@ -269,8 +269,10 @@ impl TrainConfig {
             weights.global,
             weights.homography,
         ];
-        let is_untaught = self.teacher.is_none() && self.stage == Stage::Joint;
-        if is_untaught && of_losses.iter().all(|weight| *weight == 0.0) {
+        let is_untaught = self.teacher.as_ref().is_none_or(|teacher| {
+            [teacher.keypoint, teacher.descriptor, teacher.global] == [0.0; 3]
+        });
+        if self.stage == Stage::Joint && is_untaught && of_losses == [0.0; 4] {
             return wrong("all `weights` are 0; set at least one");
         }
         self.validate_tasks()

@@ -36,6 +36,9 @@ impl WeightedSource {
     }
 }
 
+/// Groups without a pair after which a batch stays as it is.
+const MOST_WITHOUT_PAIRS: usize = 100;
+
 /// The sources of a run.
 pub type Sources = Vec<WeightedSource>;
 
@@ -70,9 +73,8 @@ pub fn batch_of(
         .collect();
     let total: f64 = serving.iter().map(|source| source.share).sum();
     let mut out = Batch::new();
-    let mut attempts = 0;
-    while out.len() < pairs && attempts < 100 {
-        attempts += 1;
+    let mut without_pairs = 0;
+    while out.len() < pairs && without_pairs < MOST_WITHOUT_PAIRS {
         let mut at = random.random_range(0.0..total.max(f64::MIN_POSITIVE));
         let chosen = serving.iter().find(|source| {
             at -= source.share;
@@ -82,7 +84,9 @@ pub fn batch_of(
             break;
         };
         let count = options.group.min(pairs - out.len());
-        out.extend(chosen.source.group(count, options, &mut random));
+        let group = chosen.source.group(count, options, &mut random);
+        without_pairs += usize::from(group.is_empty());
+        out.extend(group);
     }
     out
 }
@@ -237,6 +241,15 @@ mod tests {
             assert!(self.0.swap(true, Ordering::Relaxed), "the first call");
             Numbered(0).group(count, options, random)
         }
+    }
+
+    #[test]
+    fn a_batch_of_many_small_groups_is_complete() {
+        let one = PairOptions {
+            group: 1,
+            ..PairOptions::default()
+        };
+        assert_eq!(batch_of(&sources(), None, &one, 250, 1, 0).len(), 250);
     }
 
     #[test]

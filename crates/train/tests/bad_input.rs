@@ -149,6 +149,10 @@ fn a_configuration_with_a_wrong_key_or_value_says_which() {
             "[pairs]\nside_px = 1000000\n",
             "`pairs.side_px` is 1000000; it must be from 1 to 4096",
         ),
+        (
+            "pairs_per_step = 4000000000\n",
+            "`pairs_per_step` is 4000000000; it must be from 2 to 65536",
+        ),
         ("[labels]\nside_px = 9600\n", "`labels.side_px` is 9600"),
         (
             "world_share = 1\n[pairs]\nside_px = 128\n",

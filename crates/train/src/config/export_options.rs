@@ -14,8 +14,8 @@ pub enum WhiteningChoice {
     Pca,
 }
 
-/// How many pairs the exported model is fitted to and measured on. Each view costs a forward pass.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+/// How many pairs the exported model is fitted to and measured on, where each view costs a forward pass, and its licence.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ExportOptions {
     /// Which whitening is kept: `measured` (the best on held-out pairs, or none) or `pca` (always, as in the paper).
@@ -28,6 +28,8 @@ pub struct ExportOptions {
     pub distractors: usize,
     /// Precision of the stored whitening projection: `i8` or `f16`.
     pub whitening_precision: DataType,
+    /// Licence of the weights, for the model's card: they are made from the caller's pictures.
+    pub licence: String,
 }
 
 impl Default for ExportOptions {
@@ -38,6 +40,7 @@ impl Default for ExportOptions {
             validation_pairs: 240,
             distractors: 300,
             whitening_precision: DataType::I8,
+            licence: "not stated".to_owned(),
         }
     }
 }

@@ -9,6 +9,8 @@ use std::fmt;
 const MOST_DATA_THREADS: usize = 256;
 /// Largest side of a view, pixels, for the same reason.
 const MOST_SIDE_PX: usize = 4096;
+/// Most pairs of a step, likewise.
+const MOST_PAIRS: usize = 1 << 16;
 
 /// The values that a setting may have.
 #[derive(Clone, Copy)]
@@ -25,8 +27,8 @@ enum Range {
     NotNegative,
     /// A number of things.
     AtLeast(usize),
-    /// A number of things, at least 1.
-    UpTo(usize),
+    /// A number of things, from one number to another.
+    FromTo(usize, usize),
 }
 
 impl Range {
@@ -39,7 +41,7 @@ impl Range {
             Self::PositiveOrInfinite => value > 0.0,
             Self::NotNegative => value >= 0.0 && value.is_finite(),
             Self::AtLeast(least) => value >= least as f64,
-            Self::UpTo(most) => (1.0..=most as f64).contains(&value),
+            Self::FromTo(least, most) => (least as f64..=most as f64).contains(&value),
         }
     }
 }
@@ -54,7 +56,7 @@ impl fmt::Display for Range {
             Self::PositiveOrInfinite => f.write_str("above 0, or inf"),
             Self::NotNegative => f.write_str("finite and at least 0"),
             Self::AtLeast(least) => write!(f, "at least {least}"),
-            Self::UpTo(most) => write!(f, "from 1 to {most}"),
+            Self::FromTo(least, most) => write!(f, "from {least} to {most}"),
         }
     }
 }
@@ -144,7 +146,11 @@ impl TrainConfig {
         if let Some(labels) = &self.labels {
             let numbers = [
                 ("views", labels.views as f64, Range::AtLeast(1)),
-                ("side_px", labels.side_px.into(), Range::UpTo(MOST_SIDE_PX)),
+                (
+                    "side_px",
+                    labels.side_px.into(),
+                    Range::FromTo(1, MOST_SIDE_PX),
+                ),
                 ("threshold", labels.threshold.into(), Range::Share),
             ];
             out.extend(numbers_of("labels.", numbers));
@@ -155,16 +161,20 @@ impl TrainConfig {
     }
 
     fn numbers_of_the_run(&self) -> [Number; 20] {
-        use Range::{AtLeast, BelowOne, NotNegative, Positive, PositiveOrInfinite, Share, UpTo};
+        use Range::{AtLeast, BelowOne, FromTo, NotNegative, Positive, PositiveOrInfinite, Share};
         let (adam, pairs) = (&self.adam, &self.pairs);
         let numbers = [
             ("world_share", self.world_share, Share),
             ("minutes", self.minutes, Positive),
-            ("pairs_per_step", self.pairs_per_step as f64, AtLeast(2)),
+            (
+                "pairs_per_step",
+                self.pairs_per_step as f64,
+                FromTo(2, MOST_PAIRS),
+            ),
             (
                 "data_threads",
                 self.data_threads as f64,
-                UpTo(MOST_DATA_THREADS),
+                FromTo(1, MOST_DATA_THREADS),
             ),
             ("learning_rate", self.learning_rate, Positive),
             ("encoder_rate", self.encoder_rate, NotNegative),
@@ -178,7 +188,11 @@ impl TrainConfig {
             ("checkpoint_minutes", self.checkpoint_minutes, NotNegative),
             ("validate_minutes", self.validate_minutes, NotNegative),
             ("report_steps", self.report_steps as f64, AtLeast(1)),
-            ("pairs.side_px", pairs.side_px.into(), UpTo(MOST_SIDE_PX)),
+            (
+                "pairs.side_px",
+                pairs.side_px.into(),
+                FromTo(1, MOST_SIDE_PX),
+            ),
             ("pairs.group", pairs.group as f64, AtLeast(1)),
             ("pairs.points", pairs.points as f64, AtLeast(1)),
             ("pairs.black_corners", pairs.black_corners, Share),

@@ -19,7 +19,7 @@ pub(super) fn card_of(checkpoint: &Checkpoint, config: &TrainConfig) -> Card {
         name: format!("grimnet {}", config.network),
         training_data: folders.chain(worlds).collect::<Vec<_>>().join(", "),
         steps: checkpoint.position.step,
-        licence: "MIT OR Apache-2.0".into(),
+        licence: config.export.licence.clone(),
         notes: String::new(),
         random: false,
     }
@@ -97,17 +97,30 @@ mod tests {
     use burn::tensor::Device;
     use grimnet_net::{Model, NetSpec};
 
-    #[test]
-    fn a_network_that_was_trained_under_snow_does_not_deny_it() {
+    fn untrained() -> Checkpoint {
         let model = Model::random(&NetSpec::compact(), 1).unwrap();
         let parameters = Parameters::of_model(&model, &Device::flex());
-        let state = Checkpoint {
+        Checkpoint {
             average: parameters.clone(),
             parameters,
             adam: Adam::default(),
             position: Position::default(),
             config: None,
-        };
+        }
+    }
+
+    #[test]
+    fn the_licence_is_that_of_the_configuration() {
+        let mut config = TrainConfig::default();
+        let licence = |config: &TrainConfig| card_of(&untrained(), config).licence;
+        assert_eq!(licence(&config), "not stated");
+        config.export.licence = "CC-BY-4.0".to_owned();
+        assert_eq!(licence(&config), "CC-BY-4.0");
+    }
+
+    #[test]
+    fn a_network_that_was_trained_under_snow_does_not_deny_it() {
+        let state = untrained();
         let mut config = TrainConfig::default();
         let of = |config: &TrainConfig| notes(&state, config, &Validations::new(), None);
         assert!(of(&config).contains("not trained on oblique views, snow, night"));

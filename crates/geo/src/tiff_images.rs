@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use grimnet_limits::MapLimits;
-use tiff_reader::{Ifd, OpenOptions, TiffError, TiffFile};
+use tiff_reader::{ByteOrder, Ifd, OpenOptions, TagType, TiffError, TiffFile};
 
 use crate::GeoError;
 use crate::error::{ADVICE_SAMPLES, ADVICE_TILE_IT};
@@ -13,6 +13,9 @@ use crate::error::{ADVICE_SAMPLES, ADVICE_TILE_IT};
 const TAG_NEW_SUBFILE_TYPE: u16 = 254;
 /// TIFF 6.0, SubfileType (old).
 const TAG_SUBFILE_TYPE: u16 = 255;
+/// TIFF Technical Note 1: SubIFDs, and the type that libtiff gives them, 32 bits.
+const TAG_SUB_IFDS: u16 = 330;
+const TYPE_IFD: u16 = 13;
 const SUBFILE_REDUCED: u64 = 1;
 const SUBFILE_MASK: u64 = 4;
 /// TIFF 6.0: PhotometricInterpretation of a mask.
@@ -143,7 +146,7 @@ fn all_images(path: &Path) -> Result<Vec<TiffImage>, GeoError> {
             });
         };
         push(ifd.clone());
-        for offset in ifd.sub_ifd_offsets().unwrap_or_default() {
+        for offset in sub_ifd_offsets(&file, ifd).map_err(|e| tiff_error(path, e))? {
             push(
                 file.read_ifd_at_offset(offset)
                     .map_err(|e| tiff_error(path, e))?,
@@ -151,6 +154,45 @@ fn all_images(path: &Path) -> Result<Vec<TiffImage>, GeoError> {
         }
     }
     Ok(images)
+}
+
+/// Where the sub-images of an image are.
+fn sub_ifd_offsets(file: &TiffFile, ifd: &Ifd) -> Result<Vec<u64>, TiffError> {
+    let Some(tag) = ifd.tag(TAG_SUB_IFDS) else {
+        return Ok(Vec::new());
+    };
+    if tag.tag_type != TagType::Unknown(TYPE_IFD) {
+        return Ok(ifd.sub_ifd_offsets().unwrap_or_default());
+    }
+    // The library does not know the type and takes it for bytes.
+    let source = file.source();
+    let number = |bytes: &[u8]| {
+        let push = |n: u64, &byte: &u8| (n << 8) | u64::from(byte);
+        match file.byte_order() {
+            ByteOrder::LittleEndian => bytes.iter().rev().fold(0, push),
+            ByteOrder::BigEndian => bytes.iter().fold(0, push),
+        }
+    };
+    // Bytes of the number of entries, of an entry, and of the value at its end.
+    let (count_len, entry_len, value_len) = if file.is_bigtiff() {
+        (8, 20, 8)
+    } else {
+        (2, 12, 4)
+    };
+    let count = number(&source.read_exact_at(ifd.offset(), count_len)?) as usize;
+    let entries = source.read_exact_at(ifd.offset() + count_len as u64, count * entry_len)?;
+    let is_sub_ifds = |entry: &&[u8]| number(&entry[..2]) == u64::from(TAG_SUB_IFDS);
+    let Some(entry) = entries.chunks_exact(entry_len).find(is_sub_ifds) else {
+        return Ok(Vec::new());
+    };
+    let value = &entry[entry_len - value_len..];
+    let len = 4 * tag.count as usize;
+    let offsets = if len <= value_len {
+        value[..len].to_vec()
+    } else {
+        source.read_exact_at(number(value), len)?
+    };
+    Ok(offsets.chunks_exact(4).map(number).collect())
 }
 
 fn sidecar(path: &Path, ending: &str) -> Option<PathBuf> {

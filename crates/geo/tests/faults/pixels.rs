@@ -333,6 +333,39 @@ fn an_overview_without_the_mask_of_the_map_is_left_out() {
     assert_eq!(quartered(), alone);
 }
 
+/// libtiff states the places of sub-images with the type IFD.
+#[test]
+fn overviews_in_sub_images_of_libtiff_are_read() {
+    let dir = folder();
+    let [path, overview] = ["map.tif", "overview.tif"].map(|name| dir.path().join(name));
+    let (pixels_at, sub_image_at) = (6000, 8192);
+    let mut tags = rgb_tags(10, 5);
+    tags.extend([
+        long(254, &[1]),
+        long8(273, &[pixels_at]),
+        long(278, &[5]),
+        long8(279, &[150]),
+    ]);
+    write_bigtiff(&overview, tags, 0);
+    // Its values are all in the entries, which can therefore lie anywhere.
+    let sub_image = std::fs::read(&overview).unwrap()[16..].to_vec();
+    // In the entry itself, and beside it.
+    for count in [1, 3] {
+        let places = [u32::to_le_bytes(sub_image_at); 3].concat();
+        let mut tags = geo_tags(32651);
+        let places = places[..4 * count].to_vec();
+        tags.push(Tag(330, 13, count as u64, places));
+        write_map(&path, (20, 10), tags, colours);
+        write_at(&path, pixels_at, &[200; 150]);
+        write_at(&path, u64::from(sub_image_at), &sub_image);
+        let map = open(&path).unwrap();
+        assert!(map.describe().contains("1 overviews"), "{}", map.describe());
+        let whole = WindowPx::new(0.0, 0.0, 20.0, 10.0);
+        let quarter = map.read(whole, 5, 2).unwrap();
+        assert_eq!(quarter.rgb.get_pixel(2, 1).0, [200; 3], "{count}");
+    }
+}
+
 #[test]
 fn decompression_bombs_are_refused_before_they_are_decoded() {
     let dir = folder();

@@ -85,6 +85,10 @@ pub(crate) fn crs_from_geokeys(keys: &GeoKeyDirectory, path: &Path) -> Result<Fi
         {
             projected(keys)
         }
+        // Of a projection that GeoKeys cannot express GDAL writes the geographic system, and the rest in words.
+        Some(0 | USER_DEFINED) if keys.get_ascii(ids::PROJ_CITATION).is_some() => Err(
+            Problem::Unsupported("its GeoKeys do not express the projection".to_string()),
+        ),
         Some(0 | USER_DEFINED) if code(keys, ids::GEODETIC_CRS_TYPE).is_some() => geographic(keys),
         Some(other) => Err(Problem::Unsupported(format!("model type {other}"))),
     };

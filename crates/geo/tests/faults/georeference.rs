@@ -167,6 +167,32 @@ fn web_mercator_in_words_is_web_mercator() {
     }
 }
 
+/// Keys as GDAL writes them of a projection that GeoTIFF lacks. Near its origin, metres could pass for degrees.
+#[test]
+fn a_projection_in_words_only_is_not_taken_for_degrees() {
+    let dir = folder();
+    let path = dir.path().join("mollweide.tif");
+    let words = "ESRI PE String = PROJCS[\"World_Mollweide\",GEOGCS[]]|";
+    let length = words.len() as u16;
+    let keys = [
+        [1, 1, 0, 5],
+        [1024, 0, 1, 32767],
+        [1025, 0, 1, 1],
+        [2048, 0, 1, 4326],
+        [3073, 34737, length, 0],
+        [3076, 0, 1, 9001],
+    ];
+    let tags = vec![
+        double(33550, &[0.5, 0.5, 0.0]),
+        double(33922, &[0.0, 0.0, 0.0, 10.0, 20.0, 0.0]),
+        short(34735, &keys.concat()),
+        ascii(34737, words),
+    ];
+    write_map(&path, (20, 10), tags, colours);
+    let error = refused(open(&path), &path, &["World_Mollweide", "EPSG:CODE"]);
+    assert!(matches!(error, GeoError::UnsupportedCrs { .. }));
+}
+
 #[test]
 fn a_crs_that_does_not_fit_is_refused() {
     let dir = folder();

@@ -210,7 +210,7 @@ pub fn overview(map: &dyn Raster) -> Result<RasterPatch, GeoError> {
 /// # Errors
 /// Returns [`GeoError::OutsideDomain`] if the map's centre has no position on Earth.
 pub fn concerns(map: &dyn Raster, overview: &RasterPatch) -> Result<Vec<Concern>, GeoError> {
-    let mut found = of_place(map)?;
+    let mut found = concerns_of_place(map)?;
     found.extend(of_pixels(overview));
     found.extend(
         map.georeference()
@@ -222,7 +222,11 @@ pub fn concerns(map: &dyn Raster, overview: &RasterPatch) -> Result<Vec<Concern>
     Ok(found)
 }
 
-fn of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
+/// What looks wrong with a map's georeference. No pixel is read.
+///
+/// # Errors
+/// As [`concerns`].
+pub fn concerns_of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
     let mut found = Vec::new();
     let georeference = map.georeference();
     let centre = georeference.centre_px();

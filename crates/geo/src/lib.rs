@@ -96,7 +96,7 @@ mod xml_tree;
 mod xyz_folder;
 
 pub use affine::Affine;
-pub use concerns::{Concern, concerns, overview};
+pub use concerns::{Concern, concerns, concerns_of_place, overview};
 pub use corners::Corners;
 pub use crs::Crs;
 pub use error::GeoError;

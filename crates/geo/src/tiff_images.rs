@@ -186,7 +186,7 @@ fn sub_ifd_offsets(file: &TiffFile, ifd: &Ifd) -> Result<Vec<u64>, TiffError> {
         return Ok(Vec::new());
     };
     let value = &entry[entry_len - value_len..];
-    let len = 4 * tag.count as usize;
+    let len = usize::try_from(tag.count.saturating_mul(4)).unwrap_or(usize::MAX);
     let offsets = if len <= value_len {
         value[..len].to_vec()
     } else {

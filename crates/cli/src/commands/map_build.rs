@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::{ArgGroup, Args};
-use grimnet_geo::{Raster, is_tiff_name};
+use grimnet_geo::{Raster, concerns_of_place, is_tiff_name};
 use grimnet_locate::Options;
 use grimnet_net::Model;
 use grimnet_output::{AtomicFile, TargetKind, linked_path};
@@ -142,6 +142,7 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
     };
     let model = arguments.model.open()?;
     let map = arguments.place.open(&arguments.map, &policy)?;
+    warn_of_place(map.as_ref(), &arguments.map);
     policy.check_file(out, OWN_MAGICS)?;
     if TargetKind::of(out)? == TargetKind::Stream {
         let report = build_into_stream(map.as_ref(), &model, &options, out)?;
@@ -166,6 +167,14 @@ fn warn_if_among_maps(out: &Path, map: &Path) {
              afterwards; give the pack a name that ends in .grim",
             out.display()
         );
+    }
+}
+
+/// Warns of a georeference that looks wrong: photos may get no fix on such a map, or fixes in the wrong place.
+fn warn_of_place(map: &dyn Raster, path: &Path) {
+    // A map whose centre has no position is refused by the build.
+    for concern in concerns_of_place(map).into_iter().flatten() {
+        tracing::warn!("{}: {concern}", path.display());
     }
 }
 

@@ -121,6 +121,23 @@ fn a_ground_resolution_of_another_unit_is_told_of() {
 }
 
 #[test]
+fn a_build_on_a_sheared_map_says_that_photos_get_no_fix_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    image::RgbImage::from_fn(64, 64, |x, y| {
+        image::Rgb([(4 * x) as u8, (4 * y) as u8, 90])
+    })
+    .save(path("map.png"))
+    .unwrap();
+    // Degrees, turned by 45 of them at 60 north.
+    fs::write(path("map.pgw"), "3e-6\n3e-6\n3e-6\n-3e-6\n25\n60\n").unwrap();
+    let mut build = grim();
+    build.args(["map", "build", "--crs", "EPSG:4326", "-o"]);
+    build.args([path("map.grim"), path("map.png")]);
+    build.assert().success().stderr(contains("it is sheared"));
+}
+
+#[test]
 #[cfg(feature = "train")]
 fn a_stage_that_makes_no_model_exports_none() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use grimnet_locate::{Localizer, LocateError, Outcome};
-use grimnet_photo::{Photo, View};
+use grimnet_photo::{PITCH_RANGE_DEG, Photo, View};
 use grimnet_track::{
     Attitude, Height, Input, InputError, Miss, OptionsError, Taken, TrackOptions, TrackPoint,
     Tracker,
@@ -26,6 +26,9 @@ use crate::whole_map::{WholeMap, map_area_m2};
 
 /// Half the diagonal of a frame's footprint where nothing tells it, metres: 120 m above ground with a field of view of 70 degrees.
 const TYPICAL_HALF_FOOTPRINT_M: f64 = 105.0;
+
+/// Photos that are tilted by less are matched as they are, degrees: nothing is lost there, and an attitude has errors of its own.
+const LEVELLED_FROM_DEG: f64 = 15.0;
 
 /// Options of a [`Flight`].
 #[derive(Debug, Clone, PartialEq)]
@@ -180,7 +183,7 @@ impl Flight {
             self.give_telemetry(&exposure, &mut given);
         }
         let locating = Instant::now();
-        let mut found = self.locate(&exposure);
+        let mut found = self.locate_levelled(&exposure);
         let locate_ms = elapsed_ms(locating);
         if !arrival.is_repeated {
             self.take_in(&exposure, &mut found, arrival.is_new_picture, &mut given);
@@ -199,6 +202,45 @@ impl Flight {
                 total: elapsed_ms(started),
             },
         }
+    }
+
+    /// Searches a frame, rectified by the attitude of the camera if that is tilted by so much that it would not be found as it is. An attitude
+    /// may be wrong: without a fix the frame is searched as it is.
+    fn locate_levelled(&self, exposure: &Exposure<'_>) -> Found {
+        let Some(known) = self.levelled(exposure) else {
+            return self.locate(exposure);
+        };
+        let levelled = self.locate(&Exposure {
+            known: &known,
+            view: &exposure.photo.view(&known.prior.view),
+            ..*exposure
+        });
+        if !matches!(&levelled.outcome, Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason))
+        {
+            return levelled;
+        }
+        let as_it_is = self.locate(exposure);
+        let searches = levelled.searches + as_it_is.searches;
+        let is_found = matches!(as_it_is.outcome, Ok(Outcome::Fix(_)));
+        Found {
+            searches,
+            ..if is_found { as_it_is } else { levelled }
+        }
+    }
+
+    /// What is known of a photo with the camera's tilt from its attitude, if that is large and neither the caller nor the metadata tell it.
+    fn levelled(&self, exposure: &Exposure<'_>) -> Option<Known> {
+        let mut known = *exposure.known;
+        let attitude = exposure.attitude(&self.recent)?;
+        let can_be_rectified = exposure.view.attitude.is_none() && exposure.view.hfov_deg.is_some();
+        if !can_be_rectified || self.checks.leaves_out_attitude() {
+            return None;
+        }
+        let [_, pitch_deg, roll_deg] = attitude.to_gimbal_deg();
+        let is_tilted = pitch_deg + 90.0 >= LEVELLED_FROM_DEG;
+        let view = &mut known.prior.view;
+        (view.pitch_deg, view.roll_deg) = (Some(pitch_deg), Some(roll_deg));
+        (is_tilted && PITCH_RANGE_DEG.contains(&pitch_deg)).then_some(known)
     }
 
     /// Searches a frame where track and telemetry say.

@@ -224,6 +224,28 @@ fn a_pitch_alone_tells_where_the_aircraft_is() {
     assert!(error_m < 5.0, "{error_m} m: {estimate:?}");
 }
 
+/// Of a camera that is mounted so, in a turn: 30 degrees ahead and 20 to the side.
+#[test]
+fn photos_are_levelled_by_the_attitude() {
+    let mut flight = flight(None);
+    let mut fixes = 0;
+    let mut last = None;
+    for number in 0..10 {
+        let time_s = f64::from(number) / FRAMES_PER_S;
+        let pose = Pose {
+            pitch_off_nadir_deg: 30.0,
+            roll_deg: 20.0,
+            ..pose(150.0 + SPEED_M_S * time_s, 320.0)
+        };
+        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
+        fixes += u32::from(matches!(answer.outcome, Ok(Outcome::Fix(_))));
+        last = Some((answer, lonlat(&pose)));
+    }
+    assert!(fixes >= 9, "{fixes}");
+    let error_m = error_m(&last.unwrap()).unwrap();
+    assert!(error_m < 8.0, "{error_m} m");
+}
+
 #[test]
 fn a_start_is_searched_first() {
     let first = pose(300.0, 300.0);

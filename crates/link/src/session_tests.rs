@@ -810,6 +810,22 @@ fn the_gimbal_of_another_camera_is_not_taken_for_the_cameras() {
 }
 
 #[test]
+fn a_fixed_camera_that_is_mounted_turned_has_another_yaw_than_the_aircraft() {
+    let yaws_deg = |mount: &str| {
+        let mut flight = Flight::new(|options| {
+            options.telemetry.camera_mount = CameraMount::Fixed;
+            options.telemetry.fixed_mount = mount.parse().unwrap();
+        });
+        flight.second(ARDUPILOT);
+        flight.yaws_deg()
+    };
+    let of_aircraft = yaws_deg("0");
+    assert!(!of_aircraft.is_empty());
+    let to_the_right = of_aircraft.iter().map(|yaw_deg| (yaw_deg + 90.0) % 360.0);
+    assert_eq!(yaws_deg("90"), to_the_right.collect::<Vec<_>>());
+}
+
+#[test]
 fn a_velocity_for_which_the_autopilot_does_not_vouch_is_not_taken() {
     let velocities = |flight: &mut Flight| {
         let inputs = std::mem::take(&mut flight.session.inputs);

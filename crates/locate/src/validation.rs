@@ -5,7 +5,7 @@ use std::fmt::Display;
 use grimnet_pack::Index;
 use grimnet_photo::{
     HEADING_RANGE_DEG, HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior, PHOTO_GSD_RANGE_M,
-    PITCH_RANGE_DEG,
+    PITCH_RANGE_DEG, ROLL_RANGE_DEG,
 };
 
 use crate::{
@@ -205,6 +205,10 @@ impl Prior {
                 holds,
                 "-165 to -15 degrees, where -90 is straight down",
             )?;
+        }
+        if let Some(roll_deg) = self.view.roll_deg {
+            let holds = ROLL_RANGE_DEG.contains(&roll_deg);
+            require("roll_deg", roll_deg, holds, "-360 to 360 degrees")?;
         }
         if let Some(height_agl_m) = self.view.height_agl_m {
             let holds = HEIGHT_AGL_RANGE_M.contains(&height_agl_m);

@@ -4,7 +4,8 @@ use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
 use crate::metadata::Metadata;
 use crate::nadir_angles::from_nadir_angles;
 use crate::view::{
-    CameraAttitude, HEADING_RANGE_DEG, Heading, HeadingPrior, PITCH_RANGE_DEG, View, ViewPrior,
+    CameraAttitude, HEADING_RANGE_DEG, Heading, HeadingPrior, PITCH_RANGE_DEG, ROLL_RANGE_DEG,
+    View, ViewPrior,
 };
 
 /// 1-sigma of a gimbal's yaw, degrees: typical for the compass of a small drone in flight.
@@ -100,9 +101,10 @@ fn given_attitude(prior: &ViewPrior, view: &mut View) -> Option<CameraAttitude> 
         view.set_aside(GIVEN_PITCH, pitch.to_string(), reason);
         return None;
     }
+    let roll_deg = prior.roll_deg.filter(|roll| ROLL_RANGE_DEG.contains(roll));
     Some(CameraAttitude {
         pitch_from_nadir_deg: pitch + 90.0,
-        roll_deg: 0.0,
+        roll_deg: roll_deg.unwrap_or(0.0),
     })
 }
 

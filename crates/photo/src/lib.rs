@@ -67,7 +67,7 @@ pub use points::{PhotoPx, QueryPx};
 pub use query::{DEFAULT_MAX_SIDE_PX, Query, QueryMaker, QueryOptions, SIDE_MULTIPLE_PX};
 pub use scale::{HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, PHOTO_GSD_RANGE_M};
 pub use view::{
-    CameraAttitude, Footprint, HEADING_RANGE_DEG, Heading, HeadingPrior, PITCH_RANGE_DEG, View,
-    ViewPrior,
+    CameraAttitude, Footprint, HEADING_RANGE_DEG, Heading, HeadingPrior, PITCH_RANGE_DEG,
+    ROLL_RANGE_DEG, View, ViewPrior,
 };
 pub use warp::LEVEL_PX_PER_QUERY_PX;

@@ -33,6 +33,9 @@ pub const HEADING_RANGE_DEG: std::ops::RangeInclusive<f64> = -720.0..=720.0;
 pub const PITCH_RANGE_DEG: std::ops::RangeInclusive<f64> =
     -90.0 - MAX_PITCH_FROM_NADIR_DEG..=-90.0 + MAX_PITCH_FROM_NADIR_DEG;
 
+/// Rolls of the camera that are accepted, degrees.
+pub const ROLL_RANGE_DEG: std::ops::RangeInclusive<f64> = -360.0..=360.0;
+
 /// Assumed 1-sigma of a heading that is given without one, degrees.
 const GIVEN_HEADING_SIGMA_DEG: f64 = 5.0;
 
@@ -90,9 +93,11 @@ impl FromStr for HeadingPrior {
 pub struct ViewPrior {
     /// Heading.
     pub heading: HeadingPrior,
-    /// Pitch of the camera, degrees, as gimbals state it: -90 looks straight down, -60 towards the photo's top by 30 degrees; level from
-    /// side to side.
+    /// Pitch of the camera, degrees, as gimbals state it: -90 looks straight down, -60 towards the photo's top by 30 degrees, level from
+    /// side to side if no roll is given.
     pub pitch_deg: Option<f64>,
+    /// Turn of the camera about its optical axis, degrees, with the pitch ([`Tilt::roll_deg`]); 0 if it is not given.
+    pub roll_deg: Option<f64>,
     /// Height above ground, m.
     pub height_agl_m: Option<f64>,
     /// Field of view across the photo's width, degrees.

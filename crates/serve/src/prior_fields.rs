@@ -115,6 +115,7 @@ impl PriorFields {
             view: ViewPrior {
                 heading: self.heading()?,
                 pitch_deg: self.pitch_deg,
+                roll_deg: None,
                 height_agl_m: self.height_agl_m,
                 hfov_deg: self.hfov_deg,
                 gsd_m: self.gsd_m,

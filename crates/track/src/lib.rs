@@ -56,7 +56,7 @@ mod tracker;
 mod velocity_gate;
 mod window;
 
-pub use attitude::Attitude;
+pub use attitude::{Attitude, FixedMount};
 pub use error::{InputError, OptionsError};
 pub use hypothesis::PositionOf;
 pub use input::{HEIGHT_AGL_RANGE_M, Height, Input, Miss, PositionFix, RelativeMotion, Velocity};

@@ -139,6 +139,7 @@ impl LocateOptions {
             view: ViewPrior {
                 heading: self.heading,
                 pitch_deg: self.pitch,
+                roll_deg: None,
                 height_agl_m: self.height_agl,
                 hfov_deg: self.hfov,
                 gsd_m: self.gsd,

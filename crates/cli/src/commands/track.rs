@@ -305,13 +305,26 @@ fn telemetry(
         (Some(path), _) if arguments.link.telemetry.is_none() => {
             RecordedTelemetry::beside(&path, delay_s)
         }
-        (Some(path), _) => Some(RecordedTelemetry::read(&path, delay_s)?),
+        (Some(path), _) => {
+            let mount = arguments.link.camera_mount.unwrap_or_default();
+            Some(RecordedTelemetry::read(&path, delay_s, mount)?)
+        }
         (None, Some(video)) => RecordedTelemetry::within_video(video, delay_s),
         (None, None) => None,
     };
     if telemetry.is_none() && delay_s != 0.0 {
         bail!(
             "--telemetry-delay moves the times of recorded telemetry, and there is none; expected --telemetry FILE"
+        );
+    }
+    let is_of_aircraft = telemetry
+        .as_ref()
+        .is_some_and(RecordedTelemetry::has_attitude_of_aircraft);
+    if arguments.link.camera_mount.is_some() && arguments.link.mavlink.is_none() && !is_of_aircraft
+    {
+        bail!(
+            "--camera-mount turns attitudes of the aircraft into those of the camera, and there are none; expected --mavlink, or \
+             --telemetry FILE with the columns yaw_deg, pitch_deg and roll_deg"
         );
     }
     Ok(telemetry)

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use anyhow::{Result, bail};
 use clap::Args;
 use grimnet_link::{Address, CameraMount, LinkOptions, NmeaTarget};
+use grimnet_track::FixedMount;
 
 use super::link_options::{LinkChoice, address};
 use crate::formats::TextTarget;
@@ -28,9 +29,17 @@ pub struct TrackLinkArgs {
     pub message: LinkChoice,
 
     /// Camera whose attitude the autopilot's telemetry gives: gimbal (the first that reports, else as fixed), gimbal:ID (the
-    /// one with this MAVLink component or number), fixed (looks down, the picture's top to the nose), unknown (attitude is not used)
+    /// one with this MAVLink component or number), fixed (to the aircraft, see --camera-mount), unknown (attitude is not used)
     #[arg(long, value_name = "MOUNT", default_value_t, help_heading = LINK)]
     pub mavlink_camera: CameraMount,
+
+    /// How a camera without a gimbal is mounted on the aircraft, degrees: where the picture's top points, clockwise from the nose,
+    /// and its pitch (-90 looks straight down) [default: 0,-90]
+    ///
+    /// For attitudes of the aircraft, from --mavlink or --telemetry. 90 is a camera whose picture has the right wing at its top,
+    /// 0,-60 one that looks ahead by 30 degrees from straight down, which needs the field of view, too.
+    #[arg(long, value_name = "YAW[,PITCH]", allow_hyphen_values = true, conflicts_with = "pitch", help_heading = LINK)]
+    pub camera_mount: Option<FixedMount>,
 
     /// Error of the autopilot's velocity, metres per second (1 sigma per axis); 0: velocities are not used
     #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = values::sigma_m, allow_hyphen_values = true, help_heading = LINK)]
@@ -68,6 +77,7 @@ impl TrackLinkArgs {
                 options.signing = self.message.key()?;
                 options.dry_run = self.dry_run;
                 options.telemetry.camera_mount = self.mavlink_camera;
+                options.telemetry.fixed_mount = self.camera_mount.unwrap_or_default();
                 let sigma_m_s = self.mavlink_velocity_sigma;
                 options.telemetry.velocity_sigma_m_s = (sigma_m_s > 0.0).then_some(sigma_m_s);
                 Some(options)

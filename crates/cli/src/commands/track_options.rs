@@ -196,6 +196,7 @@ impl KnownArgs {
                 view: ViewPrior {
                     heading,
                     pitch_deg: self.pitch,
+                    roll_deg: None,
                     height_agl_m: self.height_agl,
                     hfov_deg: self.hfov,
                     gsd_m: None,

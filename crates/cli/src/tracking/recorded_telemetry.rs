@@ -7,7 +7,7 @@ use anyhow::{Result, bail};
 use grimnet_answer::printable_text;
 use grimnet_geo::turn_deg;
 use grimnet_link::{TelemetryClock, read_telemetry};
-use grimnet_track::{Attitude, Input};
+use grimnet_track::{Attitude, FixedMount, Input};
 
 use super::frame_time::Epoch;
 use super::video::has_ending;
@@ -27,6 +27,7 @@ const TRANSPORT_STREAM_ENDINGS: &[&str] = &["ts", "m2ts", "mts"];
 pub struct RecordedTelemetry {
     path: PathBuf,
     clock: TelemetryClock,
+    attitude_is_of_aircraft: bool,
     /// In order of time.
     inputs: VecDeque<Input>,
     /// In order of time.
@@ -39,13 +40,13 @@ pub struct RecordedTelemetry {
 }
 
 impl RecordedTelemetry {
-    /// Reads the file, whose times are late by so many seconds.
+    /// Reads the file, whose times are late by so many seconds. A camera without a gimbal is mounted so.
     ///
     /// # Errors
     /// It cannot be read, or nothing in it can be used.
-    pub fn read(path: &Path, delay_s: f64) -> Result<Self> {
+    pub fn read(path: &Path, delay_s: f64, mount: FixedMount) -> Result<Self> {
         crate::inputs::check_regular(path)?;
-        let telemetry = read_telemetry(path)?;
+        let telemetry = read_telemetry(path)?.mounted(mount);
         if let Some(problem) = &telemetry.first_problem {
             tracing::warn!(
                 "{}: {} records left out; the first: {}",
@@ -74,6 +75,7 @@ impl RecordedTelemetry {
         Ok(Self {
             path: path.to_owned(),
             clock: telemetry.clock,
+            attitude_is_of_aircraft: telemetry.attitude_is_of_aircraft,
             attitudes: inputs.iter().filter_map(attitude_of).collect(),
             inputs,
             is_checked: false,
@@ -85,7 +87,7 @@ impl RecordedTelemetry {
     /// The file beside a video. Nobody named it: where nothing in it can be used, as in subtitles of the position alone, there is a
     /// warning.
     pub fn beside(path: &Path, delay_s: f64) -> Option<Self> {
-        Self::read(path, delay_s)
+        Self::read(path, delay_s, FixedMount::default())
             .inspect_err(|error| tracing::warn!("{error:#}; the video is followed without it"))
             .ok()
     }
@@ -95,7 +97,7 @@ impl RecordedTelemetry {
         if !has_ending(video, TRANSPORT_STREAM_ENDINGS) || !video.is_file() {
             return None;
         }
-        match Self::read(video, delay_s) {
+        match Self::read(video, delay_s, FixedMount::default()) {
             Ok(telemetry) => {
                 let path = video.display();
                 tracing::info!("{path}: its KLV metadata give attitude, height and velocity");
@@ -106,6 +108,11 @@ impl RecordedTelemetry {
                 None
             }
         }
+    }
+
+    /// Whether it has attitudes, and they are those of the aircraft.
+    pub fn has_attitude_of_aircraft(&self) -> bool {
+        self.attitude_is_of_aircraft && !self.attitudes.is_empty()
     }
 
     /// What was recorded up to a frame and was not given yet.
@@ -274,7 +281,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.csv");
         fs_err::write(&path, "time,height_agl_m\n0,100\n1,101\n2,102\n3,103\n").unwrap();
-        let mut telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
+        let mut telemetry = RecordedTelemetry::read(&path, 0.0, FixedMount::default()).unwrap();
         assert_eq!(telemetry.until(1.0, Epoch::Start).unwrap().len(), 2);
         assert_eq!(telemetry.until(1.1, Epoch::Start).unwrap().len(), 0);
         assert_eq!(telemetry.until(1.9, Epoch::Start).unwrap().len(), 1);
@@ -287,7 +294,7 @@ mod tests {
         let path = folder.path().join("flight.csv");
         let text = "time,yaw_deg,pitch_deg,roll_deg\n0,350,10,0\n1,10,20,-5\n9,10,20,-5\n";
         fs_err::write(&path, text).unwrap();
-        let telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
+        let telemetry = RecordedTelemetry::read(&path, 0.0, FixedMount::default()).unwrap();
         // The one before counts, none is before or after, and a gap.
         for frame_s in [0.0, 0.4, -0.3, 9.7, 5.0] {
             assert_eq!(telemetry.interpolated(frame_s), None, "{frame_s}");
@@ -308,7 +315,7 @@ mod tests {
         // Level, then by 10 degrees to either side.
         let text = "time,yaw_deg,pitch_deg,roll_deg\n0,0,20,0\n1,0,20,0\n2,0,20,0\n3,0,20,10\n4,0,20,-10\n5,0,20,10\n";
         fs_err::write(&path, text).unwrap();
-        let telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
+        let telemetry = RecordedTelemetry::read(&path, 0.0, FixedMount::default()).unwrap();
         let is_there = [0.75, 1.75, 2.75, 3.75, 4.75].map(|s| telemetry.interpolated(s).is_some());
         assert_eq!(is_there, [true, false, false, false, false]);
     }
@@ -318,7 +325,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.csv");
         fs_err::write(&path, "time,height_agl_m\n2026-05-01T12:00:00Z,100\n").unwrap();
-        let mut telemetry = RecordedTelemetry::read(&path, 0.0).unwrap();
+        let mut telemetry = RecordedTelemetry::read(&path, 0.0, FixedMount::default()).unwrap();
         let error = telemetry.until(0.0, Epoch::Start).unwrap_err().to_string();
         assert!(
             error.contains("flight.csv") && error.contains("dates"),

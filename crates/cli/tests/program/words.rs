@@ -275,6 +275,14 @@ fn options_without_effect_are_refused_before_any_work() {
             "expected --telemetry FILE",
         ),
         (
+            "track -p PACK PHOTO --camera-mount 90",
+            "expected --mavlink, or --telemetry FILE",
+        ),
+        (
+            "track -p PACK PHOTO --camera-mount nose",
+            "clockwise from the nose",
+        ),
+        (
             "track -p PACK PHOTO --frame-latency 1",
             "these are recorded",
         ),

@@ -11,7 +11,7 @@ pub enum CameraMount {
     GimbalIfReported,
     /// On the gimbal with this number: its MAVLink component, or 1 to 6 for one that the autopilot reports (`gimbal_device_id`).
     Gimbal(u8),
-    /// Fixed to the aircraft, looking down, the picture's top to the nose.
+    /// Fixed to the aircraft ([`grimnet_track::FixedMount`]).
     Fixed,
     /// In a way that nothing tells: the telemetry gives no attitude of the camera.
     Unknown,

@@ -83,6 +83,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Telemetry, String> {
     }
     // A gimbal that tells its attitude in some rows is not turned to the aircraft's in the others.
     let has_gimbal = rows.iter().any(|row| row.gimbal.is_some());
+    telemetry.attitude_is_of_aircraft = !has_gimbal;
     for row in rows {
         let attitude = if has_gimbal { row.gimbal } else { row.aircraft };
         telemetry.inputs.extend(attitude.map(Input::Attitude));
@@ -394,5 +395,25 @@ mod tests {
         assert_eq!(pitches("1.0,10,2,1,,\n1.1,10,2,1,10,-60\n"), [30.0]);
         // A file whose gimbal tells nothing has the aircraft's attitude.
         assert_eq!(pitches("1.0,10,2,1,,\n1.1,10,3,1,,\n"), [2.0, 3.0]);
+    }
+
+    #[test]
+    fn a_mount_turns_the_attitude_of_the_aircraft_and_not_that_of_a_gimbal() {
+        let yaw_deg = |text: &str| {
+            let telemetry = parse(text.as_bytes()).unwrap();
+            let mounted = telemetry.mounted("180".parse().unwrap());
+            match mounted.inputs[..] {
+                [Input::Attitude(attitude)] => attitude.yaw_deg.round(),
+                _ => panic!("{:?}", mounted.inputs),
+            }
+        };
+        assert_eq!(
+            yaw_deg("time,yaw_deg,pitch_deg,roll_deg\n1,10,0,0\n"),
+            190.0
+        );
+        assert_eq!(
+            yaw_deg("time,gimbal_yaw_deg,gimbal_pitch_deg\n1,10,-80\n"),
+            10.0
+        );
     }
 }

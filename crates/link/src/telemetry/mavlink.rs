@@ -1,6 +1,6 @@
 //! Telemetry of an autopilot.
 
-use grimnet_track::{Attitude, HEIGHT_AGL_RANGE_M, Height, Input, Velocity};
+use grimnet_track::{Attitude, FixedMount, HEIGHT_AGL_RANGE_M, Height, Input, Velocity};
 use mavlink::dialects::common::{
     ALTITUDE_DATA, GIMBAL_DEVICE_ATTITUDE_STATUS_DATA, GLOBAL_POSITION_INT_DATA,
     LOCAL_POSITION_NED_DATA, MavMessage,
@@ -25,6 +25,8 @@ const GROUND_HOLD_S: f64 = 30.0;
 pub struct TelemetryOptions {
     /// How the camera is mounted.
     pub camera_mount: CameraMount,
+    /// How a camera without a gimbal is mounted on the aircraft.
+    pub fixed_mount: FixedMount,
     /// Error of the autopilot's velocity per axis, metres per second, 1 sigma. `None`: velocities are not read.
     pub velocity_sigma_m_s: Option<f64>,
 }
@@ -33,6 +35,7 @@ impl Default for TelemetryOptions {
     fn default() -> Self {
         Self {
             camera_mount: CameraMount::default(),
+            fixed_mount: FixedMount::default(),
             velocity_sigma_m_s: Some(0.5),
         }
     }
@@ -152,7 +155,8 @@ impl MavlinkTelemetry {
             CameraMount::Gimbal(_) | CameraMount::Unknown => false,
         };
         if is_cameras {
-            inputs.push(Input::Attitude(Attitude::looking_down(time_s, &attitude)));
+            let aircraft = Attitude::looking_down(time_s, &attitude);
+            inputs.push(Input::Attitude(self.options.fixed_mount.camera(aircraft)));
         }
     }
 

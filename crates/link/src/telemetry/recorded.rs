@@ -1,6 +1,6 @@
 //! What a telemetry file holds.
 
-use grimnet_track::Input;
+use grimnet_track::{FixedMount, Input};
 
 /// What the times of a telemetry file count from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +21,9 @@ pub struct Telemetry {
     pub inputs: Vec<Input>,
     /// What the times count from.
     pub clock: TelemetryClock,
+    /// Whether the attitudes are those of the aircraft: a camera without a gimbal has them, if it looks straight down with the picture's
+    /// top to the nose.
+    pub attitude_is_of_aircraft: bool,
     /// Records that could not be read and were left out.
     pub left_out: usize,
     /// What was wrong with the first of them.
@@ -34,10 +37,24 @@ impl Telemetry {
         Self {
             inputs: Vec::new(),
             clock,
+            attitude_is_of_aircraft: false,
             left_out: 0,
             first_problem: None,
             unread_columns: Vec::new(),
         }
+    }
+
+    /// The attitudes of a camera that is mounted so on the aircraft; those of a gimbal stay.
+    #[must_use]
+    pub fn mounted(mut self, mount: FixedMount) -> Self {
+        if self.attitude_is_of_aircraft {
+            for input in &mut self.inputs {
+                if let Input::Attitude(attitude) = input {
+                    *attitude = mount.camera(*attitude);
+                }
+            }
+        }
+        self
     }
 
     /// Leaves out a record.

@@ -10,9 +10,12 @@ use grimnet_eval::elsewhere::{self, ElsewhereTrial, Source};
 use grimnet_eval::elsewhere_summary::{ElsewhereSummary, Group};
 use grimnet_geo::Raster;
 use grimnet_locate::Localizer;
+use grimnet_net::Precision;
 use grimnet_output::OutputFolder;
+use grimnet_pack::Mode;
 use grimnet_photo::PhotoLimits;
 use grimnet_photo::pictures::{file_name, picture_files_below};
+use serde::Serialize;
 
 use crate::exit::Exit;
 use crate::standard_output::StandardOutput;
@@ -145,11 +148,58 @@ pub fn run(
     }
     let summary = ElsewhereSummary::of(&trials);
     let [json, csv] = FILES;
-    let text = serde_json::to_string_pretty(&summary)? + "\n";
+    let results = Results {
+        about: about(&settings, localizer),
+        summary: &summary,
+    };
+    let text = serde_json::to_string_pretty(&results)? + "\n";
     folder.write_bytes(json, text.as_bytes())?;
     folder.write_bytes(csv, &trials_csv(&trials)?)?;
     print(&summary)?;
     Ok(Exit::Done)
+}
+
+/// What `elsewhere.json` holds.
+#[derive(Serialize)]
+struct Results<'a> {
+    about: About,
+    #[serde(flatten)]
+    summary: &'a ElsewhereSummary,
+}
+
+/// Conditions of the trials.
+#[derive(Serialize)]
+struct About {
+    /// What the map is.
+    map: String,
+    map_width_m: f64,
+    mode: Mode,
+    model_hash: String,
+    precision: Precision,
+    /// Least confidence of a fix, if given; otherwise that of the model's calibration.
+    min_confidence: Option<f64>,
+    seed: u64,
+    trials_of_each_folder: usize,
+    /// Whether neither heading nor ground width was given.
+    nothing_given: bool,
+    version: &'static str,
+}
+
+fn about(settings: &elsewhere::ElsewhereOptions, localizer: &Localizer) -> About {
+    let manifest = localizer.pack().manifest();
+    let options = localizer.options();
+    About {
+        map: manifest.map.description.clone(),
+        map_width_m: settings.map_width_m,
+        mode: options.mode,
+        model_hash: manifest.model.hash.clone(),
+        precision: manifest.model.precision,
+        min_confidence: options.gates.and_then(|gates| gates.min_confidence),
+        seed: settings.seed,
+        trials_of_each_folder: settings.trials,
+        nothing_given: settings.nothing_given,
+        version: env!("CARGO_PKG_VERSION"),
+    }
 }
 
 /// Width of a map, metres, from the ground resolution in its middle.

@@ -132,6 +132,9 @@ fn photos_of_another_town_are_counted_by_setting() {
     let summary = json(&out.join("elsewhere.json"));
     assert_eq!(summary["all"]["trials"], 4);
     assert_eq!(summary["all"]["fixes"], 0, "{summary}");
+    assert_eq!(summary["about"]["mode"], "default");
+    let map = summary["about"]["map"].as_str().unwrap();
+    assert!(map.starts_with("map.tif"), "{map}");
     let table = std::fs::read_to_string(out.join("elsewhere.csv")).unwrap();
     assert_eq!(table.lines().count(), 5);
     let empty = folder.path().join("empty");

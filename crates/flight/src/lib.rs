@@ -19,7 +19,8 @@
 //! ```
 //!
 //! Telemetry (attitude, height, velocity) goes in with [`Flight::push`], in any order and up to 30 s late. A frame's own metadata
-//! give its attitude where no other is known.
+//! give its attitude where no other is known. A frame that is tilted by 15 degrees or more is rectified by its attitude, if the field of
+//! view is known.
 //!
 //! The motion between frames is measured from the keypoints of the searches, and bridges frames without a fix where no velocity
 //! comes. It counts over ground that the map shows or that was followed from there on; over water the filter coasts.

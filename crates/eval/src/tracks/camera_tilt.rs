@@ -1,8 +1,7 @@
 //! The same tilt of a camera as the track and as a photo's metadata write it.
 //!
 //! The track has yaw, pitch and roll about axes that turn with the aircraft (Z-Y-X). Metadata have the angle between the optical
-//! axis and straight down and a turn about that axis (Z-Y-Z), as a gimbal has. Equating the third columns and rows of
-//! `Ry(pitch) Rx(roll)` and `Rz(d) Ry(from nadir) Rz(turn)` gives one from the other.
+//! axis and straight down and a turn about that axis (Z-Y-Z), as a gimbal has.
 
 use grimnet_geo::turn_deg;
 use grimnet_photo::{Metadata, Tilt};
@@ -23,16 +22,13 @@ impl GimbalAngles {
     /// The gimbal's angles for an attitude.
     #[must_use]
     pub fn of(attitude: &Attitude) -> Self {
-        let (sin_p, cos_p) = attitude.pitch_deg.to_radians().sin_cos();
-        let (sin_r, cos_r) = attitude.roll_deg.to_radians().sin_cos();
-        let from_nadir_deg = (cos_p * cos_r).clamp(-1.0, 1.0).acos().to_degrees();
-        let roll_deg = (cos_p * sin_r).atan2(sin_p).to_degrees();
-        let yaw_deg = (-sin_r).atan2(sin_p * cos_r).to_degrees();
-        let top_deg = yaw_deg + Tilt::top_from_yaw_deg(from_nadir_deg, roll_deg);
+        let [axis_deg, pitch_deg, roll_deg] = attitude.to_gimbal_deg();
+        let from_nadir_deg = pitch_deg + 90.0;
+        let top_deg = axis_deg + Tilt::top_from_yaw_deg(from_nadir_deg, roll_deg);
         Self {
             from_nadir_deg,
             roll_deg,
-            top_from_yaw_deg: turn_deg(0.0, top_deg),
+            top_from_yaw_deg: turn_deg(attitude.yaw_deg, top_deg),
         }
     }
 

@@ -153,10 +153,22 @@ fn fly(
     y_m: f64,
     frames: usize,
 ) -> Vec<(FrameAnswer, LonLat)> {
+    let path = |flown_s| pose(x_m + SPEED_M_S * flown_s, y_m);
+    fly_along(flight, from_frame, frames, path, known)
+}
+
+/// Flies along `path`, by the seconds since it began; gives each frame's answer with the aircraft's true position.
+fn fly_along(
+    flight: &mut Flight,
+    from_frame: usize,
+    frames: usize,
+    path: impl Fn(f64) -> Pose,
+    known: impl Fn(&Pose) -> Known,
+) -> Vec<(FrameAnswer, LonLat)> {
     (0..frames)
         .map(|number| {
             let time_s = (from_frame + number) as f64 / FRAMES_PER_S;
-            let pose = pose(x_m + SPEED_M_S * number as f64 / FRAMES_PER_S, y_m);
+            let pose = path(number as f64 / FRAMES_PER_S);
             let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
             (answer, lonlat(&pose))
         })
@@ -199,28 +211,23 @@ fn a_flight_is_found_followed_and_searched_in_small_windows() {
 #[test]
 fn a_pitch_alone_tells_where_the_aircraft_is() {
     let mut flight = flight(None);
-    let mut last = None;
-    for number in 0..14 {
-        let time_s = f64::from(number) / FRAMES_PER_S;
-        let pose = Pose {
-            pitch_off_nadir_deg: 30.0,
-            roll_deg: 0.0,
-            ..pose(150.0 + SPEED_M_S * time_s, 320.0)
-        };
-        let known = Known {
-            prior: grimnet_locate::Prior::none()
-                .with_hfov_deg(CAMERA.hfov_deg)
-                .with_pitch_deg(-60.0),
-            attitude: None,
-        };
-        let answer = flight.frame(&photo(&pose), time_s, &known);
-        last = Some((answer, lonlat(&pose)));
-    }
+    let path = |flown_s| Pose {
+        pitch_off_nadir_deg: 30.0,
+        roll_deg: 0.0,
+        ..pose(150.0 + SPEED_M_S * flown_s, 320.0)
+    };
+    let known = |_: &Pose| Known {
+        prior: grimnet_locate::Prior::none()
+            .with_hfov_deg(CAMERA.hfov_deg)
+            .with_pitch_deg(-60.0),
+        attitude: None,
+    };
+    let answers = fly_along(&mut flight, 0, 14, path, known);
     // The image centre is 64 m ahead.
-    let last = last.unwrap();
+    let last = answers.last().unwrap();
     let estimate = last.0.point.unwrap().estimate.unwrap();
     assert_eq!(estimate.position_of, PositionOf::Aircraft);
-    let error_m = error_m(&last).unwrap();
+    let error_m = error_m(last).unwrap();
     assert!(error_m < 5.0, "{error_m} m: {estimate:?}");
 }
 
@@ -228,21 +235,17 @@ fn a_pitch_alone_tells_where_the_aircraft_is() {
 #[test]
 fn photos_are_levelled_by_the_attitude() {
     let mut flight = flight(None);
-    let mut fixes = 0;
-    let mut last = None;
-    for number in 0..10 {
-        let time_s = f64::from(number) / FRAMES_PER_S;
-        let pose = Pose {
-            pitch_off_nadir_deg: 30.0,
-            roll_deg: 20.0,
-            ..pose(150.0 + SPEED_M_S * time_s, 320.0)
-        };
-        let answer = flight.frame(&photo(&pose), time_s, &known(&pose));
-        fixes += u32::from(matches!(answer.outcome, Ok(Outcome::Fix(_))));
-        last = Some((answer, lonlat(&pose)));
-    }
+    let path = |flown_s| Pose {
+        pitch_off_nadir_deg: 30.0,
+        roll_deg: 20.0,
+        ..pose(150.0 + SPEED_M_S * flown_s, 320.0)
+    };
+    let answers = fly_along(&mut flight, 0, 10, path, known);
+    let is_fix =
+        |(answer, _): &&(FrameAnswer, LonLat)| matches!(answer.outcome, Ok(Outcome::Fix(_)));
+    let fixes = answers.iter().filter(is_fix).count();
     assert!(fixes >= 9, "{fixes}");
-    let error_m = error_m(&last.unwrap()).unwrap();
+    let error_m = error_m(answers.last().unwrap()).unwrap();
     assert!(error_m < 8.0, "{error_m} m");
 }
 

@@ -3,7 +3,7 @@
 use std::f64::consts::FRAC_PI_2;
 use std::str::FromStr;
 
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Attitude of the frame that carries the camera: of the gimbal, or of the aircraft where the camera is fixed to it.
@@ -77,7 +77,7 @@ impl Attitude {
         }
         let yaw_rad = axis.y.atan2(axis.x);
         let off_nadir_rad = horizontal.atan2(axis.z);
-        let level = UnitQuaternion::from_euler_angles(0.0, off_nadir_rad, yaw_rad);
+        let level = Rotation3::from_euler_angles(0.0, off_nadir_rad, yaw_rad);
         let top = level.inverse() * (down * Vector3::x());
         [
             yaw_rad.to_degrees().rem_euclid(360.0),
@@ -87,8 +87,8 @@ impl Attitude {
     }
 
     /// Turns the frame that carries the camera (x to the picture's top, y to its right, z along the optical axis) to north-east-down.
-    fn rotation(&self) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_euler_angles(
+    pub(crate) fn rotation(&self) -> Rotation3<f64> {
+        Rotation3::from_euler_angles(
             self.roll_deg.to_radians(),
             self.pitch_deg.to_radians(),
             self.yaw_deg.to_radians(),
@@ -121,12 +121,13 @@ impl FixedMount {
         if *self == Self::default() {
             return aircraft;
         }
-        let camera_to_body = UnitQuaternion::from_euler_angles(
+        let camera_to_body = Rotation3::from_euler_angles(
             0.0,
             (self.pitch_deg + 90.0).to_radians(),
             self.yaw_deg.to_radians(),
         );
-        Attitude::looking_down(aircraft.time_s, &(aircraft.rotation() * camera_to_body))
+        let down = UnitQuaternion::from(aircraft.rotation() * camera_to_body);
+        Attitude::looking_down(aircraft.time_s, &down)
     }
 }
 

@@ -1,6 +1,6 @@
 //! From the aircraft to the ground point at the photo's centre.
 
-use nalgebra::{Matrix2, Rotation3, Vector2, Vector3};
+use nalgebra::{Matrix2, Vector2, Vector3};
 
 use crate::attitude::Attitude;
 
@@ -29,11 +29,7 @@ impl CentreOffset {
         boresight_rad: Vector2<f64>,
         height_agl_m: f64,
     ) -> Option<Self> {
-        let rotation = Rotation3::from_euler_angles(
-            attitude.roll_deg.to_radians(),
-            attitude.pitch_deg.to_radians(),
-            attitude.yaw_deg.to_radians(),
-        );
+        let rotation = attitude.rotation();
         let axis_ned = rotation * Vector3::new(boresight_rad.x, boresight_rad.y, 1.0);
         if axis_ned.z < LARGEST_TILT_COS * axis_ned.norm() {
             return None;

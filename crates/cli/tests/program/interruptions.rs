@@ -37,6 +37,16 @@ fn start_locate(format: &str, out: &Path) -> Child {
     ])
 }
 
+/// Sends a signal by its name, such as `INT`.
+#[cfg(unix)]
+fn send(signal: &str, to: &Child) {
+    let sent = Command::new("kill")
+        .args([&format!("-{signal}"), &to.id().to_string()])
+        .status()
+        .unwrap();
+    assert!(sent.success());
+}
+
 /// Waits until the file holds some answers. `false` if the run ended before.
 fn wait_for_answers(child: &mut Child, partial: &Path, bytes: u64) -> bool {
     let started = Instant::now();
@@ -87,11 +97,7 @@ fn an_interrupted_run_completes_its_file() {
         let partial = folder.path().join(format!("a.{format}.partial"));
         let mut child = start_locate(format, &out);
         assert!(wait_for_answers(&mut child, &partial, 300));
-        let sent = Command::new("kill")
-            .args([&format!("-{signal}"), &child.id().to_string()])
-            .status()
-            .unwrap();
-        assert!(sent.success());
+        send(signal, &child);
         assert_eq!(child.wait().unwrap().code(), Some(130), "{format}");
         assert!(!partial.exists());
         let text = fs::read_to_string(&out).unwrap();
@@ -141,14 +147,7 @@ fn an_interrupted_calibration_goes_on_with_its_observations() {
     let arguments = calibrate(&model);
     let mut child = start(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
     assert!(wait_for_answers(&mut child, &partial, 500));
-    let id = child.id().to_string();
-    assert!(
-        Command::new("kill")
-            .args(["-INT", &id])
-            .status()
-            .unwrap()
-            .success()
-    );
+    send("INT", &child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
     let mut said = String::new();
     let mut stderr = child.stderr.take().unwrap();
@@ -198,11 +197,7 @@ fn an_export_that_takes_long_ends_at_the_first_signal() {
     }
     std::thread::sleep(Duration::from_secs(2));
     assert!(ends(&mut child).is_none(), "the export was over");
-    let sent = Command::new("kill")
-        .args(["-TERM", &child.id().to_string()])
-        .status()
-        .unwrap();
-    assert!(sent.success());
+    send("TERM", &child);
     let sent = Instant::now();
     let status = loop {
         if let Some(status) = ends(&mut child) {

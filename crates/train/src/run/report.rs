@@ -64,9 +64,9 @@ impl Report {
         self.steps == config.report_steps || self.since.elapsed().as_secs_f64() > LONGEST_SILENCE_S
     }
 
-    /// The report, after which collecting starts again.
-    pub(crate) fn take(&mut self, config: &TrainConfig, position: &Position) -> Progress {
-        let progress = Progress {
+    /// The report.
+    pub(crate) fn progress(&self, config: &TrainConfig, position: &Position) -> Progress {
+        Progress {
             step: position.step,
             elapsed_s: position.elapsed_s,
             remaining_s: remaining_s(config, position),
@@ -75,8 +75,6 @@ impl Report {
                 / self.since.elapsed().as_secs_f64(),
             learning_rate: self.learning_rate,
             gradient: self.gradient,
-        };
-        *self = Self::new();
-        progress
+        }
     }
 }

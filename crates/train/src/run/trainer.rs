@@ -165,17 +165,18 @@ impl Trainer {
                 saved = Instant::now();
             }
             if report.is_due(&config) {
-                let progress = report.take(&config, &self.state.position);
-                if !on_report(&progress, &self.state) {
-                    break;
-                }
+                let progress = report.progress(&config, &self.state.position);
+                let goes_on = on_report(&progress, &self.state);
                 // Validations, which callers make in it, are no time of the next steps.
                 report = Report::new();
+                if !goes_on {
+                    break;
+                }
             }
         }
         self.save(&folder)?;
         if !report.is_empty() {
-            let progress = report.take(&config, &self.state.position);
+            let progress = report.progress(&config, &self.state.position);
             on_report(&progress, &self.state);
         }
         Ok(())

@@ -5,7 +5,6 @@
 //! filter.
 
 pub mod about;
-pub mod camera_tilt;
 pub mod figures;
 pub mod figures_table;
 pub mod frame_figures;

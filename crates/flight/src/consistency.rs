@@ -40,8 +40,8 @@ const SAME_HEADING_DEG: f64 = 40.0;
 pub(crate) struct PhotoTelemetry {
     /// Attitude of the camera, of the telemetry or of the photo's metadata.
     pub attitude: Option<Attitude>,
-    /// Yaw of the telemetry, degrees.
-    pub yaw_deg: Option<f64>,
+    /// Bearing of the photo's top by the telemetry, degrees.
+    pub top_deg: Option<f64>,
     /// Height of the telemetry, metres above ground.
     pub height_agl_m: Option<f64>,
     /// Size of the photo, pixels.
@@ -86,7 +86,7 @@ impl ConsistencyChecks {
             .zip(measured_tilt)
             .map(|(focal_px, tilt)| fix.gsd_m * focal_px / tilt.gsd_over_nadir());
         let expected_deg = telemetry
-            .yaw_deg
+            .top_deg
             .filter(|_| self.uses_yaw())
             .or_else(|| track?.heading_deg);
         let headings_deg = expected_deg.zip(fix.heading_deg);
@@ -95,7 +95,7 @@ impl ConsistencyChecks {
         });
         let placed = self.placed(time_s, fix, telemetry, measured_height_m, track);
         self.velocity.fix(placed, has_expected_heading);
-        if let (Some(reported_deg), Some(measured_deg)) = (telemetry.yaw_deg, fix.heading_deg) {
+        if let (Some(reported_deg), Some(measured_deg)) = (telemetry.top_deg, fix.heading_deg) {
             self.yaw.fix(reported_deg, measured_deg);
         }
         if let (Some(measured), Some(attitude)) = (measured_tilt, &telemetry.attitude) {
@@ -274,7 +274,7 @@ mod tests {
         let mut restarts = |yaw_deg: f64| {
             let telemetry = PhotoTelemetry {
                 attitude: None,
-                yaw_deg: Some(yaw_deg),
+                top_deg: Some(yaw_deg),
                 height_agl_m: None,
                 size_px: (800, 600),
                 focal_length_px: None,

@@ -20,13 +20,7 @@ pub(crate) struct Exposure<'a> {
 impl Exposure<'_> {
     /// Attitude of the camera: that which the caller knows, else of the telemetry, else of the metadata.
     pub fn attitude(&self, recent: &Recent) -> Option<Attitude> {
-        // It is of this exposure, whatever time it states.
-        let known = self.known.attitude.map(|attitude| Attitude {
-            time_s: self.time_s,
-            ..attitude
-        });
-        known
-            .or_else(|| recent.attitude_at(self.time_s))
+        self.measured_attitude(recent)
             .or_else(|| recorded_attitude(self.view, self.time_s))
     }
 
@@ -38,11 +32,14 @@ impl Exposure<'_> {
         attitude_towards(self.view, top_deg, self.time_s).filter(|_| is_used)
     }
 
-    /// Yaw that was measured at this time, degrees.
-    pub fn yaw_deg(&self, recent: &Recent) -> Option<f64> {
-        let attitude = self.known.attitude;
-        let attitude = attitude.or_else(|| recent.attitude_at(self.time_s))?;
-        Some(attitude.yaw_deg)
+    /// Attitude of the camera that was measured at this time: as [`Self::attitude`], but not that of the metadata.
+    pub fn measured_attitude(&self, recent: &Recent) -> Option<Attitude> {
+        // It is of this exposure, whatever time it states.
+        let known = self.known.attitude.map(|attitude| Attitude {
+            time_s: self.time_s,
+            ..attitude
+        });
+        known.or_else(|| recent.attitude_at(self.time_s))
     }
 
     /// Focal length of the full-size photo, pixels, if it is known.

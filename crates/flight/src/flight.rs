@@ -243,21 +243,31 @@ impl Flight {
         (is_tilted && PITCH_RANGE_DEG.contains(&pitch_deg)).then_some(known)
     }
 
+    /// Bearing of the photo's top on the ground by the telemetry, degrees: the yaw alone where its tilt is not believed.
+    fn reported_top_deg(&self, exposure: &Exposure<'_>) -> Option<f64> {
+        let attitude = exposure.measured_attitude(&self.recent)?;
+        Some(if self.checks.leaves_out_attitude() {
+            attitude.yaw_deg
+        } else {
+            attitude.top_deg()
+        })
+    }
+
     /// Searches a frame where track and telemetry say.
     fn locate(&self, exposure: &Exposure<'_>) -> Found {
         let search = self
             .tracker
             .search(exposure.time_s, self.half_footprint_m(exposure));
         let vain_searches = self.whole_map.vain_searches();
-        let yaw_deg = exposure
-            .yaw_deg(&self.recent)
+        let top_deg = self
+            .reported_top_deg(exposure)
             .filter(|_| self.checks.uses_yaw());
         let height_agl_m = self.recent.height_agl_m_at(exposure.time_s);
         let height_agl_m = height_agl_m.filter(|_| !self.checks.leaves_out_height());
         let steering = Steering {
             known: exposure.known.prior,
             view: exposure.view,
-            yaw_deg: yaw_deg.map(|yaw_deg| (yaw_deg, self.tracker.options().compass_sigma_deg)),
+            top_deg: top_deg.map(|top_deg| (top_deg, self.tracker.options().compass_sigma_deg)),
             yaw_is_in_doubt: self.checks.yaw_is_in_doubt(),
             tests_yaw: self.checks.tests_yaw(vain_searches),
             tests_height: self.checks.tests_height(vain_searches),
@@ -293,7 +303,7 @@ impl Flight {
         if let Ok(Outcome::Fix(fix)) = &found.outcome {
             let telemetry = PhotoTelemetry {
                 attitude,
-                yaw_deg: exposure.yaw_deg(&self.recent),
+                top_deg: self.reported_top_deg(exposure),
                 height_agl_m: self.recent.height_agl_m_at(time_s),
                 size_px: exposure.photo.full_size_px,
                 focal_length_px,

@@ -31,8 +31,8 @@ pub(crate) struct Steering<'a> {
     pub known: Prior,
     /// The photo's view according to that and to its metadata.
     pub view: &'a View,
-    /// Yaw of the telemetry at the exposure and its 1-sigma, degrees.
-    pub yaw_deg: Option<(f64, f64)>,
+    /// Bearing of the photo's top by the telemetry's yaw at the exposure and its 1-sigma, degrees.
+    pub top_deg: Option<(f64, f64)>,
     /// Whether fixes confirmed that yaw before a gap and none since: it may have been reset.
     pub yaw_is_in_doubt: bool,
     /// Whether the whole map is searched under every heading, too, in case that yaw is wrong.
@@ -61,7 +61,7 @@ pub(crate) fn plan(search: &Search, steering: &Steering<'_>) -> Vec<PlannedSearc
         let as_steered = on_whole_map(search.windows.first(), steering);
         searches.push(as_steered);
         let yaw_is_reported =
-            steering.yaw_deg.is_some() && steering.known.view.heading == HeadingPrior::FromMetadata;
+            steering.top_deg.is_some() && steering.known.view.heading == HeadingPrior::FromMetadata;
         let mut freed = as_steered;
         if yaw_is_reported && steering.tests_yaw {
             freed.prior.view.heading = HeadingPrior::Unknown;
@@ -116,7 +116,7 @@ fn on_whole_map(leading: Option<&SearchWindow>, steering: &Steering<'_>) -> Plan
     let heading_deg = leading.and_then(|window| window.heading_deg);
     // What was measured at this frame stays true wherever it was taken; what comes from earlier frames may not.
     if prior.view.heading == HeadingPrior::FromMetadata
-        && let Some((heading_deg, sigma_deg)) = steering.yaw_deg
+        && let Some((heading_deg, sigma_deg)) = steering.top_deg
     {
         prior = prior.with_heading(heading_deg, sigma_deg);
     } else if steering.view.heading.is_none() {
@@ -151,8 +151,8 @@ fn set_heading(
     let of_track_deg =
         of_track_deg.map(|(heading_deg, side_deg)| (heading_deg, side_deg / WINDOW_HEADING_SIGMAS));
     // Windows of different headings tell none; of a yaw in doubt, the fix that contradicts it may be right.
-    let yaw_deg = steering.yaw_deg.filter(|_| !steering.yaw_is_in_doubt);
-    if let Some((heading_deg, sigma_deg)) = of_track_deg.or(yaw_deg) {
+    let top_deg = steering.top_deg.filter(|_| !steering.yaw_is_in_doubt);
+    if let Some((heading_deg, sigma_deg)) = of_track_deg.or(top_deg) {
         *prior = prior.with_heading(heading_deg, sigma_deg.max(least_sigma_deg));
     }
 }
@@ -239,7 +239,7 @@ mod tests {
         Steering {
             known: Prior::none(),
             view,
-            yaw_deg: None,
+            top_deg: None,
             yaw_is_in_doubt: false,
             tests_yaw: false,
             tests_height: false,
@@ -308,7 +308,7 @@ mod tests {
         let steering = Steering {
             whole_map: true,
             known: Prior::none().with_heading(200.0, 5.0).with_gsd_m(0.1),
-            yaw_deg: Some((10.0, 8.0)),
+            top_deg: Some((10.0, 8.0)),
             ..steering(&view)
         };
         let searches = plan(&search, &steering);
@@ -336,7 +336,7 @@ mod tests {
     fn a_yaw_that_may_be_wrong_is_tested_on_the_whole_map_under_every_heading() {
         let view = View::default();
         let reported = Steering {
-            yaw_deg: Some((10.0, 8.0)),
+            top_deg: Some((10.0, 8.0)),
             tests_yaw: true,
             ..steering(&view)
         };
@@ -349,7 +349,7 @@ mod tests {
         };
         assert_eq!(plan(&Search::default(), &stated).len(), 1);
         let without = Steering {
-            yaw_deg: None,
+            top_deg: None,
             ..reported
         };
         assert_eq!(plan(&Search::default(), &without).len(), 1);
@@ -364,7 +364,7 @@ mod tests {
         };
         let heading_of = |yaw_is_in_doubt| {
             let steering = Steering {
-                yaw_deg: Some((210.0, 8.0)),
+                top_deg: Some((210.0, 8.0)),
                 yaw_is_in_doubt,
                 ..steering(&view)
             };
@@ -432,7 +432,7 @@ mod tests {
         };
         assert_eq!(heading_of(&steering(&recorded)), HeadingPrior::FromMetadata);
         let reported = Steering {
-            yaw_deg: Some((45.0, 8.0)),
+            top_deg: Some((45.0, 8.0)),
             ..steering(&unknown)
         };
         assert_eq!(

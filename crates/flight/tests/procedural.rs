@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use grimnet_flight::{Flight, FlightOptions, FrameAnswer, Known, Searched, Warning};
-use grimnet_geo::{LonLat, MapOptions, distance_m, open_map};
+use grimnet_geo::{LonLat, MapOptions, distance_m, open_map, turn_deg};
 use grimnet_locate::{Localizer, Options, Outcome};
 use grimnet_net::Model;
 use grimnet_pack::{BuildOptions, Levels, Pack, build};
@@ -247,6 +247,15 @@ fn photos_are_levelled_by_the_attitude() {
     assert!(fixes >= 9, "{fixes}");
     let error_m = error_m(answers.last().unwrap()).unwrap();
     assert!(error_m < 8.0, "{error_m} m");
+    // It was searched under the bearing of the picture's top on the ground, 11 degrees from the yaw, which is off by 2.
+    let Ok(Outcome::Fix(fix)) = &answers[0].0.outcome else {
+        panic!("{:?}", answers[0].0);
+    };
+    let used = &fix.evidence.used;
+    let heading = used.iter().find(|used| used.field == "heading").unwrap();
+    let (stated_deg, _) = heading.value.split_once(' ').unwrap();
+    let off_deg = turn_deg(fix.heading_deg.unwrap(), stated_deg.parse().unwrap());
+    assert!(off_deg.abs() < 4.0, "{off_deg}");
 }
 
 #[test]

@@ -62,6 +62,11 @@ impl Attitude {
         let centre = CentreOffset::new(self, Vector2::zeros(), height_agl_m)?;
         Some(centre.offset_en_m.into())
     }
+
+    /// Bearing of the photo's top, at its centre on the ground, degrees clockwise from true north: what a fix gives as its heading.
+    pub fn top_deg(&self) -> f64 {
+        (self.yaw_deg + top_from_yaw_deg(self)).rem_euclid(360.0)
+    }
 }
 
 /// Ground resolution at the photo's centre over that straight below a camera at the same height. A photo's pixel there covers a
@@ -145,8 +150,8 @@ mod tests {
             let centre = CentreOffset::new(&attitude, Vector2::zeros(), 150.0).unwrap();
             let [east_m, north_m] = [0, 1].map(|axis| centre.by_boresight_m[(axis, 0)]);
             assert_relative_eq!(
-                top_from_yaw_deg(&attitude),
-                east_m.atan2(north_m).to_degrees(),
+                attitude.top_deg(),
+                east_m.atan2(north_m).to_degrees().rem_euclid(360.0),
                 epsilon = 1e-9
             );
         }

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use grimnet_flight::{Known, Searched, position_fix};
 use grimnet_geo::{LonLat, destination_en_m, offset_en_m, turn_deg};
 use grimnet_locate::{Fix, Localizer, LocateError, Prior};
-use grimnet_photo::Photo;
+use grimnet_photo::{Metadata, Photo};
 use grimnet_track::simulation::{Delivered, FixSample, Flight, FlightOptions, TruePose};
-use grimnet_track::{Attitude, Input, OptionsError, RelativeMotion, TrackOptions};
+use grimnet_track::{Input, OptionsError, RelativeMotion, TrackOptions};
 use grimnet_world::{Camera, Look, Pose, Season, View, WorldError};
 use image::RgbImage;
 use nalgebra::{Rotation3, Vector2, Vector3};
@@ -16,7 +16,6 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::camera_tilt::GimbalAngles;
 use super::frame_record::{FrameRecord, MeasuredFix, MeasuredMotion};
 use super::ground_cover::{Cover, CoveredLeg, WaterView, under_snow, water};
 use super::town::Town;
@@ -92,8 +91,6 @@ struct Frame {
     pose: TruePose,
     /// True image centre, as it is on the map.
     centre: LonLat,
-    /// Bearing of the photo's top from the stated yaw, degrees.
-    top_from_yaw_deg: f64,
 }
 
 impl RenderedPlan {
@@ -121,16 +118,12 @@ impl RenderedPlan {
         };
         let telemetry = flight.deliveries.clone();
         let mut telemetry = telemetry.iter().peekable();
-        let mut latest: Option<Attitude> = None;
         let (mut inputs, mut frames) = (Vec::new(), Vec::new());
         let mut before: Option<TruePose> = None;
         let interval_s = 1.0 / self.flight.frame_rate_hz;
         for index in 0..self.frame_count() {
             let time_s = index as f64 * interval_s;
             while let Some(delivered) = telemetry.next_if(|d| d.arrival_s <= time_s) {
-                if let Input::Attitude(attitude) = delivered.input {
-                    latest = Some(attitude);
-                }
                 // What is refused is counted by the filter.
                 let _ = follow.push(delivered.input);
             }
@@ -138,7 +131,7 @@ impl RenderedPlan {
                 .legs
                 .iter()
                 .find(|leg| (leg.from_s..leg.to_s).contains(&time_s));
-            let frame = self.render(town, &flight, &constants, latest, time_s, leg)?;
+            let frame = self.render(town, &flight, &constants, time_s, leg)?;
             let answer = follow.frame(&frame.photo, time_s, &known);
             let outcome = answer.outcome?;
             let motion = answer.inputs.iter().find_map(|input| match input {
@@ -205,7 +198,6 @@ impl RenderedPlan {
         town: &Town,
         flight: &Flight,
         constants: &Constants,
-        latest: Option<Attitude>,
         time_s: f64,
         leg: Option<&CoveredLeg>,
     ) -> Result<Frame, RenderedError> {
@@ -224,14 +216,11 @@ impl RenderedPlan {
         let centre_m = View::new(&camera_pose, &CAMERA)
             .plane_from_photo_px(centre_px, 0.0)
             .unwrap_or(place_m);
-        let attitude = latest.filter(|latest| time_s - latest.time_s < 0.5);
-        let angles = attitude.as_ref().map(GimbalAngles::of);
-        let metadata = angles.map(|angles| angles.metadata()).unwrap_or_default();
         Ok(Frame {
-            photo: Photo::from_image(image, metadata),
+            // A frame of a video states nothing of itself.
+            photo: Photo::from_image(image, Metadata::default()),
             pose,
             centre: town.lonlat(centre_m)?,
-            top_from_yaw_deg: angles.map_or(0.0, |angles| angles.top_from_yaw_deg),
         })
     }
 
@@ -294,10 +283,10 @@ fn measured(fix: &Fix, frame: &Frame, localizer: &Localizer) -> MeasuredFix {
     let stated = position_fix(fix, 0.0, localizer.options().map_error_m);
     let found = LonLat::new(fix.lon_deg, fix.lat_deg);
     let (east_m, north_m) = offset_en_m(frame.centre, found);
-    let true_yaw_deg = frame.pose.attitude.yaw_deg;
-    let heading_error_deg = fix.heading_deg.map_or(0.0, |top| {
-        turn_deg(true_yaw_deg, top - frame.top_from_yaw_deg)
-    });
+    let true_top_deg = frame.pose.attitude.top_deg();
+    let heading_error_deg = fix
+        .heading_deg
+        .map_or(0.0, |top_deg| turn_deg(true_top_deg, top_deg));
     let cos = frame.pose.attitude.pitch_deg.to_radians().cos()
         * frame.pose.attitude.roll_deg.to_radians().cos();
     let true_gsd_m = frame.pose.height_agl_m / CAMERA.focal_px() * cos.powf(-1.5);

@@ -78,7 +78,7 @@ impl DelayCheck {
                 .map(|delay_s| {
                     let reported = nearest(time_s + delay_s)?;
                     let is_near = (reported.time_s - time_s - delay_s).abs() <= HOLD_S;
-                    is_near.then(|| turn_deg(heading_deg, reported.yaw_deg))
+                    is_near.then(|| turn_deg(heading_deg, reported.top_deg()))
                 })
                 .collect();
             let Some(off_deg) = off_deg else {

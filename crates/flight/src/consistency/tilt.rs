@@ -99,7 +99,7 @@ impl MeasuredTilt {
     /// From where the photo's corners are (top left, top right, bottom right, bottom left; degrees), its size and its focal length.
     ///
     /// The corners tell the projective transform from the photo to the ground (Heckbert 1989, section 2.2.3), whose denominator
-    /// vanishes along the horizon `l`; the ground's normal is then `K^T l` (Hartley & Zisserman, section 8.6). `None` if a corner is
+    /// vanishes along the horizon `l`; the ground's normal is then `K^T l` (Hartley & Zisserman 2004, section 8.6). `None` if a corner is
     /// missing or the corners are no quadrangle.
     pub fn of(corners_deg: &[[f64; 2]], size_px: (u32, u32), focal_length_px: f64) -> Option<Self> {
         let corners: &[[f64; 2]; 4] = corners_deg.try_into().ok()?;

@@ -1,4 +1,4 @@
-//! The homography by the normalised direct linear transform (Hartley & Zisserman 2011, algorithm 4.2), weighted.
+//! The homography by the normalised direct linear transform (Hartley & Zisserman 2004, algorithm 4.2), weighted.
 
 use nalgebra::{Matrix2, Matrix3, Point2, SMatrix, SVector, SymmetricEigen, Vector3};
 

@@ -4,7 +4,7 @@ use crate::geometry::{
     correspondence::Correspondence, homography::Homography, ransac::Estimator, transform::Transform,
 };
 
-/// Fits homographies for [`crate::geometry::ransac::Ransac`] by the direct linear transform (Hartley & Zisserman 2011, algorithm 4.1)
+/// Fits homographies for [`crate::geometry::ransac::Ransac`] by the direct linear transform (Hartley & Zisserman 2004, algorithm 4.1)
 /// and nothing else: a sample counts however small its triangles are, whether it mirrors the points or not, and on whichever side
 /// of the line at infinity they lie.
 #[derive(Debug, Clone, Copy, Default)]

@@ -1,4 +1,4 @@
-//! Guided matching (Hartley & Zisserman 2004, section 4.7.1): with a transform known, each keypoint of the photo is compared with
+//! Guided matching (Hartley & Zisserman 2004, algorithm 4.6): with a transform known, each keypoint of the photo is compared with
 //! the keypoints of the map near the position that the transform predicts. A right transform gains many matches by it, spread over
 //! the whole photo; a wrong one gains hardly any.
 

@@ -206,7 +206,7 @@ impl Similarities<'_> {
     }
 
     /// Writes mutual nearest neighbours among the pairs that `near` allows to `matches`, ordered by row of the query: guided
-    /// matching (Hartley & Zisserman 2004, section 4.7.1). `near` appends the rows of the tile that a row of the query may be
+    /// matching (Hartley & Zisserman 2004, algorithm 4.6). `near` appends the rows of the tile that a row of the query may be
     /// matched with. A match is kept if at most `max_closer` keypoints of the whole tile are more similar.
     pub fn guided(
         &mut self,

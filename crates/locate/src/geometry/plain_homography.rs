@@ -14,7 +14,8 @@ impl Estimator for PlainHomographyEstimator {
     type Model = Homography;
     const SAMPLE_SIZE: usize = 4;
 
-    /// `None` only where the linear system has no unique solution: three collinear or repeated points.
+    /// `None` only where the linear system has no unique solution (three collinear or repeated points), or the homography maps the
+    /// origin to infinity, so that its last entry cannot be one.
     fn fit_sample(&self, sample: &[Correspondence]) -> Option<Homography> {
         Homography::through(sample.try_into().ok()?).map(Homography::mapping_behind)
     }

@@ -25,7 +25,8 @@ pub trait Estimator: Sync {
     /// Number of pairs in a minimal sample.
     const SAMPLE_SIZE: usize;
 
-    /// Fits a minimal sample. Returns `None` if the sample is degenerate or mirrors the points.
+    /// Fits a minimal sample. Returns `None` if the sample is degenerate, or for another reason that the estimator names, such as a
+    /// model that mirrors the points.
     fn fit_sample(&self, sample: &[Correspondence]) -> Option<Self::Model>;
 
     /// Fits any number of pairs by weighted least squares. Returns `None` if the pairs do not determine a model.

@@ -2,7 +2,7 @@
 //! coordinates, which come from the map's georeference.
 //!
 //! Photo and tiles are the squares that the network sees; the homography is the paper's RANSAC-DLT with its refinement, the tile of the
-//! largest inliers / (matches + 1) wins (equation 20), and the photo's centre through it is the answer.
+//! largest inliers / (matches + 1) wins (eq. 20), and the photo's centre through it is the answer.
 
 use grimnet_geo::{LevelPx, LonLat, Raster};
 use grimnet_locate::internals::estimation::estimate;

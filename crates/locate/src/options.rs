@@ -25,7 +25,7 @@ pub enum Choice {
 pub enum Coordinates {
     /// By the map's affine transform and coordinate reference system.
     Georeference,
-    /// By linear interpolation between the map's lower left and upper right corners (the paper's equations 22 and 23). Paper
+    /// By linear interpolation between the map's lower left and upper right corners (paper, eq. 2a, 2b and 23). Paper
     /// mode only. Wrong by metres to hundreds of metres on maps whose columns are not meridians, such as most in UTM.
     PaperCorners,
 }

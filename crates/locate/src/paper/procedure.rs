@@ -1,5 +1,5 @@
 //! The paper's procedure: the whole photo at the network's resolution, K tiles by descriptor, the largest inliers / (matches + 1),
-//! and linear coordinates (eq. 22 and eq. 23). It always answers: where no tile has a homography, with the centre of the most similar
+//! and linear coordinates (eq. 21-23). It always answers: where no tile has a homography, with the centre of the most similar
 //! tile, and where the winning one leads off the Earth, with the centre of its tile (the paper says nothing of such frames).
 
 use std::time::Instant;

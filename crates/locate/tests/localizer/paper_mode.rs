@@ -42,7 +42,7 @@ fn paper_mode_maps_off_centre_turned_and_scaled_crops() {
         let error_m = error_m(&outcome, centre);
         let fix = outcome.fix().unwrap();
         assert!(error_m < 1.5, "{error_m} m");
-        // No tile's centre is near, so only the homography and the equations 22 and 23 can lead there.
+        // No tile's centre is near, so only the homography and eq. 22 and 23 can lead there.
         for i in 0..level.tile_count() {
             let at = truth(level.tile(i).centre_map_px);
             assert!(distance_m(at, truth(centre)) > 20.0);
@@ -108,7 +108,7 @@ fn paper_mode_answers_always_and_wants_a_paper_pack() {
     assert!(matches!(refused, Err(LocateError::NotAPaperPack { .. })));
 }
 
-/// Without a homography the answer is the centre of a tile, whose coordinates are the equations 2a and 2b.
+/// Without a homography the answer is the centre of a tile, whose coordinates are those of eq. 2a and 2b.
 #[test]
 fn paper_mode_places_the_centre_of_a_tile_by_the_papers_equations() {
     let folder = tempfile::tempdir().unwrap();

@@ -4,7 +4,7 @@ use grimnet_geo::{Georeference, LonLat, MapPx, distance_m};
 
 use crate::error::Result;
 
-/// How far equations 2 and 23, which are linear between the lower left and the upper right corner, place the map's other two corners
+/// How far eq. 2a, 2b and 23, which are linear between the lower left and the upper right corner, place the map's other two corners
 /// and its centre from where they are, metres; the largest of the three. Far below a metre on a map of some kilometres in EPSG:4326 or
 /// EPSG:3857; on a grid that is turned from north by its meridian convergence, such as UTM's, 1.4 times the map's side times the sine of
 /// that angle.

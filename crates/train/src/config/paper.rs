@@ -9,7 +9,7 @@ use crate::run::optimiser::AdamOptions;
 
 /// Processing resolution, pixels (section 4.3: H = W = 320).
 const SIDE_PX: u32 = 320;
-/// Positions sampled for the descriptor hinge. Equations 16-17 average over all pairs of positions, which are 10^10; this
+/// Positions sampled for the descriptor hinge. Eq. 16-17 average over all pairs of positions, which are 10^10; this
 /// estimate has 400 corresponding pairs among 160,000, a share of 1/400. Read literally the equation has a share of 1/102,400;
 /// SuperPoint, whose loss the paper says it uses, has one of about 1/2 by its weight of 250 and its radius of 8 px, within which three of
 /// the 1,600 cells of such a picture lie.

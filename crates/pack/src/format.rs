@@ -84,7 +84,7 @@ pub struct UnitEntry {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum UnitState {
-    /// No data or nearly black; nothing is computed.
+    /// Too little of it has data that is not black; nothing is computed.
     Skipped = 0,
     /// Computed; it may have no keypoints.
     Computed = 1,

@@ -103,11 +103,12 @@ pub struct LevelManifest {
     pub units_per_tile_side: u32,
     /// Tiles with a descriptor.
     pub tiles: u64,
-    /// Tiles left out because (nearly) all of them is nodata or black.
+    /// Tiles left out because less than a quarter of what lies on the map has data that is not black.
     pub tiles_skipped: u64,
     /// Feature units computed.
     pub units: u64,
-    /// Feature units left out because (nearly) all of them is nodata or black.
+    /// Feature units left out because too little of them has data that is not black: of a cell less than 5 %, of a tile in paper mode
+    /// less than a quarter.
     pub units_skipped: u64,
     /// Keypoints in all units.
     pub keypoints: u64,

@@ -53,7 +53,7 @@ pub(crate) struct TrackPointSchema {
     /// Squared Mahalanobis distance of the last fix over the gate, without unit: below 1 accepted, below 0.5 good.
     #[schema(required = false, nullable = false)]
     test_ratio: Option<f64>,
-    /// Weight of the leading hypothesis, 0 to 1.
+    /// Weight of the leading hypothesis and of those of the same place together, 0 to 1.
     #[schema(required = false, nullable = false)]
     weight: Option<f64>,
     /// What the position rests on: `fix` (at this very time), or the last fix and `velocity` (the autopilot's), `motion` (between

@@ -6,8 +6,8 @@
 //! # Method
 //! - A bank of at most eight small Kalman filters, each a hypothesis of where the aircraft is (Gaussian-sum filter: Alspach and
 //!   Sorenson 1972). A fix is gated by chi-square; a fix that no hypothesis accepts founds a new one; where fixes lie and
-//!   their calibrated confidence decide how fast one hypothesis outweighs another. The track is usable only while one of them
-//!   holds at least 95 % of the weight.
+//!   their calibrated confidence decide how fast one hypothesis outweighs another. The track is usable only while those of one
+//!   place hold at least 95 % of the weight together.
 //! - What all fixes have in common (the map's error, the camera's unknown tilt) does not average out: it is carried as
 //!   considered states (Schmidt 1966).
 //! - The aircraft is not the image centre. With attitude and height the position is the aircraft's, and the camera's boresight

@@ -72,12 +72,13 @@ pub struct TrackOptions {
     pub jump_probability: f64,
     /// Mahalanobis gate of a fix: chi-square with two degrees of freedom.
     pub gate_chi2: f64,
-    /// Weight that the leading hypothesis needs to be believed for the first time, and again after it was lost.
+    /// Weight that the leading hypothesis, with those of the same place, needs to be believed for the first time, and again after it was
+    /// lost.
     pub acquire_weight: f64,
-    /// Weight that a hypothesis needs to be believed in place of another one, and with the next fix after frames so far apart in time
+    /// Weight that it needs, likewise, to be believed in place of another one, and with the next fix after frames so far apart in time
     /// that its place became too uncertain.
     pub change_weight: f64,
-    /// Weight that the leading hypothesis needs to stay believed.
+    /// Weight that it needs, likewise, to stay believed.
     pub keep_weight: f64,
     /// Fixes that must support a hypothesis before it is believed.
     pub acquire_fixes: u32,

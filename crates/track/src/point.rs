@@ -91,7 +91,7 @@ pub struct Estimate {
     pub distance_since_fix_m: f64,
     /// Squared Mahalanobis distance of the last fix over the gate: below 1 accepted, below 0.5 good.
     pub test_ratio: f64,
-    /// Weight of the hypothesis, 0 to 1.
+    /// Weight of the leading hypothesis and of those of the same place together, 0 to 1.
     pub weight: f64,
     /// What the position rests on.
     pub source: Source,

@@ -47,7 +47,8 @@ pub struct FrameAnswer {
     pub outcome: Result<Outcome, LocateError>,
     /// The search that gave this answer.
     pub searched: Searched,
-    /// How many searches the frame took: the window, and the whole map after it.
+    /// How many searches the frame took: the window, the whole map after it, each again where yaw or height of the telemetry may be wrong,
+    /// and all of them twice for a tilted frame that is not found rectified.
     pub searches: u32,
     /// What the filter was given for this frame, in this order, whether it was taken or not.
     pub inputs: Vec<Input>,

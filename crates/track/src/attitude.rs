@@ -121,12 +121,12 @@ impl FixedMount {
         if *self == Self::default() {
             return aircraft;
         }
-        let camera_to_body = Rotation3::from_euler_angles(
+        let body_from_camera = Rotation3::from_euler_angles(
             0.0,
             (self.pitch_deg + 90.0).to_radians(),
             self.yaw_deg.to_radians(),
         );
-        let down = UnitQuaternion::from(aircraft.rotation() * camera_to_body);
+        let down = UnitQuaternion::from(aircraft.rotation() * body_from_camera);
         Attitude::looking_down(aircraft.time_s, &down)
     }
 }

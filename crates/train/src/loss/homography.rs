@@ -1,7 +1,7 @@
 //! The paper's homography loss (eq. 24): the reprojection error of a homography estimated from the descriptors, by a weighted DLT
 //! on soft matches, so that the gradient reaches the descriptors.
 
-use super::constant;
+use super::{DISTANCE_EPSILON, constant};
 use burn::tensor::activation::softmax;
 use burn::tensor::{Device, Tensor};
 use serde::{Deserialize, Serialize};
@@ -12,8 +12,6 @@ const UNKNOWNS: usize = 8;
 const RIDGE: f32 = 1e-3;
 /// Least denominator: points behind the horizon have no projection.
 const LEAST_DENOMINATOR: f32 = 0.2;
-/// Added under the root of a squared distance.
-const DISTANCE_EPSILON: f32 = 1e-8;
 
 /// Settings of [`homography_reprojection`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

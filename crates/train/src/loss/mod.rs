@@ -26,6 +26,9 @@ use burn::tensor::{Device, Tensor, TensorData};
 /// Added to masked similarities.
 pub(crate) const MASKED: f32 = -1e4;
 
+/// Added under the root of a squared distance, whose derivative is infinite at 0.
+const DISTANCE_EPSILON: f32 = 1e-8;
+
 /// A constant tensor; part of the autodiff graph if the device has autodiff.
 pub(crate) fn constant<const D: usize>(
     values: Vec<f32>,

@@ -1,11 +1,8 @@
 //! The paper's retrieval loss (eq. 9; Hermans et al. 2017) with its online hard mining (Shrivastava et al. 2016).
 
-use super::{MASKED, constant};
+use super::{DISTANCE_EPSILON, MASKED, constant};
 use burn::tensor::Tensor;
 use serde::{Deserialize, Serialize};
-
-/// Added under the root of a squared distance, whose derivative is infinite at 0.
-const DISTANCE_EPSILON: f32 = 1e-8;
 
 /// Settings of [`triplet`].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

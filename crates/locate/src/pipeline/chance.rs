@@ -8,7 +8,7 @@ use nalgebra::Point2;
 
 use crate::{
     geometry::homography::Homography,
-    pipeline::guided_matching::{KeypointIndex, KeypointPair, MAX_CLOSER},
+    pipeline::guided_matching::{KeypointPair, MAX_CLOSER, PointIndex},
 };
 
 /// Expected number of guided inliers of `transform`, from query to tile, if the descriptors of a keypoint were in random order.
@@ -18,7 +18,7 @@ pub(crate) fn expected_inliers(
     keypoints: &KeypointPair<'_>,
     threshold_px: f64,
 ) -> f64 {
-    let index = KeypointIndex::new(keypoints.tile_points);
+    let index = PointIndex::new(keypoints.tile_points);
     let of_tile = keypoints.tile_points.len().max(1) as f64;
     let mut near = Vec::new();
     let kept = |point: &Point2<f32>| {

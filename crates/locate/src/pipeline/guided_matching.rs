@@ -53,7 +53,7 @@ pub(crate) fn match_guided(
     options: &EstimationOptions,
     guided: &mut Vec<Match>,
 ) -> Option<(EstimatedTransform, Vec<Correspondence>)> {
-    let index = KeypointIndex::new(keypoints.tile_points);
+    let index = PointIndex::new(keypoints.tile_points);
     let mut estimated = start.clone();
     let mut pairs = Vec::new();
     for radius in SEARCH_RADII {
@@ -80,13 +80,13 @@ pub(crate) fn match_guided(
     Some((estimated, pairs))
 }
 
-/// Keypoints of a tile, indexed by position.
-pub(crate) struct KeypointIndex {
+/// Keypoints of a tile, found by their position (by descriptor: [`grimnet_pack::KeypointIndex`]).
+pub(crate) struct PointIndex {
     /// The points from top to bottom, each with its index.
     by_y: Vec<(Point2<f64>, usize)>,
 }
 
-impl KeypointIndex {
+impl PointIndex {
     /// Builds the index.
     pub fn new(points: &[Point2<f64>]) -> Self {
         let mut by_y: Vec<(Point2<f64>, usize)> = points.iter().copied().zip(0..).collect();
@@ -133,7 +133,7 @@ mod tests {
             (40.0, 10.0),
         ];
         let points = points.map(|(x, y)| Point2::new(x, y));
-        let index = KeypointIndex::new(&points);
+        let index = PointIndex::new(&points);
         let shift = Matrix3::new(1.0, 0.0, 5.0, 0.0, 1.0, -2.0, 0.0, 0.0, 1.0);
         let shift = Homography::from_matrix(shift).unwrap();
         let mut found = Vec::new();

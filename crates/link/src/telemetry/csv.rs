@@ -5,11 +5,8 @@ use std::borrow::Cow;
 use csv::{ReaderBuilder, StringRecord};
 use grimnet_track::{Attitude, HEIGHT_AGL_RANGE_M, Height, Input, Velocity};
 
-use super::recorded::{Telemetry, TelemetryClock};
+use super::recorded::{Telemetry, TelemetryClock, VELOCITY_SIGMA_M_S};
 use crate::time_text::unix_s_from_rfc3339;
-
-/// Error of a velocity that states none, metres per second.
-const VELOCITY_SIGMA_M_S: f64 = 0.5;
 
 /// What may stand between columns.
 const SEPARATORS: [u8; 3] = [b',', b';', b'\t'];

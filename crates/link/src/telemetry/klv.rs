@@ -6,7 +6,7 @@ use nalgebra::UnitQuaternion;
 use super::mpeg_ts::Unit;
 use super::{
     klv_value::{ber_length, ber_oid, scaled_signed, scaled_unsigned, unsigned},
-    recorded::{Telemetry, TelemetryClock},
+    recorded::{Telemetry, TelemetryClock, VELOCITY_SIGMA_M_S},
 };
 
 /// Universal key of the UAS Datalink Local Set (ST 0601, section 6.2).
@@ -17,8 +17,6 @@ const KEY: [u8; 16] = [
 const HEAD_BYTES: usize = 1 << 16;
 /// A packet is not longer, bytes: what one that is wrong spans is read again from each key in it.
 const MOST_PACKET_BYTES: usize = 1 << 16;
-/// The velocity is stated without an error, metres per second, 1 sigma.
-const VELOCITY_SIGMA_M_S: f64 = 0.5;
 
 /// Whether the bytes hold packets.
 pub(super) fn is_klv(bytes: &[u8]) -> bool {

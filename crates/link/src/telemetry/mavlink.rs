@@ -10,6 +10,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use super::{
     camera_mount::CameraMount,
     gimbal::{GimbalClock, gimbal_id, is_relative_to_north},
+    recorded::VELOCITY_SIGMA_M_S,
 };
 use crate::{autopilot::AutopilotKind, messages::OwnState};
 
@@ -36,7 +37,7 @@ impl Default for TelemetryOptions {
         Self {
             camera_mount: CameraMount::default(),
             fixed_mount: FixedMount::default(),
-            velocity_sigma_m_s: Some(0.5),
+            velocity_sigma_m_s: Some(VELOCITY_SIGMA_M_S),
         }
     }
 }

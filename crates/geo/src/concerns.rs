@@ -4,7 +4,7 @@ use image::RgbImage;
 use std::fmt;
 
 use crate::corners::{ODD_ASPECT, SQUARE_ASPECT, SQUARE_IN_DEGREES};
-use crate::{GeoError, MapPx, Raster, RasterPatch, WindowPx, turn_deg};
+use crate::{GeoError, Georeference, MapPx, Raster, RasterPatch, WindowPx, turn_deg};
 
 /// Longer side of the picture of a map that is looked at, pixels.
 const PICTURE_PX: u32 = 512;
@@ -269,22 +269,7 @@ pub fn concerns_of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
     if !USUAL_GSD_M.contains(&gsd_m) {
         found.push(Concern::Resolution { gsd_m });
     }
-    let at_edges: Vec<f64> = [0.0, 2.0 * centre.y]
-        .iter()
-        .filter_map(|&y| {
-            georeference
-                .ground_resolution_m(MapPx::new(centre.x, y))
-                .ok()
-        })
-        .map(|(x_m, y_m)| (x_m * y_m).sqrt())
-        .collect();
-    let fine = at_edges.iter().copied().fold(gsd_m, f64::min);
-    let coarse = at_edges.iter().copied().fold(gsd_m, f64::max);
-    if coarse > fine * UNEVEN {
-        found.push(Concern::UnevenResolution {
-            gsd_m: (fine, coarse),
-        });
-    }
+    found.extend(uneven_resolution(georeference, gsd_m));
     let jacobian = georeference.east_north_m_from_map_px_jacobian(centre)?;
     let (across, down) = (jacobian.column(0), jacobian.column(1));
     let cosine = across.dot(&down) / (across.norm() * down.norm());
@@ -306,6 +291,25 @@ pub fn concerns_of_place(map: &dyn Raster) -> Result<Vec<Concern>, GeoError> {
         found.push(Concern::UnevenNorth { turn_deg });
     }
     Ok(found)
+}
+
+/// The concern about a map whose ground resolution at the upper or lower edge is far from `gsd_m`, that at its centre.
+fn uneven_resolution(georeference: &Georeference, gsd_m: f64) -> Option<Concern> {
+    let centre = georeference.centre_px();
+    let at_edges: Vec<f64> = [0.0, 2.0 * centre.y]
+        .iter()
+        .filter_map(|&y| {
+            georeference
+                .ground_resolution_m(MapPx::new(centre.x, y))
+                .ok()
+        })
+        .map(|(x_m, y_m)| (x_m * y_m).sqrt())
+        .collect();
+    let fine = at_edges.iter().copied().fold(gsd_m, f64::min);
+    let coarse = at_edges.iter().copied().fold(gsd_m, f64::max);
+    (coarse > fine * UNEVEN).then_some(Concern::UnevenResolution {
+        gsd_m: (fine, coarse),
+    })
 }
 
 fn of_pixels(overview: &RasterPatch) -> Vec<Concern> {

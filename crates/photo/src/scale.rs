@@ -286,6 +286,15 @@ fn focal_of_original(
             "implausible focal length",
         );
     }
+    focal_of_sensor(metadata, original_px, view)
+}
+
+/// The focal length by the pixel density of the sensor.
+fn focal_of_sensor(
+    metadata: &Metadata,
+    original_px: (u32, u32),
+    view: &mut View,
+) -> Option<Uncertain> {
     let focal_plane = metadata.focal_plane_px?;
     let value = format!("{focal_plane:.0} px");
     let fov = fov_deg(f64::from(original_px.0.max(original_px.1)), focal_plane);

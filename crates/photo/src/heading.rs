@@ -1,7 +1,7 @@
 //! Which heading and tilt are used.
 
 use crate::camera::{MAX_PITCH_FROM_NADIR_DEG, Tilt};
-use crate::metadata::Metadata;
+use crate::metadata::{ImageDirection, Metadata};
 use crate::nadir_angles::from_nadir_angles;
 use crate::view::{
     CameraAttitude, HEADING_RANGE_DEG, Heading, HeadingPrior, PITCH_RANGE_DEG, ROLL_RANGE_DEG,
@@ -306,17 +306,21 @@ fn from_metadata(
             sigma_deg: FLIGHT_SIGMA_DEG,
         });
     } else if let Some(direction) = metadata.image_direction {
-        let mut reason = String::from("uncertain: EXIF image direction");
-        if direction.magnetic {
-            reason.push_str(", relative to magnetic north (declination not applied)");
-        }
-        view.use_evidence(IMAGE_DIRECTION, degrees(direction.bearing_deg), reason);
-        view.heading = Some(Heading {
-            // Where the camera looks: cameras choose the orientation so that this is up in the displayed picture.
-            heading_deg: direction.bearing_deg.rem_euclid(360.0),
-            sigma_deg: IMAGE_DIRECTION_SIGMA_DEG,
-        });
+        from_image_direction(direction, view);
     }
+}
+
+fn from_image_direction(direction: ImageDirection, view: &mut View) {
+    let mut reason = String::from("uncertain: EXIF image direction");
+    if direction.magnetic {
+        reason.push_str(", relative to magnetic north (declination not applied)");
+    }
+    view.use_evidence(IMAGE_DIRECTION, degrees(direction.bearing_deg), reason);
+    view.heading = Some(Heading {
+        // Where the camera looks: cameras choose the orientation so that this is up in the displayed picture.
+        heading_deg: direction.bearing_deg.rem_euclid(360.0),
+        sigma_deg: IMAGE_DIRECTION_SIGMA_DEG,
+    });
 }
 
 /// Whether the aircraft's angles were recorded: not if they are all exactly zero.

@@ -58,6 +58,22 @@ fn values_of(bytes: &[u8]) -> Vec<f32> {
         .collect()
 }
 
+/// The values of a tensor, of which there must be `expected`; else what is wrong.
+fn stored(tensors: &SafeTensors<'_>, name: &str, expected: usize) -> Result<Vec<f32>, String> {
+    let view = tensors
+        .tensor(name)
+        .map_err(|_| format!("`{name}` is missing"))?;
+    let values = values_of(view.data());
+    let length = values.len();
+    if length == expected {
+        Ok(values)
+    } else {
+        Err(format!(
+            "`{name}` has {length} values; its network has {expected}"
+        ))
+    }
+}
+
 /// Largest header that safetensors allows, bytes.
 const LONGEST_HEADER: u64 = 100_000_000;
 
@@ -226,18 +242,11 @@ impl Checkpoint {
         let inner = device.clone().without_autodiff();
         let read = |kind: &str, name: &str| -> Result<Tensor<1>, TrainError> {
             let expected = blank.flat(name)?.dims()[0];
-            let name = format!("{kind}/{name}");
-            let view = tensors
-                .tensor(&name)
-                .map_err(|_| wrong(format!("`{name}` is missing")))?;
-            let values = values_of(view.data());
-            let length = values.len();
-            if length != expected {
-                return Err(wrong(format!(
-                    "`{name}` has {length} values; its network has {expected}"
-                )));
-            }
-            Ok(Tensor::from_data(TensorData::new(values, [length]), &inner))
+            let values = stored(&tensors, &format!("{kind}/{name}"), expected).map_err(wrong)?;
+            Ok(Tensor::from_data(
+                TensorData::new(values, [expected]),
+                &inner,
+            ))
         };
         for name in blank.names() {
             parameters.set(&name, read("value", &name)?)?;

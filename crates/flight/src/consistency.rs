@@ -160,20 +160,20 @@ impl ConsistencyChecks {
     }
 
     /// The whole map was searched so often in a row without a fix.
-    pub fn searched_in_vain(&mut self, vain_searches: u32) {
-        self.yaw.searched_in_vain(vain_searches);
-        self.height.searched_in_vain(vain_searches);
+    pub fn searched_without_fix(&mut self, searches_without_fix: u32) {
+        self.yaw.searched_without_fix(searches_without_fix);
+        self.height.searched_without_fix(searches_without_fix);
     }
 
     /// Whether other headings than the reported one are to be searched as well, after so many searches of the whole map in a row without
     /// a fix.
-    pub fn tests_yaw(&self, vain_searches: u32) -> bool {
-        self.yaw.is_tested(vain_searches)
+    pub fn tests_yaw(&self, searches_without_fix: u32) -> bool {
+        self.yaw.is_tested(searches_without_fix)
     }
 
     /// Whether other scales than the reported height's are.
-    pub fn tests_height(&self, vain_searches: u32) -> bool {
-        self.height.is_tested(vain_searches)
+    pub fn tests_height(&self, searches_without_fix: u32) -> bool {
+        self.height.is_tested(searches_without_fix)
     }
 
     /// Whether fixes confirmed the yaw before a gap and none since.
@@ -244,19 +244,19 @@ mod tests {
     #[test]
     fn what_no_fix_has_confirmed_for_long_is_tested() {
         let mut checks = ConsistencyChecks::default();
-        let are_tested = |checks: &ConsistencyChecks, vain_searches| {
+        let are_tested = |checks: &ConsistencyChecks, searches_without_fix| {
             [
-                checks.tests_yaw(vain_searches),
-                checks.tests_height(vain_searches),
+                checks.tests_yaw(searches_without_fix),
+                checks.tests_height(searches_without_fix),
             ]
         };
         assert_eq!(are_tested(&checks, 2), [false; 2]);
         assert_eq!(are_tested(&checks, 3), [true; 2]);
         checks.yaw.fix(355.0, 20.0);
         checks.height.fix(100.0, 110.0);
-        checks.searched_in_vain(3);
+        checks.searched_without_fix(3);
         assert_eq!(are_tested(&checks, 3), [false; 2], "confirmed");
-        checks.searched_in_vain(4);
+        checks.searched_without_fix(4);
         assert_eq!(are_tested(&checks, 4), [true; 2]);
         assert_eq!(
             are_tested(&checks, 5),

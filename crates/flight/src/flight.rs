@@ -258,7 +258,7 @@ impl Flight {
         let search = self
             .tracker
             .search(exposure.time_s, self.half_footprint_m(exposure));
-        let vain_searches = self.whole_map.vain_searches();
+        let searches_without_fix = self.whole_map.searches_without_fix();
         let top_deg = self
             .reported_top_deg(exposure)
             .filter(|_| self.checks.uses_yaw());
@@ -269,8 +269,8 @@ impl Flight {
             view: exposure.view,
             top_deg: top_deg.map(|top_deg| (top_deg, self.tracker.options().compass_sigma_deg)),
             yaw_is_in_doubt: self.checks.yaw_is_in_doubt(),
-            tests_yaw: self.checks.tests_yaw(vain_searches),
-            tests_height: self.checks.tests_height(vain_searches),
+            tests_yaw: self.checks.tests_yaw(searches_without_fix),
+            tests_height: self.checks.tests_height(searches_without_fix),
             height_agl_m,
             gsd_of_height_m: height_agl_m
                 .zip(exposure.focal_length_px())
@@ -429,7 +429,8 @@ impl Flight {
             }
             Ok(Outcome::NoFix(no_fix)) if !is_without_texture(&no_fix.reason) => {
                 self.whole_map.missed(whole_map_was_searched, false);
-                self.checks.searched_in_vain(self.whole_map.vain_searches());
+                self.checks
+                    .searched_without_fix(self.whole_map.searches_without_fix());
             }
             Ok(Outcome::NoFix(_)) | Err(_) => {}
         }

@@ -25,7 +25,7 @@ impl WholeMap {
     }
 
     /// Searches of the whole map in a row that gave no fix.
-    pub fn vain_searches(&self) -> u32 {
+    pub fn searches_without_fix(&self) -> u32 {
         self.empty
     }
 

@@ -1,9 +1,9 @@
 //! Whether fixes confirm a value of the telemetry, and when searches go without it to test it.
 
 /// A value that no fix has confirmed is tested after so many searches of the whole map in a row without a fix.
-const VAIN_SEARCHES: u32 = 3;
+const TESTED_AFTER: u32 = 3;
 /// A confirmation expires after so many, which the first 16 frames of a gap have ([`crate::whole_map`]): water and fields give no fix
-/// either, but a compass or a height that was reset in flight makes all searches vain for good.
+/// either, but a compass or a height that was reset in flight leaves all searches without a fix for good.
 const EXPIRES_AFTER: u32 = 4;
 /// A value whose confirmation expired is tested at one of so many searches of the whole map, which is one of 32 frames: a search under
 /// every heading or at every scale takes several times as long, and most gaps are of the ground.
@@ -23,18 +23,20 @@ pub(super) enum Confirmation {
 
 impl Confirmation {
     /// The whole map was searched so often in a row without a fix.
-    pub fn searched_in_vain(&mut self, vain_searches: u32) {
-        if *self == Self::Holds && vain_searches >= EXPIRES_AFTER {
+    pub fn searched_without_fix(&mut self, searches_without_fix: u32) {
+        if *self == Self::Holds && searches_without_fix >= EXPIRES_AFTER {
             *self = Self::Expired;
         }
     }
 
-    /// Whether the next search of the whole map is to go without the value as well, after so many in vain.
-    pub fn is_tested(self, vain_searches: u32) -> bool {
+    /// Whether the next search of the whole map is to go without the value as well, after so many without a fix.
+    pub fn is_tested(self, searches_without_fix: u32) -> bool {
         match self {
-            Self::None => vain_searches >= VAIN_SEARCHES,
+            Self::None => searches_without_fix >= TESTED_AFTER,
             Self::Holds => false,
-            Self::Expired => vain_searches > 0 && vain_searches.is_multiple_of(ONE_OF),
+            Self::Expired => {
+                searches_without_fix > 0 && searches_without_fix.is_multiple_of(ONE_OF)
+            }
         }
     }
 }
@@ -43,12 +45,12 @@ impl Confirmation {
 mod tests {
     use super::*;
 
-    /// The numbers of vain searches after which a value is tested, of twenty.
+    /// The numbers of searches without a fix after which a value is tested, of twenty.
     fn tested_after(mut confirmation: Confirmation) -> Vec<u32> {
         (0..20)
-            .filter(|vain_searches| {
-                confirmation.searched_in_vain(*vain_searches);
-                confirmation.is_tested(*vain_searches)
+            .filter(|searches_without_fix| {
+                confirmation.searched_without_fix(*searches_without_fix);
+                confirmation.is_tested(*searches_without_fix)
             })
             .collect()
     }

@@ -70,13 +70,13 @@ impl HeightCheck {
     }
 
     /// The whole map was searched so often in a row without a fix.
-    pub fn searched_in_vain(&mut self, vain_searches: u32) {
-        self.confirmation.searched_in_vain(vain_searches);
+    pub fn searched_without_fix(&mut self, searches_without_fix: u32) {
+        self.confirmation.searched_without_fix(searches_without_fix);
     }
 
     /// Whether searches are to try other scales than the reported height's.
-    pub fn is_tested(&self, vain_searches: u32) -> bool {
-        self.confirmation.is_tested(vain_searches)
+    pub fn is_tested(&self, searches_without_fix: u32) -> bool {
+        self.confirmation.is_tested(searches_without_fix)
     }
 
     /// What is inconsistent; once it is, it stays so.
@@ -102,7 +102,7 @@ mod tests {
         let stepped = flown(|number| if number < 12 { 1.0 } else { 0.52 });
         assert_eq!(stepped.warning().unwrap().factor, 0.52);
         let mut check = flown(|_| 1.0);
-        check.searched_in_vain(4);
+        check.searched_without_fix(4);
         assert!(check.is_tested(4));
         check.fix(100.0, 105.0);
         assert!(!check.is_tested(4));

@@ -1,8 +1,9 @@
 //! Whether the yaw of the telemetry is the heading that fixes show.
 //!
 //! A yaw of another convention (counter-clockwise, in radians, of the tail) makes every search look under a wrong heading, so that none
-//! gives a fix. So does a yaw that was reset in flight, by as much in fix after fix. Where the whole map was searched in vain under a yaw
-//! that no fix has confirmed lately ([`super::confirmation`]), it is searched under every heading as well, and the fixes of that tell.
+//! gives a fix. So does a yaw that was reset in flight, by as much in fix after fix. Where the whole map was searched without a fix under
+//! a yaw that no fix has confirmed lately ([`super::confirmation`]), it is searched under every heading as well, and the fixes of that
+//! tell.
 
 use grimnet_geo::turn_deg;
 
@@ -86,8 +87,8 @@ impl YawCheck {
     }
 
     /// The whole map was searched so often in a row without a fix.
-    pub fn searched_in_vain(&mut self, vain_searches: u32) {
-        self.confirmation.searched_in_vain(vain_searches);
+    pub fn searched_without_fix(&mut self, searches_without_fix: u32) {
+        self.confirmation.searched_without_fix(searches_without_fix);
     }
 
     /// Whether fixes confirmed it before a gap and none since.
@@ -96,8 +97,8 @@ impl YawCheck {
     }
 
     /// Whether searches are to try other headings than the reported one.
-    pub fn is_tested(&self, vain_searches: u32) -> bool {
-        self.confirmation.is_tested(vain_searches)
+    pub fn is_tested(&self, searches_without_fix: u32) -> bool {
+        self.confirmation.is_tested(searches_without_fix)
     }
 
     /// What is inconsistent, from enough fixes that contradict the reported yaw to as many in a row that agree with it.
@@ -149,7 +150,7 @@ mod tests {
     fn a_yaw_that_was_reset_in_flight_is_inconsistent_after_four_fixes_that_agree_on_it() {
         let mut check = YawCheck::default();
         check.fix(355.0, 0.0);
-        check.searched_in_vain(4);
+        check.searched_without_fix(4);
         assert!(check.is_tested(4));
         // Fixes of wrong places have any heading.
         for measured_deg in [120.0, 250.0, 60.0, 300.0, 180.0] {

@@ -1,6 +1,6 @@
 //! The stages from a photo to an answer in default mode.
 //!
-//! Each stage is a function over a [`crate::context::Context`] and returns its wall time with its result.
+//! The stages are functions over a [`crate::context::Context`]; the result of a round holds the wall time of its stages.
 
 pub mod answer;
 pub mod chance;

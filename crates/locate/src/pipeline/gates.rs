@@ -67,7 +67,10 @@ impl Shape {
 
 impl Gates {
     /// Checks the shape of `homography` at the photo's `centre`, against an expected scale.
-    pub fn check_shape(
+    ///
+    /// # Errors
+    /// The first limit that it does not keep.
+    pub(crate) fn check_shape(
         &self,
         homography: &Homography,
         centre: Point2<f64>,
@@ -91,7 +94,10 @@ impl Gates {
 
     /// Checks number, share and distribution of the inliers. `inliers` are their positions on the photo, `matches` the number of
     /// matches.
-    pub fn check_support(
+    ///
+    /// # Errors
+    /// The first limit that they do not keep.
+    pub(crate) fn check_support(
         &self,
         inliers: impl Iterator<Item = Point2<f64>> + Clone,
         matches: usize,
@@ -125,6 +131,9 @@ impl Gates {
     }
 
     /// Checks the confidence against `needed`, or against [`Gates::min_confidence`] if that is set.
+    ///
+    /// # Errors
+    /// [`Rejection::Confidence`] if it is lower and [`Gates::by_confidence`] is set.
     pub fn check_confidence(&self, confidence: f64, needed: f64) -> Result<(), Rejection> {
         let needed = self.min_confidence.unwrap_or(needed);
         if self.by_confidence && !(confidence >= needed) {
@@ -137,6 +146,9 @@ impl Gates {
     }
 
     /// Checks the share of the photo that lies on the map, 0 to 1.
+    ///
+    /// # Errors
+    /// [`Rejection::OnMap`] if it is below [`Gates::min_on_map`].
     pub fn check_on_map(&self, share: f64) -> Result<(), Rejection> {
         if !(share >= self.min_on_map) {
             return Err(Rejection::OnMap {
@@ -148,6 +160,9 @@ impl Gates {
     }
 
     /// Checks the ratio of the inliers to those of the best candidate at another position: always where that is a place that looks alike.
+    ///
+    /// # Errors
+    /// [`Rejection::Ambiguous`] if it is too small.
     pub fn check_margin(&self, inliers: usize, runner_up: usize) -> Result<(), Rejection> {
         let margin = if runner_up < ALIKE_INLIERS {
             self.min_margin

@@ -19,7 +19,7 @@ use super::{LimitsChoice, ModeChoice, ModelChoice};
 use crate::exit::Exit;
 use crate::outputs::{OWN_MAGICS, OverwriteChoice};
 use crate::standard_output::StandardOutput;
-use crate::{inputs, progress, values};
+use crate::{inputs, interrupt, progress, values};
 use grimnet_answer::printable;
 
 /// Examples under the help of `grim map build`.
@@ -149,6 +149,13 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         // Standard output may be where the pack went.
         print_report(&mut std::io::stderr(), &report, out)?;
     } else {
+        let [partial, _] = working_files(&linked_path(out)?);
+        interrupt::end_on_interrupt(move || {
+            tracing::warn!(
+                "stopped; {} holds the work so far, and the same command goes on with it",
+                partial.display()
+            );
+        })?;
         let report = build_with_bar(map.as_ref(), &model, &options, out)?;
         print_report(&mut StandardOutput, &report, out)?;
     }

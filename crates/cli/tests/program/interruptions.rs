@@ -175,6 +175,28 @@ fn an_interrupted_calibration_goes_on_with_its_observations() {
 }
 
 #[test]
+#[cfg(unix)]
+fn an_interrupted_build_says_what_goes_on() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let corners = noise_map(path("map.png").as_ref(), 3000, 1);
+    let [map, pack] = ["map.png", "map.grim"].map(path);
+    let build = ["map", "build", &map, "-o", &pack, corners[0], corners[1]];
+    let mut child = start(&build);
+    let partial = path("map.grim.partial");
+    assert!(wait_for_answers(&mut child, partial.as_ref(), 1));
+    send("INT", &child);
+    let ended = child.wait_with_output().unwrap();
+    assert_eq!(ended.status.code(), Some(130));
+    let said = String::from_utf8_lossy(&ended.stderr);
+    assert!(
+        said.contains("map.grim.partial holds the work so far"),
+        "{said}"
+    );
+    assert!(Path::new(&partial).exists() && !Path::new(&pack).exists());
+}
+
+#[test]
 #[cfg(all(unix, feature = "train"))]
 fn an_export_that_takes_long_ends_at_the_first_signal() {
     let folder = tempfile::tempdir().unwrap();

@@ -145,9 +145,10 @@ struct Columns {
 impl Columns {
     fn find(path: &Path, header: csv::StringRecord) -> Result<Self, TruthError> {
         let find = |names: &[&str]| position(&header, names);
-        let pair = |lat: &[&str], lon: &[&str]| find(lat).zip(find(lon));
-        let centre = pair(&["lat_deg", "centre_lat"], &["lon_deg", "centre_lon"]);
-        let gps = pair(&["gps_lat"], &["gps_lon"]);
+        // A latitude by one name and a longitude by another may be of two positions.
+        let pair = |lat: &str, lon: &str| find(&[lat]).zip(find(&[lon]));
+        let centre = pair("lat_deg", "lon_deg").or_else(|| pair("centre_lat", "centre_lon"));
+        let gps = pair("gps_lat", "gps_lon");
         match find(&["photo"]) {
             Some(photo) if centre.is_some() || gps.is_some() => Ok(Self {
                 photo,
@@ -331,8 +332,19 @@ mod tests {
     }
 
     #[test]
+    fn a_position_is_of_one_pair_of_columns() {
+        let frames =
+            read_text("photo,lat_deg,centre_lat,centre_lon\na.jpg,1,24.25,120.5\n").unwrap();
+        assert_eq!(frames[0].centre_lat_lon_deg, Some((24.25, 120.5)));
+    }
+
+    #[test]
     fn asks_for_missing_columns() {
-        for header in ["name,lat", "photo;lat_deg;lon_deg"] {
+        for header in [
+            "name,lat",
+            "photo;lat_deg;lon_deg",
+            "photo,lat_deg,centre_lon",
+        ] {
             let error = read_text(&format!("{header}\n")).unwrap_err();
             let text = error.to_string();
             assert!(

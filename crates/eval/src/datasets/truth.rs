@@ -66,6 +66,14 @@ pub enum TruthError {
         /// The reader's error.
         source: csv::Error,
     },
+    /// The file is not text in UTF-8.
+    #[error("{path}, line {line}: not UTF-8 text; save the table as UTF-8")]
+    NotUtf8 {
+        /// The file.
+        path: PathBuf,
+        /// Line in the file, from 1.
+        line: u64,
+    },
     /// A required column is missing.
     #[error(
         "{path}: expected a comma-separated table with a column `photo` and the columns `lat_deg`,`lon_deg` (or `centre_lat`,`centre_lon`, or `gps_lat`,`gps_lon`); found: {header}"
@@ -113,9 +121,14 @@ pub fn read(path: &Path) -> Result<Vec<TruthFrame>, TruthError> {
 /// Unreadable file, missing columns.
 pub fn read_rows(path: &Path) -> Result<(Vec<TruthFrame>, Vec<TruthError>), TruthError> {
     let text = fs_err::read(path)?;
-    let csv_error = |source| TruthError::Csv {
-        path: path.to_owned(),
-        source,
+    let csv_error = |source: csv::Error| {
+        let path = path.to_owned();
+        if matches!(source.kind(), csv::ErrorKind::Utf8 { .. }) {
+            let line = source.position().map_or(1, csv::Position::line);
+            TruthError::NotUtf8 { path, line }
+        } else {
+            TruthError::Csv { path, source }
+        }
     };
     let mut reader = csv::ReaderBuilder::new()
         .trim(csv::Trim::All)
@@ -336,6 +349,24 @@ mod tests {
         let frames =
             read_text("photo,lat_deg,centre_lat,centre_lon\na.jpg,1,24.25,120.5\n").unwrap();
         assert_eq!(frames[0].centre_lat_lon_deg, Some((24.25, 120.5)));
+    }
+
+    #[test]
+    fn a_table_in_another_encoding_is_told_to_be_in_utf_8() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("truth.csv");
+        for (bytes, line) in [
+            (
+                &b"photo,lat_deg,lon_deg,place\na.jpg,1,2,Z\xfcrich\n"[..],
+                2,
+            ),
+            (&b"\xff\xfep\0h\0o\0t\0o\0"[..], 1),
+        ] {
+            fs_err::write(&path, bytes).unwrap();
+            let text = read(&path).unwrap_err().to_string();
+            let expected = format!("line {line}: not UTF-8 text");
+            assert!(text.contains(&expected), "{text}");
+        }
     }
 
     #[test]

@@ -38,11 +38,13 @@ pub fn draw(
     let mut names = HashSet::new();
     let badness = |i: &usize| trials[*i].frame.error_m.unwrap_or(f64::INFINITY);
     worst.sort_by(|a, b| badness(b).total_cmp(&badness(a)));
-    for &i in worst.iter().take(WORST) {
-        let (shot, frame) = (&scene.shots[i], &trials[i].frame);
-        let Some(jpeg) = matches_jpeg(shot, &trials[i], scene.map.as_ref())? else {
-            continue;
-        };
+    // Photos that cannot be read or were not matched have nothing to draw, and must not take the place of others.
+    let drawn = worst.into_iter().filter_map(|i| {
+        let jpeg = matches_jpeg(&scene.shots[i], &trials[i], scene.map.as_ref());
+        Some((i, jpeg.transpose()?))
+    });
+    for (i, jpeg) in drawn.take(WORST) {
+        let (shot, frame, jpeg) = (&scene.shots[i], &trials[i].frame, jpeg?);
         folder.write_bytes(&picture_name(&shot.name, &mut names), &jpeg)?;
         let caption = match (frame.error_m, &frame.reason) {
             (Some(error_m), _) => format!(

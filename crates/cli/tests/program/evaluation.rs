@@ -111,6 +111,33 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
 }
 
 #[test]
+fn photos_that_cannot_be_read_take_no_place_among_the_pictures_of_the_worst() {
+    let folder = tempfile::tempdir().unwrap();
+    let photos = folder.path().join("photos");
+    std::fs::create_dir(&photos).unwrap();
+    std::fs::copy(photo(1), photos.join("flight_001.jpg")).unwrap();
+    let truth = std::fs::read_to_string(demo().join("truth.csv")).unwrap();
+    let mut table: Vec<String> = truth.lines().take(2).map(str::to_owned).collect();
+    for number in 1..=5 {
+        let name = format!("empty{number}.jpg");
+        std::fs::write(photos.join(&name), "").unwrap();
+        table.push(table[1].replace("flight_001.jpg", &name));
+    }
+    std::fs::write(folder.path().join("truth.csv"), table.join("\n")).unwrap();
+    let out = folder.path().join("out");
+    grim()
+        .arg("eval")
+        .arg(folder.path())
+        .arg("--map")
+        .arg(demo().join("map.tif"))
+        .args(["--heading", "exif", "--out"])
+        .arg(&out)
+        .assert()
+        .success();
+    assert!(out.join("matches/flight_001.jpg").is_file());
+}
+
+#[test]
 fn photos_of_another_town_are_counted_by_setting() {
     let folder = tempfile::tempdir().unwrap();
     let pictures = folder.path().join("fog");

@@ -26,7 +26,17 @@ pub struct RetrievalSummary {
     /// SDM@K and PDM@K: how near the first K tiles are to the true centre.
     pub distance: RankDistance,
     /// Rank of the first covering tile, photo by photo.
-    pub frames: Vec<FrameRecall>,
+    pub frames: Vec<PhotoRecall>,
+}
+
+/// Ranks of one photo.
+#[derive(Debug, Clone, Serialize)]
+pub struct PhotoRecall {
+    /// File name of the photo.
+    pub photo: String,
+    /// Rank of its first covering tile.
+    #[serde(flatten)]
+    pub ranks: FrameRecall,
 }
 
 impl RetrievalSummary {
@@ -70,7 +80,14 @@ impl RetrievalSummary {
             near: Recall::of(&ranks(RightTile::CentreWithinPx(radius_px)), &RECALL_AT),
             radius_px,
             distance: RankDistance::of(&distances, &RECALL_AT),
-            frames: covering,
+            frames: shots
+                .iter()
+                .zip(covering)
+                .map(|(shot, ranks)| PhotoRecall {
+                    photo: shot.name.clone(),
+                    ranks,
+                })
+                .collect(),
         }
     }
 }

@@ -225,6 +225,9 @@ fn footprint_place_and_answerability_come_from_the_truth_file() {
     );
     assert!(summary["heading_known"]["reliability"]["bins"].is_array());
     assert_eq!(summary["about"]["min_confidence"], 0.0);
+    let recall = json(&out.join("recall.json"));
+    assert_eq!(recall[0]["frames"][1]["photo"], "2.jpg");
+    assert_eq!(recall[0]["frames"][0]["matched"], true);
     let frames = std::fs::read_to_string(out.join("frames.csv")).unwrap();
     assert!(frames.lines().next().unwrap().contains("footprint_share"));
     assert!(frames.contains(",town,") && frames.contains(",right"));

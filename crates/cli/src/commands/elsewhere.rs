@@ -10,7 +10,7 @@ use grimnet_eval::elsewhere::{self, ElsewhereTrial, Source};
 use grimnet_eval::elsewhere_summary::{ElsewhereSummary, Group};
 use grimnet_geo::Raster;
 use grimnet_locate::Localizer;
-use grimnet_net::Precision;
+use grimnet_net::{Model, Precision};
 use grimnet_output::OutputFolder;
 use grimnet_pack::Mode;
 use grimnet_photo::PhotoLimits;
@@ -127,7 +127,7 @@ pub fn run(
     options: &ElsewhereOptions,
     sources: &[Source],
     map: &dyn Raster,
-    localizer: &Localizer,
+    (model, localizer): (&Model, &Localizer),
     folder: &OutputFolder,
     photo_limits: PhotoLimits,
 ) -> Result<Exit> {
@@ -149,7 +149,7 @@ pub fn run(
     let summary = ElsewhereSummary::of(&trials);
     let [json, csv] = FILES;
     let results = Results {
-        about: about(&settings, localizer),
+        about: about(&settings, model, localizer),
         summary: &summary,
     };
     let text = serde_json::to_string_pretty(&results)? + "\n";
@@ -185,15 +185,16 @@ struct About {
     version: &'static str,
 }
 
-fn about(settings: &elsewhere::ElsewhereOptions, localizer: &Localizer) -> About {
+fn about(settings: &elsewhere::ElsewhereOptions, model: &Model, localizer: &Localizer) -> About {
     let manifest = localizer.pack().manifest();
     let options = localizer.options();
     About {
         map: manifest.map.description.clone(),
         map_width_m: settings.map_width_m,
         mode: options.mode,
-        model_hash: manifest.model.hash.clone(),
-        precision: manifest.model.precision,
+        model_hash: model.hash().to_string(),
+        // Not that of the pack, which may have been built in another.
+        precision: model.precision(),
         min_confidence: options.gates.and_then(|gates| gates.min_confidence),
         seed: settings.seed,
         trials_of_each_folder: settings.trials,

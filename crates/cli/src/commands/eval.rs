@@ -246,7 +246,7 @@ fn run_elsewhere(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
         &arguments.elsewhere,
         &sources,
         map.as_ref(),
-        &localizer,
+        (&model, &localizer),
         &results.folder,
         limits,
     )

@@ -149,6 +149,7 @@ fn photos_of_another_town_are_counted_by_setting() {
         let mut command = grim();
         command.arg("eval").arg("--map").arg(demo().join("map.tif"));
         command.arg("--elsewhere").arg(elsewhere);
+        command.args(["--precision", "mixed"]);
         command.args(["--elsewhere-trials", "4", "--out"]).arg(&out);
         command
     };
@@ -160,6 +161,7 @@ fn photos_of_another_town_are_counted_by_setting() {
     assert_eq!(summary["all"]["trials"], 4);
     assert_eq!(summary["all"]["fixes"], 0, "{summary}");
     assert_eq!(summary["about"]["mode"], "default");
+    assert_eq!(summary["about"]["precision"], "mixed", "that of the search");
     let map = summary["about"]["map"].as_str().unwrap();
     assert!(map.starts_with("map.tif"), "{map}");
     let table = std::fs::read_to_string(out.join("elsewhere.csv")).unwrap();

@@ -388,6 +388,7 @@ fn localizer(
 fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -> Result<About> {
     Ok(About {
         data: scene.name.clone(),
+        map: scene.map.describe(),
         mode: match arguments.mode {
             ModeChoice::Default => "default",
             ModeChoice::Paper => "paper",
@@ -396,6 +397,7 @@ fn about(arguments: &EvalArgs, scene: &Scene, model: &Model, pack_path: &Path) -
         model_hash: model.hash().to_string(),
         precision: model.precision(),
         model_calibrated: model.calibration().fitted_on.is_some(),
+        calibration: model.calibration().clone(),
         commit: arguments.commit.clone(),
         version: env!("CARGO_PKG_VERSION"),
         map_error_m: arguments.map_error,

@@ -226,7 +226,10 @@ fn footprint_place_and_answerability_come_from_the_truth_file() {
         (Some(0), Some(1))
     );
     assert!(summary["heading_known"]["reliability"]["bins"].is_array());
-    assert_eq!(summary["about"]["min_confidence"], 0.0);
+    let about = &summary["about"];
+    assert_eq!(about["min_confidence"], 0.0);
+    assert!(about["map"].as_str().unwrap().starts_with("map.tif"));
+    assert!(about["calibration"]["confidence"]["needed"].is_number());
     let recall = json(&out.join("recall.json"));
     assert_eq!(recall[0]["frames"][1]["photo"], "2.jpg");
     assert_eq!(recall[0]["frames"][0]["matched"], true);

@@ -1,6 +1,6 @@
 //! The content of the files of an evaluation: `summary.json`, `frames.csv`, `failed.jsonl`, `report.html`.
 
-use grimnet_net::Precision;
+use grimnet_net::{Calibration, Precision};
 use serde::Serialize;
 
 use super::page::{Picture, Report, Run};
@@ -29,6 +29,8 @@ pub enum ResultsError {
 pub struct About {
     /// What was localised.
     pub data: String,
+    /// What the map is.
+    pub map: String,
     /// `default` or `paper`.
     pub mode: String,
     /// Identity of the model.
@@ -38,6 +40,8 @@ pub struct About {
     pub precision: Precision,
     /// Whether the model is calibrated.
     pub model_calibrated: bool,
+    /// The calibration: models of one identity may have several.
+    pub calibration: Calibration,
     /// Commit that the program was built from, if given.
     pub commit: Option<String>,
     /// Version of the program.
@@ -72,6 +76,7 @@ impl About {
             "that of the model's calibration"
         };
         vec![
+            format!("Map {}.", self.map),
             format!(
                 "Mode {}; model {} in {} ({}); program {} at commit {}.",
                 self.mode,

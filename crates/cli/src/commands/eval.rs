@@ -363,20 +363,21 @@ fn localizer(
     map: &dyn Raster,
     pack_path: &Path,
 ) -> Result<Localizer> {
-    let build = BuildOptions {
-        levels: arguments.retrieval.levels(),
-        ..arguments.mode.build_options()
-    };
-    build_with_bar(map, model, &build, pack_path)?;
     let options = LocateOptions {
         map_error: arguments.map_error,
         min_confidence: arguments.min_confidence,
         ..LocateOptions::plain(arguments.mode, arguments.adapt)
     };
+    options.check_model(model)?;
     let options = Options {
         keep_matches: true,
         ..options.options()?
     };
+    let build = BuildOptions {
+        levels: arguments.retrieval.levels(),
+        ..arguments.mode.build_options()
+    };
+    build_with_bar(map, model, &build, pack_path)?;
     let pack = Pack::open(pack_path)?;
     Ok(Localizer::builder()
         .model(model.clone())

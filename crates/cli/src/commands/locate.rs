@@ -173,8 +173,10 @@ fn localizer(
     pack: Pack,
     photos: &[PathBuf],
 ) -> Result<Localizer> {
+    let model = arguments.model.open()?;
+    arguments.locate.check_model(&model)?;
     let localizer = Localizer::builder()
-        .model(arguments.model.open()?)
+        .model(model)
         .options(options)
         .build(pack)?;
     if arguments.locate.adapt == AdaptChoice::Flight {

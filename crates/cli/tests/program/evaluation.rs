@@ -51,6 +51,27 @@ fn a_run_that_fails_before_it_writes_anything_leaves_no_folder() {
 }
 
 #[test]
+fn a_confidence_that_is_never_stated_is_refused_before_the_pack_is_built() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("uncalibrated.safetensors");
+    grimnet_net::Model::random(&grimnet_net::NetSpec::compact(), 5)
+        .unwrap()
+        .save(&model)
+        .unwrap();
+    let out = folder.path().join("out");
+    for options in [["--mode", "paper"], ["--model", model.to_str().unwrap()]] {
+        let mut command = grim();
+        command.arg("eval").arg(demo()).arg("--out").arg(&out);
+        command.args(["--min-confidence", "0.5"]).args(options);
+        command
+            .assert()
+            .code(2)
+            .stderr(contains("--min-confidence has no meaning"));
+        assert!(!out.exists(), "{options:?}");
+    }
+}
+
+#[test]
 fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
     let folder = tempfile::tempdir().unwrap();
     let photos = folder.path().join("photos");

@@ -86,7 +86,8 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
     for number in 1..=3 {
         std::fs::write(photos.join(format!("other{number}.jpg")), "").unwrap();
     }
-    let bad = "gone.jpg,1.0,1.5,0,100\nnan.jpg,NaN,1.5,0,100\nfar.jpg,48.0,11.0,0,100";
+    let bad = "gone.jpg,1.0,1.5,0,100\nnan.jpg,NaN,1.5,0,100\nfar.jpg,48.0,11.0,0,100\n\
+               gone2.jpg,1.0,1.5,0,100\ngone3.jpg,1.0,1.5,0,100\ngone4.jpg,1.0,1.5,0,100";
     let table = format!("{header}\n{first}\n{bad}\n");
     std::fs::write(folder.path().join("truth.csv"), table).unwrap();
     let out = folder.path().join("out");
@@ -101,6 +102,9 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
         .assert()
         .success()
         .stderr(contains("gone.jpg: listed in the truth file but missing"))
+        .stderr(contains(
+            "photos: 1 more listed in the truth file but missing",
+        ))
         .stderr(contains("line 4: `lat_deg` is `NaN`"))
         .stderr(contains("far.jpg: its true position is off the map"))
         .stderr(contains("alone.jpg: has no truth"))

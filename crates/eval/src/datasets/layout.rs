@@ -395,7 +395,7 @@ fn has_truth_file(folder: &Path) -> bool {
     folder.join(TRUTH_FILE).symlink_metadata().is_ok()
 }
 
-/// Photos without a truth that are named; more are counted.
+/// Photos of one fault that are named; more are counted.
 const MOST_NAMED: usize = 3;
 
 /// The truths that can be scored: the photo exists and its position is known. All others are logged as warnings.
@@ -403,7 +403,7 @@ fn scorable(
     truth: Vec<TruthFrame>,
     photos: &Path,
 ) -> Result<Vec<(TruthFrame, PathBuf)>, DataSetError> {
-    let (mut usable, mut listed) = (Vec::new(), HashSet::new());
+    let (mut usable, mut listed, mut missing) = (Vec::new(), HashSet::new(), Vec::new());
     for frame in truth {
         let path = photos.join(&frame.photo);
         if !listed.insert(plain_path(&path)) {
@@ -412,10 +412,7 @@ fn scorable(
                 frame.photo
             );
         } else if !path.is_file() {
-            tracing::warn!(
-                "{}: listed in the truth file but missing; skipped",
-                path.display()
-            );
+            missing.push(path);
         } else if frame.position().is_none() {
             tracing::warn!("{}: the truth has no position; skipped", frame.photo);
         } else {
@@ -424,16 +421,23 @@ fn scorable(
     }
     let mut without = picture_files(photos).unwrap_or_default();
     without.retain(|path| !listed.contains(&plain_path(path)));
-    for path in without.iter().take(MOST_NAMED) {
-        tracing::warn!("{}: has no truth; skipped", path.display());
-    }
-    if let Some(more @ 1..) = without.len().checked_sub(MOST_NAMED) {
-        tracing::warn!("{}: {more} more without truth; skipped", photos.display());
-    }
+    let not_there = "listed in the truth file but missing";
+    warn_of(photos, &missing, not_there, not_there);
+    warn_of(photos, &without, "has no truth", "without truth");
     if usable.is_empty() {
         return Err(DataSetError::NoTruth(photos.to_owned()));
     }
     Ok(usable)
+}
+
+/// Warns of photos of one fault, in words for one of them and for more.
+fn warn_of(photos: &Path, found: &[PathBuf], fault: &str, fault_of_more: &str) {
+    for path in found.iter().take(MOST_NAMED) {
+        tracing::warn!("{}: {fault}; skipped", path.display());
+    }
+    if let Some(more @ 1..) = found.len().checked_sub(MOST_NAMED) {
+        tracing::warn!("{}: {more} more {fault_of_more}; skipped", photos.display());
+    }
 }
 
 /// A path without parts that lead nowhere, as in `photos/./a.jpg`.

@@ -12,7 +12,7 @@ pub type Result<T> = std::result::Result<T, OutputError>;
 #[non_exhaustive]
 pub enum OutputError {
     /// The operating system refused a step. The message names the path and the step; the cause is the source.
-    #[error("cannot {step} {}", path.display())]
+    #[error("cannot {step} {}: {source}", path.display())]
     Io {
         /// What was attempted, as an infinitive with its object's preposition, such as "write" or "rename a temporary
         /// file to".

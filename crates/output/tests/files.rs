@@ -25,16 +25,6 @@ fn names(folder: &Path) -> Vec<String> {
     names
 }
 
-fn message(error: &OutputError) -> String {
-    let mut text = error.to_string();
-    let mut source = std::error::Error::source(error);
-    while let Some(error) = source {
-        text += &format!(": {error}");
-        source = error.source();
-    }
-    text
-}
-
 #[test]
 fn a_file_appears_when_it_is_complete() {
     let folder = tempfile::tempdir().unwrap();
@@ -64,7 +54,7 @@ fn a_failed_write_leaves_the_old_file() {
         Err(std::io::Error::other("the source ran dry"))
     })
     .unwrap_err();
-    assert!(message(&error).contains("a.txt: the source ran dry"));
+    assert!(error.to_string().contains("a.txt: the source ran dry"));
     assert_eq!(fs::read(&path).unwrap(), b"old");
     assert_eq!(names(folder.path()), ["a.txt"]);
 }
@@ -128,7 +118,7 @@ fn devices_and_pipes_are_written_through() {
 #[test]
 fn a_full_device_is_named_once() {
     let error = write_bytes_atomic("/dev/full", b"x").unwrap_err();
-    let text = message(&error);
+    let text = error.to_string();
     assert!(text.starts_with("cannot write /dev/full: "), "{text}");
     assert_eq!(text.matches("/dev/full").count(), 1, "{text}");
     // Also where the error passes through other code.
@@ -169,7 +159,7 @@ fn a_folder_that_cannot_be_written_is_noticed_before_the_work() {
         Err(_) => path,
     };
     let error = OutputPolicy::new().check_file(&path, &[]).unwrap_err();
-    assert!(message(&error).contains(path.to_str().unwrap()));
+    assert!(error.to_string().contains(path.to_str().unwrap()));
     assert!(matches!(error, OutputError::Io { .. }), "{error:?}");
 }
 
@@ -458,7 +448,12 @@ fn a_file_that_is_mounted_by_itself_is_refused_before_the_work() {
     let checked = policy.check_file(&mounted, &[]);
     let unbound = Command::new("umount").arg(&mounted).status();
     assert!(unbound.unwrap().success());
-    assert!(message(&checked.unwrap_err()).contains("mount its folder"));
+    assert!(
+        checked
+            .unwrap_err()
+            .to_string()
+            .contains("mount its folder")
+    );
     policy.check_file(&mounted, &[]).unwrap();
     assert_eq!(names(folder.path()), ["mounted", "there"]);
 }

@@ -190,7 +190,7 @@ pub enum PackError {
         found: usize,
     },
     /// The finished pack could not be put in place.
-    #[error("cannot put the pack in place: {source}{}", cause_of(source))]
+    #[error("cannot put the pack in place: {source}")]
     Output {
         /// What failed.
         #[from]
@@ -202,13 +202,6 @@ pub enum PackError {
     /// The network refused its input.
     #[error("cannot compute features: {0}")]
     Net(#[from] grimnet_net::NetError),
-}
-
-/// The cause of an error as a suffix: errors of the output name what was attempted, and their source what went wrong.
-fn cause_of(error: &dyn std::error::Error) -> String {
-    error
-        .source()
-        .map_or_else(String::new, |source| format!(": {source}"))
 }
 
 /// Actions of [`PackError::Io`] that change nothing.

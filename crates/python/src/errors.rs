@@ -1,7 +1,5 @@
 //! Exceptions: one family under `GrimnetError`, and which of them each error of the library becomes.
 
-use std::error::Error;
-
 use grimnet::map::{BuildError, GeoError};
 use grimnet_locate::LocateError;
 use grimnet_net::NetError;
@@ -142,10 +140,9 @@ pub fn build_error(error: &BuildError) -> PyErr {
     }
 }
 
-/// An output that must not or cannot be written. Errors of outputs name what was attempted, and their source what went wrong.
+/// An output that must not or cannot be written.
 pub fn output_error(error: &grimnet_output::OutputError) -> PyErr {
-    let cause = error.source().map(|source| format!(": {source}"));
-    PackError::new_err(format!("{error}{}", cause.unwrap_or_default()))
+    PackError::new_err(error.to_string())
 }
 
 fn map_error(error: &GeoError) -> PyErr {

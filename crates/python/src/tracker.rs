@@ -181,6 +181,14 @@ impl Tracker {
         pitch_deg: f64,
         roll_deg: f64,
     ) -> PyResult<()> {
+        // As they are given: of one that is not finite the attitude has others that are not.
+        let given = Attitude {
+            time_s,
+            yaw_deg,
+            pitch_deg,
+            roll_deg,
+        };
+        Input::Attitude(given).validate().map_err(invalid_value)?;
         let attitude = Attitude::from_gimbal(time_s, yaw_deg, pitch_deg, roll_deg);
         self.push(py, Input::Attitude(attitude))
     }

@@ -94,3 +94,10 @@ def test_telemetry_is_taken_in(localizer, lines):
             bad()
     with pytest.raises(grimnet.PhotoError):
         tracker.frame("nowhere.jpg", at)
+    # By the name of the argument that is wrong.
+    with pytest.raises(grimnet.InvalidValueError, match="pitch_deg is inf"):
+        tracker.push_gimbal(at, yaw_deg=0.0, pitch_deg=math.inf, roll_deg=0.0)
+    with pytest.raises(grimnet.InvalidValueError, match=r"lat_deg is 120; expected in \[-90, 90\]"):
+        grimnet.Tracker(localizer, start=(120.0, 24.0, 50.0))
+    with pytest.raises(grimnet.InvalidValueError, match="lon_deg is NaN"):
+        grimnet.Tracker(localizer, start=(1.0, math.nan, 50.0))

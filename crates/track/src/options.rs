@@ -222,11 +222,18 @@ impl TrackOptions {
             "above 1/2",
         )?;
         if let Some(start) = self.start {
+            let LonLat { lon_deg, lat_deg } = start.lonlat;
             require(
-                "start.lonlat",
-                start.lonlat.lat_deg,
-                start.lonlat.is_valid(),
-                "a place on Earth",
+                "start.lonlat.lat_deg",
+                lat_deg,
+                (-90.0..=90.0).contains(&lat_deg),
+                "in [-90, 90]",
+            )?;
+            require(
+                "start.lonlat.lon_deg",
+                lon_deg,
+                lon_deg.is_finite(),
+                "finite",
             )?;
         }
         Ok(())

@@ -74,7 +74,7 @@ impl Localizer {
         height_agl_m: Option<f64>,
         hfov_deg: Option<f64>,
         gsd_m: Option<f64>,
-        near: Option<(f64, f64, f64)>,
+        near: Option<[f64; 3]>,
     ) -> PyResult<Bound<'py, PyAny>> {
         let py = photo.py();
         let prior = PriorArguments {

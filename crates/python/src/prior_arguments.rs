@@ -21,7 +21,7 @@ pub struct PriorArguments<'a, 'py> {
     /// Ground metres per pixel of the full-size photo.
     pub gsd_m: Option<f64>,
     /// Latitude, longitude (degrees) and radius (metres) of the area to search.
-    pub near: Option<(f64, f64, f64)>,
+    pub near: Option<[f64; 3]>,
 }
 
 impl PriorArguments<'_, '_> {
@@ -66,7 +66,7 @@ impl PriorArguments<'_, '_> {
     }
 
     fn near(&self) -> PyResult<Option<Near>> {
-        let Some((lat_deg, lon_deg, radius_m)) = self.near else {
+        let Some([lat_deg, lon_deg, radius_m]) = self.near else {
             return Ok(None);
         };
         let text = format!("{lat_deg},{lon_deg},{radius_m}");

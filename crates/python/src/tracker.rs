@@ -45,7 +45,7 @@ impl Tracker {
     fn new(
         localizer: &Bound<'_, Localizer>,
         vehicle: &str,
-        start: Option<(f64, f64, f64)>,
+        start: Option<[f64; 3]>,
         focal_length_px: Option<f64>,
     ) -> PyResult<Self> {
         let vehicle = match vehicle {
@@ -60,7 +60,7 @@ impl Tracker {
         let options = FlightOptions {
             track: TrackOptions {
                 vehicle,
-                start: start.map(|(lat_deg, lon_deg, radius95_m)| Start {
+                start: start.map(|[lat_deg, lon_deg, radius95_m]| Start {
                     lonlat: LonLat::new(lon_deg, lat_deg),
                     radius95_m,
                 }),
@@ -95,7 +95,7 @@ impl Tracker {
         height_agl_m: Option<f64>,
         hfov_deg: Option<f64>,
         gsd_m: Option<f64>,
-        near: Option<(f64, f64, f64)>,
+        near: Option<[f64; 3]>,
     ) -> PyResult<TrackPoint> {
         let py = photo.py();
         if !time_s.is_finite() {

@@ -44,6 +44,9 @@ def test_all_prior_values_reach_the_search(localizer, pack, photos, truth, json_
     (line,) = json_lines("locate", "--pack", pack, "--format", "jsonl", *options, photos[0])
     answer = localizer.locate(photos[0], **known)
     assert without(answer.to_dict()) == without(line)
+    # Also as JSON and numpy have it.
+    for same in (list(near), np.array(near)):
+        assert without(localizer.locate(photos[0], **{**known, "near": same}).to_dict()) == without(line)
     coarse = localizer.locate(photos[0], gsd_m=0.12)
     assert any("0.12" in text for text in coarse.used), coarse.used
 
@@ -152,7 +155,7 @@ def test_wrong_input_is_an_error(localizer, photos, tmp_path):
     for bad in bad_priors:
         with pytest.raises(grimnet.InvalidValueError):
             localizer.locate(photos[0], **bad)
-    for bad in ({"near": (24.0, 120.0)}, {"hfov_deg": "wide"}):
+    for bad in ({"near": (24.0, 120.0)}, {"near": "1,2,3"}, {"hfov_deg": "wide"}):
         with pytest.raises((TypeError, ValueError)):
             localizer.locate(photos[0], **bad)
     with pytest.raises(TypeError):

@@ -43,6 +43,10 @@ class _ArrayInterface(Protocol):
 _Path = str | os.PathLike[str]
 # A path, the bytes of a picture file, or height x width x 3 of uint8 in the order red, green, blue.
 _Photo = _Path | bytes | bytearray | memoryview | npt.NDArray[np.uint8] | _ArrayLike | _ArrayInterface
+# Latitude and longitude in degrees, and a radius in metres.
+_Circle = tuple[float, float, float] | list[float] | npt.NDArray[np.float64]
+# Longitude and latitude in degrees, of the lower left and the upper right corner.
+_Corners = tuple[float, float, float, float] | list[float] | npt.NDArray[np.float64]
 # Degrees clockwise from true north, "exif" (from the metadata) or "unknown".
 _Heading = float | Literal["exif", "unknown"]
 _Domain = Literal["uav", "sat"]
@@ -156,7 +160,7 @@ class Localizer:
         height_agl_m: float | None = None,
         hfov_deg: float | None = None,
         gsd_m: float | None = None,
-        near: tuple[float, float, float] | None = None,
+        near: _Circle | None = None,
     ) -> Fix | NoFix: ...
     @property
     def pack(self) -> pathlib.Path: ...
@@ -206,7 +210,7 @@ class Tracker:
         localizer: Localizer,
         *,
         vehicle: Literal["multirotor", "plane"] = "multirotor",
-        start: tuple[float, float, float] | None = None,
+        start: _Circle | None = None,
         focal_length_px: float | None = None,
     ) -> Tracker: ...
     def frame(
@@ -220,7 +224,7 @@ class Tracker:
         height_agl_m: float | None = None,
         hfov_deg: float | None = None,
         gsd_m: float | None = None,
-        near: tuple[float, float, float] | None = None,
+        near: _Circle | None = None,
     ) -> TrackPoint: ...
     def point_at(self, time_s: float) -> TrackPoint: ...
     def warnings(self) -> list[str]: ...
@@ -302,10 +306,10 @@ def build_pack(
     map: _Path,
     out: _Path,
     *,
-    gsd_m: float | Sequence[float] | None = None,
+    gsd_m: float | Sequence[float] | npt.NDArray[np.float64] | None = None,
     adapt: bool = False,
     crs: str | None = None,
-    corners: tuple[float, float, float, float] | None = None,
+    corners: _Corners | None = None,
     zoom: int | None = None,
     model: _Path | None = None,
     precision: _Precision | None = None,

@@ -35,7 +35,8 @@ impl PhotoInput {
     /// Takes `str`, `os.PathLike`, `bytes`, `bytearray`, `memoryview`, arrays, and what numpy makes an array of.
     ///
     /// # Errors
-    /// `TypeError` for anything else; `InvalidValueError` for an array of another type or shape than height x width x 3 of uint8.
+    /// `TypeError` for anything else; `InvalidValueError` for an array of another type or shape than height x width x 3 of uint8, and for a
+    /// picture of Pillow of another mode than RGB.
     pub fn of(photo: &Bound<'_, PyAny>) -> PyResult<Self> {
         if photo.is_instance_of::<PyBytes>() || photo.is_instance_of::<PyByteArray>() {
             return Ok(Self::Bytes(photo.extract()?));
@@ -50,6 +51,7 @@ impl PhotoInput {
             return pixels(array).map(Self::Pixels);
         }
         if photo.hasattr("__array__")? || photo.hasattr("__array_interface__")? {
+            check_mode(photo)?;
             let array = get_array_module(photo.py())?.call_method1("asarray", (photo,))?;
             return pixels(array.cast::<PyUntypedArray>()?).map(Self::Pixels);
         }
@@ -105,14 +107,31 @@ impl PhotoInput {
     }
 }
 
+/// Checks the mode of a picture of Pillow: the array of one in `HSV`, `LAB` or `YCbCr` has the shape and type of one in RGB.
+fn check_mode(photo: &Bound<'_, PyAny>) -> PyResult<()> {
+    // Arrays of other packages have no mode, or a method of that name.
+    let Ok(mode) = photo.getattr("mode") else {
+        return Ok(());
+    };
+    match mode.extract::<String>() {
+        Ok(mode) if mode != "RGB" => Err(invalid_value(format!(
+            "a picture of mode {mode} is no photo; expected RGB: `picture.convert(\"RGB\")`"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// Copies an array to a picture.
 fn pixels(array: &Bound<'_, PyUntypedArray>) -> PyResult<RgbImage> {
-    let expected = "expected height x width x 3 of uint8 in the order red, green, blue \
-                    (of OpenCV's pictures take `picture[:, :, ::-1]`)";
     let wrong = || {
         let sides: Vec<String> = array.shape().iter().map(usize::to_string).collect();
+        let advice = match array.shape() {
+            [_, _] => "of a grey picture take `numpy.dstack([picture] * 3)`",
+            [_, _, 4] => "`picture[:, :, :3]` leaves out the fourth band",
+            _ => "of OpenCV's pictures take `picture[:, :, ::-1]`",
+        };
         invalid_value(format!(
-            "an array of shape ({}) and type {} is no photo; {expected}",
+            "an array of shape ({}) and type {} is no photo; expected height x width x 3 of uint8 in the order red, green, blue ({advice})",
             sides.join(", "),
             array.dtype()
         ))

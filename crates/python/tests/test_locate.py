@@ -130,6 +130,18 @@ def test_wrong_input_is_an_error(localizer, photos, tmp_path):
             localizer.locate(bad)
     with pytest.raises(ValueError, match=r"\(64, 64, 3\).*float32.*height x width x 3 of uint8"):
         localizer.locate(rgb.astype(np.float32))
+    for bad, advice in ((rgb[:, :, 0], r"numpy\.dstack"), (np.zeros((64, 64, 4), np.uint8), "fourth band")):
+        with pytest.raises(grimnet.InvalidValueError, match=advice):
+            localizer.locate(bad)
+
+    class Hsv:
+        """A picture of Pillow."""
+
+        mode = "HSV"
+        __array_interface__ = rgb.__array_interface__
+
+    with pytest.raises(grimnet.InvalidValueError, match="mode HSV is no photo"):
+        localizer.locate(Hsv())
     for bad in (None, 3, ["a.jpg"]):
         with pytest.raises(TypeError, match="a path, the bytes"):
             localizer.locate(bad)

@@ -12,7 +12,10 @@ use crate::long_work::detached;
 use crate::model_file::open_model;
 use crate::photo_input::{PhotoInput, max_side_of};
 
-/// The network for photos (`uav`) or maps (`sat`). Threads may share it.
+/// The network for photos or maps. Threads may share it. It keeps memory for its largest picture, once for each thread that uses it at
+/// the same time.
+///
+/// `model` is a model file, if not the bundled one; `precision` is `mixed`, `f32` or `int8`; `domain` is `uav` for photos, `sat` for maps.
 #[pyclass(frozen, module = "grimnet")]
 pub struct FeatureExtractor {
     extractor: Extractor,
@@ -68,7 +71,8 @@ impl FeatureExtractor {
     }
 
     /// The features of a picture. One with a longer side than `max_side_px` is reduced to it by averaging areas; `None` takes it as it
-    /// is.
+    /// is. Of the keypoints with a probability above `threshold`, 0 to 1, that are the strongest within `nms_radius_px` pixels, the
+    /// `max_keypoints` strongest are taken.
     #[pyo3(signature = (picture, *, max_keypoints=1024, threshold=0.005, nms_radius_px=2, max_side_px=1024))]
     fn features<'py>(
         &self,

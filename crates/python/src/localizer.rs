@@ -15,6 +15,11 @@ use crate::photo_input::PhotoInput;
 use crate::prior_arguments::PriorArguments;
 
 /// Localises photos on the map of one pack. Threads may share it.
+///
+/// `model` is the file of the model that the pack was built with, if not the bundled one; `precision` is `mixed`, `f32` or `int8`.
+/// `map_error_m` is the position error of the map itself, metres (1 sigma per axis; 1 if it is not given), which the stated radius
+/// includes. `min_confidence` is the smallest confidence of a fix, 0 to 1, if not that of the model's calibration. After `budget_ms`
+/// milliseconds the search of a photo stops, between two ground widths.
 #[pyclass(frozen, module = "grimnet")]
 pub struct Localizer {
     /// The library's localiser.
@@ -58,6 +63,13 @@ impl Localizer {
     }
 
     /// Finds the position of a photo's centre: `Fix`, or `NoFix` with the reason.
+    ///
+    /// `photo` is a path, the bytes of a picture file, or an array of height x width x 3 of uint8, red, green, blue. What is known of it
+    /// besides overrides its metadata. `heading` is the direction of its top edge, degrees clockwise from true north, with the error
+    /// `heading_sigma_deg` (1 sigma; 5 if it is not given); or `exif`, from the metadata, or `unknown`. `pitch_deg` is that of the camera,
+    /// degrees: -90 looks straight down. `height_agl_m` is the height above ground, metres, and `hfov_deg` the field of view across the
+    /// photo's width, degrees; in place of both `gsd_m` is the ground resolution of the full-size photo, metres per pixel. `near` is the
+    /// area to search: latitude, longitude (degrees) and radius (metres).
     #[pyo3(signature = (
         photo, *, heading=None, heading_sigma_deg=None, pitch_deg=None, height_agl_m=None, hfov_deg=None, gsd_m=None, near=None
     ))]

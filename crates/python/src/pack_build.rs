@@ -85,7 +85,12 @@ fn resolutions(given: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
 
 /// Builds the pack `out` from a map.
 ///
-/// `zoom` takes another zoom of a map of tiles than the finest one.
+/// `gsd_m` are the ground resolutions of its levels, metres per pixel, a number or several, if not all that photos may need. `adapt`
+/// recomputes the network's statistics from this map. `crs`, such as `EPSG:25833`, is the coordinate system of a map that does not state it,
+/// or states a wrong one. `corners` are those of a picture without georeference, degrees: longitude and latitude of the lower left one,
+/// then of the upper right one. `zoom` takes another zoom of a map of tiles than the finest one. `model` is a model file, if not the bundled
+/// one, which a `Localizer` then needs as well; `precision` is `mixed`, `f32` or `int8`. `overwrite` allows to replace a file that is no
+/// pack; the map is never replaced.
 ///
 /// `progress` is called with a `BuildProgress` after each piece of work. An exception in it, and Ctrl-C, end the build; the same
 /// call continues it.

@@ -1,5 +1,6 @@
 """`Localizer.locate` gives the program's answers."""
 
+import inspect
 import math
 import os
 import pathlib
@@ -244,3 +245,12 @@ def test_other_threads_run_during_a_search(localizer, photos):
     # Without release of the interpreter lock there is none but at the edges.
     edge = 0.1 * (end - begin)
     assert any(begin + edge < at < end - edge for at in ticks)
+
+
+def test_help_names_every_argument():
+    extractor = grimnet.FeatureExtractor
+    for documented in (grimnet.Localizer, grimnet.Localizer.locate, grimnet.Tracker, extractor, extractor.features, grimnet.build_pack):
+        for name in inspect.signature(documented).parameters:
+            # What the first sentence speaks of.
+            if name not in ("self", "pack", "localizer", "picture", "map"):
+                assert f"`{name}`" in documented.__doc__, f"{documented.__name__}: {name}"

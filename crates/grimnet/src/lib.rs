@@ -25,6 +25,14 @@
 //! A camera's frame needs no file: [`Photo::from_image`] takes its pixels. [`frames`] measures how a camera moved from one frame to the
 //! next, and [`settings`] has the types of the fields of [`Options`].
 //!
+//! # Debug builds
+//! Without optimisation a search takes many times as long. The manifest of a program that is also run without `--release` should have
+//! its dependencies optimised:
+//! ```toml
+//! [profile.dev.package."*"]
+//! opt-level = 2
+//! ```
+//!
 //! # Errors
 //! [`Localizer`] returns [`LocateError`], [`Photo`] returns [`PhotoError`], [`map::build`] returns [`map::BuildError`]. A photo whose
 //! position is not found is no error but [`Outcome::NoFix`] with a [`Reason`].

@@ -61,10 +61,11 @@ pub use grimnet_locate::{
     Rejection, RunnerUp, Support, TileRef, TimeMs, ViewPrior,
 };
 pub use grimnet_net::{Model, NetError, Precision};
-pub use grimnet_pack::{Pack, PackError, PackLimits};
+pub use grimnet_pack::{Level, LevelInfo, Pack, PackError, PackInfo, PackLimits, VerifyProgress};
 pub use grimnet_photo::{
-    Damage, Evidence, ExposureTime, GpsPosition, ImageDirection, Metadata, Photo, PhotoError,
-    PhotoLimits, PhotoPx,
+    CameraAttitude, Damage, Evidence, ExposureTime, Footprint, GpsPosition, Heading,
+    ImageDirection, Metadata, Photo, PhotoError, PhotoLimits, PhotoPx, Query, QueryMaker,
+    QueryOptions, Tilt, View,
 };
 /// The pictures of [`Photo::from_image`] are of this version of the crate.
 pub use image;

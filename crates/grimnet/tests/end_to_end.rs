@@ -91,6 +91,12 @@ fn fields_of_metadata_and_answers_have_types_that_can_be_named() {
     let _: fn(&grimnet::MatchedPair) -> (grimnet::PhotoPx, grimnet::MapPx) =
         |pair| (pair.photo_px, pair.map_px);
     let _: fn(&grimnet::MatchedPoints) -> grimnet::WindowPx = |points| points.tile_map_px;
+    let _: fn(&Photo) -> grimnet::View = |photo| photo.view(&grimnet::ViewPrior::default());
+    let _: fn(&grimnet::View) -> Option<grimnet::Footprint> = |view| view.footprint;
+    let _: (grimnet::QueryOptions, Option<grimnet::Tilt>) =
+        (grimnet::QueryOptions::new(0.3, 150.0), None);
+    let _: fn(&Pack) -> (grimnet::PackInfo, &[grimnet::Level]) =
+        |pack| (pack.info(), pack.levels());
     let missing = Pack::open_with("nowhere.grim", &grimnet::PackLimits::default());
     assert!(missing.is_err());
 }

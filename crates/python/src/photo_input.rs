@@ -18,7 +18,7 @@ use crate::errors::{invalid_value, photo_error, whole_number};
 use crate::long_work::detached;
 use crate::rgb_copy::rgb_bytes;
 
-/// How bytes are named in errors.
+/// How bytes and pixels are named in errors.
 const OF_BYTES: &str = "the photo";
 
 /// What a photo is given as. Pixels are copied, and bytes that may change (`bytearray`, `memoryview`).
@@ -36,7 +36,7 @@ impl PhotoInput {
     ///
     /// # Errors
     /// `TypeError` for anything else; `InvalidValueError` for an array of another type or shape than height x width x 3 of uint8, and for a
-    /// picture of Pillow of another mode than RGB.
+    /// picture of Pillow of another mode than RGB; `PhotoError` for an array of more bytes than a photo may take.
     pub fn of(photo: &Bound<'_, PyAny>) -> PyResult<Self> {
         if photo.is_instance_of::<PyBytes>() || photo.is_instance_of::<PyByteArray>() {
             return Ok(Self::Bytes(photo.extract()?));
@@ -146,6 +146,18 @@ fn pixels(array: &Bound<'_, PyUntypedArray>) -> PyResult<RgbImage> {
             "the photo has {width} x {height} px; each side must be at least {MIN_SIDE_PX} px"
         )));
     };
+    // As of files: the lack of memory would end the process.
+    let needed_bytes = (u64::from(width_px) * u64::from(height_px)).saturating_mul(3);
+    let limit_bytes = PhotoLimits::DEFAULT.max_memory_bytes;
+    if needed_bytes > limit_bytes {
+        return Err(photo_error(&PhotoError::TooLarge {
+            path: OF_BYTES.into(),
+            width_px,
+            height_px,
+            needed_bytes,
+            limit_bytes,
+        }));
+    }
     let readable = array.try_readonly().map_err(|error| {
         invalid_value(format!(
             "the array is being written to by another thread: {error}"

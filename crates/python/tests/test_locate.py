@@ -148,6 +148,9 @@ def test_wrong_input_is_an_error(localizer, photos, tmp_path):
             localizer.locate(bad)
     with pytest.raises(grimnet.PhotoError, match="nowhere.jpg"):
         localizer.locate(tmp_path / "nowhere.jpg")
+    # 2.7 GB, of which the copy is refused.
+    with pytest.raises(grimnet.PhotoError, match="30000 x 30000 px .*an orthophoto is a map"):
+        localizer.locate(np.broadcast_to(np.uint8(7), (30_000, 30_000, 3)))
     with pytest.raises(grimnet.PhotoError):
         localizer.locate(b"not a picture")
     (tmp_path / "half.jpg").write_bytes(photos[0].read_bytes()[:5000])

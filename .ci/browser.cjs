@@ -242,6 +242,13 @@ async function main() {
       const [download] = await Promise.all([page.waitForEvent("download"), page.click(`#export [data-name='${name}']`)]);
       const text = fs.readFileSync(await download.path(), "utf8");
       assert.ok(text.includes(words), text);
+      await status(page, `Saved ${name}`);
+      const said = await page.textContent("#status");
+      assert.ok(/ with \d+ of \d+ photos: those without an? (answer|fix) are left out/.test(said), `notes.jpg has no answer: ${said}`);
+      if (name === "fixes.csv") {
+        const rows = text.trimEnd().split("\n").slice(1);
+        assert.ok(rows.at(-1).startsWith('"a ""b"" ä.jpg",'), `the photo that came last is the last row: ${text}`);
+      }
     }
   });
 

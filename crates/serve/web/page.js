@@ -195,14 +195,23 @@ async function showMap(id) {
 }
 
 async function save(button) {
+  const { name, type } = button.dataset;
+  const count = entries.length;
+  // The first photo first, as in the files of `grim locate`.
+  const answers = entries.flatMap((entry) => entry.answer ?? []).reverse();
+  // GPX has no place for a photo without a fix.
+  const isGpx = type === "application/gpx+xml";
+  const saved = isGpx ? answers.filter((answer) => answer.state === "fix") : answers;
   try {
     const response = await ask("/v1/answers", token(), {
       method: "POST",
-      headers: { accept: button.dataset.type, "content-type": "application/json" },
-      body: JSON.stringify(entries.flatMap((entry) => entry.answer ?? [])),
+      headers: { accept: type, "content-type": "application/json" },
+      body: JSON.stringify(saved),
     });
-    saveAs(await response.blob(), button.dataset.name);
-    say(`Saved ${button.dataset.name}.`);
+    saveAs(await response.blob(), name);
+    say(saved.length === count
+      ? `Saved ${name}.`
+      : `Saved ${name} with ${saved.length} of ${count} photos: those without ${isGpx ? "a fix" : "an answer"} are left out.`);
   } catch (error) {
     say(error.message);
   }

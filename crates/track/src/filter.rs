@@ -71,6 +71,7 @@ impl Filter {
         }
         let hypotheses = &mut self.bank.hypotheses;
         match input {
+            _ if self.sensors.looks_too_far_aside(input, options) => {}
             Input::Attitude(attitude) => {
                 for hypothesis in hypotheses {
                     hypothesis.attitude(attitude, change, options);

@@ -1,14 +1,13 @@
 //! The latest attitude, height and velocity, which all hypotheses share.
 
 use grimnet_geo::turn_deg;
-use nalgebra::Vector2;
 
 use crate::{
     attitude::Attitude,
     climb::{Climb, ReferenceStep},
     input::{Height, Input, PositionFix, RelativeMotion, Velocity},
     options::TrackOptions,
-    tilt::{CentreOffset, gsd_over_nadir, top_from_yaw_deg},
+    tilt::{gsd_over_nadir, top_from_yaw_deg},
     velocity_gate::{VelocityGate, VelocityUse},
 };
 
@@ -117,6 +116,12 @@ impl Sensors {
         gsd_m: Option<f64>,
         options: &TrackOptions,
     ) -> [View; 2] {
+        self.known_of(motion)
+            .map(|(telemetry, time_s)| telemetry.view(time_s, gsd_m, options))
+    }
+
+    /// What was known at the two photos of a motion that was just taken in, and when they were taken.
+    fn known_of(&self, motion: &RelativeMotion) -> [(Telemetry, f64); 2] {
         let first = self
             .frames
             .iter()
@@ -124,7 +129,19 @@ impl Sensors {
             .find(|(time_s, _)| *time_s == motion.from_time_s)
             .map_or(self.telemetry, |(_, telemetry)| *telemetry);
         [(first, motion.from_time_s), (self.telemetry, motion.time_s)]
-            .map(|(telemetry, time_s)| telemetry.view(time_s, gsd_m, options))
+    }
+
+    /// Whether a photo of an input that was just taken in looks so far off the vertical that it does not tell where the aircraft is. Such
+    /// a one must not pass for one of unknown tilt: what it shows is much further away.
+    pub fn looks_too_far_aside(&self, input: &Input, options: &TrackOptions) -> bool {
+        match input {
+            Input::Fix(fix) => self.telemetry.looks_too_far_aside(fix.time_s, options),
+            Input::Motion(motion) => self
+                .known_of(motion)
+                .iter()
+                .any(|(telemetry, time_s)| telemetry.looks_too_far_aside(*time_s, options)),
+            Input::Attitude(_) | Input::Height(_) | Input::Velocity(_) | Input::Miss(_) => false,
+        }
     }
 
     /// The velocity, if it is not older than `hold_s`.
@@ -263,9 +280,6 @@ impl Telemetry {
         let Some((attitude, sigma_deg)) = self.extrapolated(time_s) else {
             return View::Height { height_agl_m };
         };
-        if CentreOffset::new(&attitude, Vector2::zeros(), height_agl_m).is_none() {
-            return View::Height { height_agl_m };
-        }
         View::Attitude {
             attitude,
             height_agl_m,
@@ -274,6 +288,14 @@ impl Telemetry {
             sigma_deg,
             heading_deg: None,
         }
+    }
+
+    /// Whether the aircraft would be found from an image centre that is too far off the vertical for that. Without a height the position is
+    /// that of the image centre itself.
+    fn looks_too_far_aside(&self, time_s: f64, options: &TrackOptions) -> bool {
+        let has_height = self.height_at(time_s).is_some() || options.focal_length_px.is_some();
+        let attitude = self.extrapolated(time_s).filter(|_| has_height);
+        attitude.is_some_and(|(attitude, _)| attitude.centre_offset_en_m(1.0).is_none())
     }
 
     /// The attitude at a time, from the last two where they tell a rate, else the latest, and the error of its tilt that comes from

@@ -70,9 +70,12 @@ pub fn smooth(
     for input in &in_order {
         match input {
             Input::Fix(fix) => {
+                sensors.take(input);
+                if sensors.looks_too_far_aside(input, options) {
+                    continue;
+                }
                 let root = roots.get(fix_number).copied().flatten();
                 fix_number += 1;
-                sensors.take(input);
                 let Some(root) = root else { continue };
                 let fix = &sensors.levelled(fix);
                 if let Some(piece) = piece.as_mut().filter(|piece| piece.root == root) {
@@ -86,7 +89,8 @@ pub fn smooth(
             }
             other => {
                 let change = sensors.take(other);
-                if let Some(piece) = &mut piece {
+                let is_used = !sensors.looks_too_far_aside(other, options);
+                if let Some(piece) = piece.as_mut().filter(|_| is_used) {
                     piece.follow(other, change, &sensors, options);
                 }
             }
@@ -98,13 +102,14 @@ pub fn smooth(
     Ok(points)
 }
 
-/// For each fix, in order, the founder of the hypothesis that accepted it and led later on.
+/// For each fix that the filter takes in, in order, the founder of the hypothesis that accepted it and led later on.
 fn accepted_by(inputs: &[Input], options: &TrackOptions) -> Vec<Option<u64>> {
     let mut filter = Filter::new(false);
     let mut roots: Vec<Option<u64>> = Vec::new();
     for input in inputs {
         filter.apply(input, options);
-        if !matches!(input, Input::Fix(_)) {
+        let is_left_out = filter.sensors.looks_too_far_aside(input, options);
+        if !matches!(input, Input::Fix(_)) || is_left_out {
             continue;
         }
         roots.push(None);

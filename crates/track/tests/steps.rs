@@ -5,7 +5,7 @@
 use grimnet_geo::{LonLat, destination_en_m, distance_m};
 use grimnet_track::{
     Attitude, Estimate, Height, Input, Miss, PositionFix, PositionOf, RelativeMotion, Start,
-    TrackOptions, Tracker, Velocity,
+    TrackOptions, Tracker, Velocity, smooth,
 };
 
 const START: LonLat = LonLat::new(120.7, 24.2);
@@ -410,6 +410,47 @@ fn where_the_height_is_not_known_any_more_the_image_centre_is_another_point() {
             error_m < estimate.radius95_m,
             "{time_s} s: {error_m} m, {estimate:?}"
         );
+    }
+}
+
+/// A gimbal looks 65 degrees ahead of straight down, from the beginning or for ten seconds in between: 214 m ahead of the aircraft.
+#[test]
+fn a_view_far_ahead_gives_no_position_of_the_aircraft() {
+    for far_from_s in [0.0, 10.0] {
+        let mut tracker = Tracker::new(TrackOptions::default()).unwrap();
+        let mut inputs = Vec::new();
+        for frame in 0..=30 {
+            let time_s = f64::from(frame);
+            let is_far = (far_from_s..20.0).contains(&time_s);
+            let tilt_deg: f64 = if is_far { 65.0 } else { 20.0 };
+            let ahead_m = 100.0 * tilt_deg.to_radians().tan();
+            let of_frame = [
+                looking_ahead(time_s, 90.0, tilt_deg),
+                height(time_s, 100.0),
+                velocity(time_s, SPEED_M_S),
+                Input::Fix(seen_ahead(time_s, ahead_m)),
+            ];
+            for input in of_frame {
+                tracker.push(input).unwrap();
+            }
+            inputs.extend(of_frame);
+            let estimate = tracker.point_at(time_s).and_then(|point| point.estimate);
+            if let Some(estimate) = estimate {
+                let error_m = error_m(&estimate, time_s);
+                assert!(
+                    error_m < estimate.radius95_m && estimate.is_at_fix() != is_far,
+                    "far from {far_from_s} s, {time_s} s: {error_m} m, {estimate:?}"
+                );
+            }
+            let has_begun = time_s < far_from_s || time_s >= 23.0;
+            assert!(estimate.is_some() || !has_begun, "{time_s} s");
+        }
+        for point in smooth(&inputs, &TrackOptions::default()).unwrap() {
+            let place = LonLat::new(point.lon_deg, point.lat_deg);
+            let truth = destination_en_m(START, SPEED_M_S * point.time_s, 0.0);
+            let error_m = distance_m(place, truth);
+            assert!(error_m < 10.0, "smoothed: {error_m} m, {point:?}");
+        }
     }
 }
 

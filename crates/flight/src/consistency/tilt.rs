@@ -15,8 +15,9 @@ use super::median::median;
 const FIXES: usize = 5;
 /// So many of them must contradict: fixes of wrong places show any tilt.
 const NEEDED: usize = 4;
-/// They must be of so long a time at least, seconds: in a gust or at the beginning of a turn an attitude is late.
-const LEAST_TIME_S: f64 = 2.5;
+/// Fixes that are nearer to the one before in time are not compared, seconds: in a gust or at the beginning of a turn an attitude is late,
+/// and at any frame rate a contradiction has to last for longer than that.
+const LEAST_APART_S: f64 = 0.8;
 /// A tilt this far off is inconsistent, degrees. Over a dense town photos taken straight down look tilted by 7 degrees in the median: roofs
 /// lean outwards.
 const LEAST_OFF_DEG: f64 = 15.0;
@@ -54,6 +55,11 @@ pub(crate) struct TiltCheck {
 impl TiltCheck {
     /// Takes in what a fix shows, and the attitude that was reported for it.
     pub fn fix(&mut self, measured: MeasuredTilt, reported: &Attitude) {
+        // A clock may be set back.
+        let is_near = |last: &(f64, [f64; 2])| (reported.time_s - last.0).abs() < LEAST_APART_S;
+        if self.off_deg.back().is_some_and(is_near) {
+            return;
+        }
         if self.off_deg.len() == FIXES {
             self.off_deg.pop_front();
         }
@@ -62,17 +68,12 @@ impl TiltCheck {
             measured.roll_deg - reported.roll_deg,
         ];
         self.off_deg.push_back((reported.time_s, off_deg));
-        let contradicting: Vec<f64> = self
+        let contradicting = self
             .off_deg
             .iter()
             .filter(|(_, [pitch, roll])| pitch.hypot(*roll) > LEAST_OFF_DEG)
-            .map(|(time_s, _)| *time_s)
-            .collect();
-        if let [first_s, .., last_s] = contradicting[..]
-            && contradicting.len() >= NEEDED
-            && last_s - first_s >= LEAST_TIME_S
-            && self.warning.is_none()
-        {
+            .count();
+        if contradicting >= NEEDED && self.warning.is_none() {
             let [pitch_deg, roll_deg] =
                 [0, 1].map(|axis| median(self.off_deg.iter().map(|(_, off)| off[axis])));
             self.warning = Some(TiltWarning {
@@ -227,6 +228,13 @@ mod tests {
         }
         let warning = askew.warning().unwrap();
         assert_eq!((warning.pitch_deg, warning.roll_deg), (2.0, -20.0));
+        for (fixes, fixes_per_s) in [(4, 0.25), (8, 2.0), (40, 10.0), (120, 30.0)] {
+            let mut askew = TiltCheck::default();
+            for number in 0..fixes {
+                askew.fix(measured(2.0, -3.0), &reported(number, fixes_per_s, 17.0));
+            }
+            assert!(askew.warning().is_some(), "{fixes_per_s} fixes a second");
+        }
         let mut gust = TiltCheck::default();
         for number in 0..40 {
             let roll_deg = if number % 10 < 5 { 25.0 } else { 0.0 };

@@ -320,11 +320,11 @@ fn telemetry(
     let is_of_aircraft = telemetry
         .as_ref()
         .is_some_and(RecordedTelemetry::has_attitude_of_aircraft);
-    if arguments.link.camera_mount.is_some() && arguments.link.mavlink.is_none() && !is_of_aircraft
-    {
+    let is_of_aircraft = is_of_aircraft || arguments.link.reads_attitude_of_aircraft();
+    if arguments.link.camera_mount.is_some() && !is_of_aircraft {
         bail!(
-            "--camera-mount turns attitudes of the aircraft into those of the camera, and there are none; expected --mavlink, or \
-             --telemetry FILE with the columns yaw_deg, pitch_deg and roll_deg"
+            "--camera-mount turns attitudes of the aircraft into those of the camera, and there are none; expected --mavlink, with \
+             --mavlink-camera fixed or gimbal, or --telemetry FILE with the columns yaw_deg, pitch_deg and roll_deg"
         );
     }
     Ok(telemetry)

@@ -30,8 +30,9 @@ pub struct TrackLinkArgs {
 
     /// Camera whose attitude the autopilot's telemetry gives: gimbal (the first that reports, else as fixed), gimbal:ID (the
     /// one with this MAVLink component or number), fixed (to the aircraft, see --camera-mount), unknown (attitude is not used)
-    #[arg(long, value_name = "MOUNT", default_value_t, help_heading = LINK)]
-    pub mavlink_camera: CameraMount,
+    /// [default: gimbal; fixed with --camera-mount]
+    #[arg(long, value_name = "MOUNT", help_heading = LINK)]
+    pub mavlink_camera: Option<CameraMount>,
 
     /// How a camera without a gimbal is mounted on the aircraft, degrees: where the picture's top points, clockwise from the nose,
     /// and its pitch (-90 looks straight down) [default: 0,-90]
@@ -76,7 +77,7 @@ impl TrackLinkArgs {
                 options.system_id = self.message.mavlink_system;
                 options.signing = self.message.key()?;
                 options.dry_run = self.dry_run;
-                options.telemetry.camera_mount = self.mavlink_camera;
+                options.telemetry.camera_mount = self.mavlink_camera();
                 options.telemetry.fixed_mount = self.camera_mount.unwrap_or_default();
                 let sigma_m_s = self.mavlink_velocity_sigma;
                 options.telemetry.velocity_sigma_m_s = (sigma_m_s > 0.0).then_some(sigma_m_s);
@@ -96,6 +97,21 @@ impl TrackLinkArgs {
             nmea,
             frame_latency_s,
         })
+    }
+
+    /// Whose attitude the autopilot's telemetry gives. A mount on the aircraft is not that of a gimbal, whatever gimbals report.
+    fn mavlink_camera(&self) -> CameraMount {
+        let of_mount = self.camera_mount.map(|_| CameraMount::Fixed);
+        self.mavlink_camera.or(of_mount).unwrap_or_default()
+    }
+
+    /// Whether attitudes of the aircraft may come from the autopilot.
+    pub fn reads_attitude_of_aircraft(&self) -> bool {
+        let is_of_aircraft = matches!(
+            self.mavlink_camera(),
+            CameraMount::Fixed | CameraMount::GimbalIfReported
+        );
+        self.mavlink.is_some() && is_of_aircraft
     }
 
     /// Whether positions go to an autopilot or a receiver during the flight.

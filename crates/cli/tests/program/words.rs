@@ -276,7 +276,11 @@ fn options_without_effect_are_refused_before_any_work() {
         ),
         (
             "track -p PACK PHOTO --camera-mount 90",
-            "expected --mavlink, or --telemetry FILE",
+            "or --telemetry FILE",
+        ),
+        (
+            "track -p PACK PHOTO --camera-mount 90 --mavlink udpin:127.0.0.1:0 --mavlink-camera unknown",
+            "--mavlink-camera fixed or gimbal",
         ),
         (
             "track -p PACK PHOTO --camera-mount nose",

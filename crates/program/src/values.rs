@@ -36,8 +36,10 @@ numbers! {
     length_m: "a length in metres, above 0" if |v| v > 0.0;
     /// A distance in pixels, zero or above.
     length_px: "a number of pixels, 0 or above" if |v| v >= 0.0;
-    /// A standard deviation in metres (or metres per second), 0 to 100 km: squares of more, or radii, are no numbers.
+    /// A standard deviation in metres, 0 to 100 km: squares of more, or radii, are no numbers.
     sigma_m: "a number of metres, from 0 to 100000" if |v| (0.0..=1e5).contains(&v);
+    /// A standard deviation of a velocity in metres per second.
+    sigma_m_s: "a number of metres per second, from 0 to 1000" if |v| (0.0..=1e3).contains(&v);
     /// A ground resolution of a map in metres per pixel, from a tenth of a millimetre to 10 km.
     gsd_m: "a ground resolution in metres per pixel, from 0.0001 to 10000" if |v| (1e-4..=1e4).contains(&v);
     /// A probability, 0 to 1.

@@ -22,18 +22,18 @@ impl CentreOffset {
     /// The offset over flat ground.
     ///
     /// The optical axis in north-east-down is `R(yaw, pitch, roll) (forward, right, 1)` with the boresight's two small angles;
-    /// it is lengthened until it reaches the ground, `height_agl_m` below. `None` if the view is more than 60 degrees off the
-    /// vertical.
+    /// it is lengthened until it reaches the ground, `height_agl_m` below. `None` if the attitude is more than 60 degrees off the
+    /// vertical, whatever the boresight.
     pub fn new(
         attitude: &Attitude,
         boresight_rad: Vector2<f64>,
         height_agl_m: f64,
     ) -> Option<Self> {
         let rotation = attitude.rotation();
-        let axis_ned = rotation * Vector3::new(boresight_rad.x, boresight_rad.y, 1.0);
-        if axis_ned.z < LARGEST_TILT_COS * axis_ned.norm() {
+        if rotation[(2, 2)] < LARGEST_TILT_COS {
             return None;
         }
+        let axis_ned = rotation * Vector3::new(boresight_rad.x, boresight_rad.y, 1.0);
         let on_ground_m = |v: Vector3<f64>| {
             // Derivative of (east, north) / down along v.
             let lateral = Vector2::new(v.y, v.x);

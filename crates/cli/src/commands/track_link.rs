@@ -43,7 +43,7 @@ pub struct TrackLinkArgs {
     pub camera_mount: Option<FixedMount>,
 
     /// Error of the autopilot's velocity, metres per second (1 sigma per axis); 0: velocities are not used
-    #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = values::sigma_m, allow_hyphen_values = true, help_heading = LINK)]
+    #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = values::sigma_m_s, allow_hyphen_values = true, help_heading = LINK)]
     pub mavlink_velocity_sigma: f64,
 
     /// Print what would be sent to the autopilot, and send nothing; --nmea then takes a file or `-`

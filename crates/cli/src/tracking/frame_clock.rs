@@ -203,11 +203,11 @@ impl FrameClock {
             }
             Agreement::Early(by_s) if is_system => format!(
                 "the photos' clock is at least {by_s:.1} s ahead of this computer's, so that positions would be wrong: none is given \
-                 until they agree. Set the clocks, or give --clock-offset -{by_s:.1}"
+                 until they agree. Set the clocks, or give --clock-offset -{by_s:.1} less the time that a photo takes to come"
             ),
             Agreement::Late(by_s) if is_system => format!(
                 "the photos are {by_s:.1} s old when they come: their clock is behind this computer's, or they come too late. No \
-                 position is given until that changes. Set the clocks, or give --clock-offset {by_s:.1}"
+                 position is given until that changes. Set the clocks, or give --clock-offset {by_s:.1} less the time that a photo takes to come"
             ),
             // A clock of their own is the one by which they do not come early.
             Agreement::Early(_) => return None,

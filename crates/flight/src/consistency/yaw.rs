@@ -23,10 +23,15 @@ pub struct YawWarning {
 
 impl std::fmt::Display for YawWarning {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [least, most] = self.off_deg;
+        let [least, most] = self.off_deg.map(|off_deg| format!("{off_deg:.0}"));
+        let range = if least == most {
+            least
+        } else {
+            format!("{least} to {most}")
+        };
         write!(
             f,
-            "the yaw of the telemetry is {least:.0} to {most:.0} degrees off the headings of the fixes: degrees clockwise from true \
+            "the yaw of the telemetry is {range} degrees off the headings of the fixes: degrees clockwise from true \
              north were expected"
         )
     }

@@ -10,6 +10,7 @@ mod error;
 mod normal;
 pub mod observation;
 pub mod observer;
+mod photo_count;
 pub mod position;
 pub mod real;
 pub mod scenes;
@@ -20,6 +21,7 @@ use grimnet_net::{Calibration, FittedOn};
 
 pub use error::FitError;
 use observation::Observation;
+pub use photo_count::PhotoCount;
 
 /// Fits both parts to all observations, so that a share `elsewhere_answered` of photos taken elsewhere gets a fix. The figures on
 /// held-out scenes come from fitting to each half of the scenes and checking on the other half.

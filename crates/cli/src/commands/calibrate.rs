@@ -5,6 +5,8 @@ mod observing;
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::{Context, Result, anyhow, bail};
 use clap::Args;
@@ -12,7 +14,7 @@ use grimnet_answer::printable;
 use grimnet_eval::calibration::confidence::ELSEWHERE_ANSWERED;
 use grimnet_eval::calibration::observation::Observation;
 use grimnet_eval::calibration::real::{NumberedSource, PlacesUsed, RealScene};
-use grimnet_eval::calibration::{self, observation, scenes, trial};
+use grimnet_eval::calibration::{self, PhotoCount, observation, scenes, trial};
 use grimnet_eval::datasets::{DataSet, DataSetError, DataSetRequest};
 use grimnet_eval::elsewhere::{ElsewhereOptions, Source};
 use grimnet_eval::scene::Scene;
@@ -29,7 +31,7 @@ use crate::exit::Exit;
 use crate::formats::stopped;
 use crate::outputs::OverwriteChoice;
 use crate::standard_output::StandardOutput;
-use crate::{inputs, progress, values};
+use crate::{inputs, interrupt, progress, values};
 use kept::Kept;
 use observing::Observing;
 
@@ -337,14 +339,26 @@ fn observe(
         }
     }
     let conditions = conditions(arguments, model, &files)?;
-    let made = draw_scenes(arguments, folder.path())?;
+    let stop = Arc::new(AtomicBool::new(false));
+    interrupt::stop_on_interrupt(&stop)?;
+    let Some(made) = draw_scenes(arguments, folder.path(), &stop)? else {
+        tracing::warn!("interrupted before the first photo; nothing is kept");
+        return Ok(None);
+    };
     let real = real_scenes(arguments, &made, &sets, sources)?;
-    let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<usize>();
+    let count = trial::count(&made) + real.iter().map(RealScene::count).sum::<PhotoCount>();
+    // Observations that are written may be fitted with others.
+    if arguments.observations.is_none() {
+        count
+            .check_enough()
+            .context("too few photos, even if all are found")?;
+    }
     let observing = Observing {
         out: &arguments.out,
         kept_path,
         conditions,
-        count,
+        count: count.here + count.elsewhere,
+        stop,
     };
     let observed = observing.run(&mut |observer| {
         trial::observe(model, &made, folder.path(), observer)?;
@@ -446,7 +460,12 @@ fn conditions(arguments: &CalibrateArgs, model: &Model, files: &[PathBuf]) -> Re
 }
 
 /// Draws the procedural worlds, and cuts photos from the pictures, with their maps in `folder`.
-fn draw_scenes(arguments: &CalibrateArgs, folder: &Path) -> Result<Vec<Scene>> {
+/// `None` if Ctrl-C ended it.
+fn draw_scenes(
+    arguments: &CalibrateArgs,
+    folder: &Path,
+    stop: &AtomicBool,
+) -> Result<Option<Vec<Scene>>> {
     if arguments.worlds + arguments.pictures.len() < 2 {
         bail!(
             "at least two worlds or folders of pictures are required: photos of one are localised on the map of the other"
@@ -458,11 +477,18 @@ fn draw_scenes(arguments: &CalibrateArgs, folder: &Path) -> Result<Vec<Scene>> {
         "scenes",
     );
     let mut made = Vec::new();
+    let is_stopped = || stop.load(Ordering::Relaxed);
     for seed in (arguments.seed..).take(arguments.worlds) {
+        if is_stopped() {
+            return Ok(None);
+        }
         made.push(scenes::world(seed, arguments.photos, folder)?);
         bar.inc(1);
     }
     for (seed, pictures) in (0..).zip(&arguments.pictures) {
+        if is_stopped() {
+            return Ok(None);
+        }
         made.push(scenes::pictures(
             pictures,
             arguments.pictures_gsd,
@@ -473,7 +499,7 @@ fn draw_scenes(arguments: &CalibrateArgs, folder: &Path) -> Result<Vec<Scene>> {
         bar.inc(1);
     }
     bar.finish_and_clear();
-    Ok(made)
+    Ok((!is_stopped()).then_some(made))
 }
 
 /// The sources whose pictures are not those of `folder`.

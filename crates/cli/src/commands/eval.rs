@@ -21,6 +21,7 @@ use grimnet_locate::{HeadingPrior, Localizer, Options, Prior};
 use grimnet_net::Model;
 use grimnet_output::{OutputFolder, OutputPolicy};
 use grimnet_pack::{BuildOptions, Pack};
+use tempfile::TempDir;
 
 use super::ModeChoice;
 use super::data_set_map::open_map;
@@ -33,6 +34,7 @@ use super::locate::{AdaptChoice, LocateOptions, adapt_to_flight};
 use super::map::build_with_bar;
 use super::results::{print_report_path, print_retrieval, print_summary};
 use crate::exit::Exit;
+use crate::interrupt;
 use crate::outputs::OWN_MAGICS;
 use crate::procedural_flight::{MAP, draw_map, make_flight};
 
@@ -102,7 +104,7 @@ pub fn run(arguments: &EvalArgs) -> Result<Exit> {
     let names = || FILE_NAMES.into_iter().chain([RECALL]);
     results.check(names())?;
     // AnyVisLoc's photos are written there, and how the parts of a map lie.
-    let scratch = tempfile::tempdir()?;
+    let scratch = scratch_folder()?;
     let mut data = data_set(arguments, &results.folder, scratch.path())?;
     for (frame, _) in &mut data.frames {
         frame.footprint_width_m = arguments.footprint_width.or(frame.footprint_width_m);
@@ -224,10 +226,21 @@ fn evaluate_and_write(
     Ok(Exit::Done)
 }
 
+/// A temporary folder, which Ctrl-C removes as well.
+fn scratch_folder() -> Result<TempDir> {
+    let scratch = tempfile::tempdir()?;
+    let path = scratch.path().to_owned();
+    interrupt::end_on_interrupt(move || {
+        // There is nobody left to tell.
+        let _ = fs_err::remove_dir_all(path);
+    })?;
+    Ok(scratch)
+}
+
 /// `grim eval --elsewhere`: photos that are not on the map.
 fn run_elsewhere(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
     let policy = &results.policy;
-    let scratch = tempfile::tempdir()?;
+    let scratch = scratch_folder()?;
     let map = match (&arguments.map, &arguments.folder) {
         (Some(map), _) => arguments.place.open(map, policy)?,
         (None, Some(_)) => open_map(
@@ -273,7 +286,7 @@ fn run_track(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
         let about = about(format!("procedural world {seed}"));
         return eval_track_flights::fly(&arguments.track, seed, &search, &results.folder, about);
     }
-    let scratch = tempfile::tempdir()?;
+    let scratch = scratch_folder()?;
     let data = data_set(arguments, &results.folder, scratch.path())?;
     let map = open_map(&data, &results.policy)?;
     results.check(HIDDEN_FILES)?;

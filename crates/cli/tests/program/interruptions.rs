@@ -145,7 +145,10 @@ fn an_interrupted_calibration_goes_on_with_its_observations() {
     let model = path("model");
     let partial = folder.path().join("model.partial");
     let arguments = calibrate(&model);
-    let mut child = start(&arguments.iter().map(String::as_str).collect::<Vec<_>>());
+    let observations = path("model.csv");
+    let mut words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    words.extend(["--observations", &observations]);
+    let mut child = start(&words);
     assert!(wait_for_answers(&mut child, &partial, 500));
     send("INT", &child);
     assert_eq!(child.wait().unwrap().code(), Some(130));
@@ -156,12 +159,21 @@ fn an_interrupted_calibration_goes_on_with_its_observations() {
     let kept = fs::metadata(&partial).unwrap().len();
     assert!(!Path::new(&model).exists() && kept > 500);
 
-    let observations = path("model.csv");
     assert_eq!(to_the_end(&model, &observations), whole);
     // It was added to: nothing was localised again.
     let uninterrupted = fs::read(path("whole.partial")).unwrap();
     let continued = fs::read(&partial).unwrap();
     assert_eq!(continued.len(), uninterrupted.len());
+    // Without a file for them, they would be of no use.
+    let mut alone = grim();
+    alone
+        .args(calibrate(&path("alone")))
+        .assert()
+        .code(2)
+        .stderr(
+            predicates::str::contains("only 7 right answers of one half of the scenes")
+                .and(predicates::str::contains("kept in").not()),
+        );
     // They are not written over what is kept.
     let mut other = grim();
     other

@@ -58,6 +58,23 @@ impl Limiting {
     }
 }
 
+/// Checks that there are enough right answers and photos taken elsewhere.
+pub(super) fn check_enough(right: usize, elsewhere: usize) -> Result<(), FitError> {
+    if right < MIN_RIGHT {
+        return Err(FitError::TooFewFixes {
+            found: right,
+            needed: MIN_RIGHT,
+        });
+    }
+    if elsewhere < MIN_ELSEWHERE {
+        return Err(FitError::TooFewElsewhere {
+            found: elsewhere,
+            needed: MIN_ELSEWHERE,
+        });
+    }
+    Ok(())
+}
+
 /// Fits the weights to right and wrong answers, then the least confidence so that a share `allowed` of the photos taken elsewhere, those
 /// that `limiting` names, exceeds it.
 ///
@@ -72,20 +89,10 @@ pub fn fit(
         .iter()
         .filter_map(|o| Some((o.answer?.support.evidence(), o.is_right())))
         .collect();
-    let right = answers.iter().filter(|(_, right)| *right).count();
-    if right < MIN_RIGHT {
-        return Err(FitError::TooFewFixes {
-            found: right,
-            needed: MIN_RIGHT,
-        });
-    }
-    let elsewhere = observations.iter().filter(|o| o.elsewhere).count();
-    if elsewhere < MIN_ELSEWHERE {
-        return Err(FitError::TooFewElsewhere {
-            found: elsewhere,
-            needed: MIN_ELSEWHERE,
-        });
-    }
+    check_enough(
+        answers.iter().filter(|(_, right)| *right).count(),
+        observations.iter().filter(|o| o.elsewhere).count(),
+    )?;
     let weights = logistic(&answers);
     let [
         intercept,

@@ -6,6 +6,7 @@ use std::path::PathBuf;
 use grimnet_locate::Support;
 use grimnet_net::Model;
 
+use super::PhotoCount;
 use super::observation::{Answer, Observation};
 use super::observer::{ObserveError, Observer};
 use super::trial::{SceneLocalizer, answer};
@@ -70,9 +71,12 @@ pub struct RealScene<'a> {
 impl RealScene<'_> {
     /// How many photos [`RealScene::observe`] will localise.
     #[must_use]
-    pub fn count(&self) -> usize {
+    pub fn count(&self) -> PhotoCount {
         let own = self.places.map_or(0, |places| places.of(self.scene).len());
-        2 * own + self.trials.trials * self.elsewhere.len()
+        PhotoCount {
+            here: 2 * own,
+            elsewhere: self.trials.trials * self.elsewhere.len(),
+        }
     }
 
     /// Localises the photos, each with its heading known and unknown, and the pictures that are not on the map. `first_scene` is

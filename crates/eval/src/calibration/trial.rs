@@ -9,6 +9,7 @@ use grimnet_locate::{Gates, Localizer, Options};
 use grimnet_net::Model;
 use grimnet_pack::{BuildLimits, BuildOptions, Pack, build_interruptible};
 
+use super::PhotoCount;
 use super::observation::{Answer, Observation};
 use super::observer::{ObserveError, Observer};
 use crate::evaluation::{TrialError, evaluate_one};
@@ -79,13 +80,16 @@ pub fn observe(
 
 /// How many photos [`observe`] will localise.
 #[must_use]
-pub fn count(scenes: &[Scene]) -> usize {
-    let places = scenes.len().min(2);
+pub fn count(scenes: &[Scene]) -> PhotoCount {
     let shots = scenes.iter().map(|scene| {
         let shots = scene.shots.len();
         shots + shots.div_ceil(UNKNOWN_HEADING_EVERY)
     });
-    shots.sum::<usize>() * places
+    let here = shots.sum();
+    PhotoCount {
+        here,
+        elsewhere: if scenes.len() > 1 { here } else { 0 },
+    }
 }
 
 /// The localiser of a scene's map under the settings of an observation; the pack is written to `pack`, unless it is there already.

@@ -11,7 +11,7 @@ use grimnet_eval::calibration::observer::Observer;
 
 use super::kept::Kept;
 use crate::formats::stopped;
-use crate::{interrupt, progress};
+use crate::progress;
 
 /// Makes observations so that a run which is stopped can go on.
 pub struct Observing<'a> {
@@ -22,6 +22,8 @@ pub struct Observing<'a> {
     pub conditions: String,
     /// How many there will be, for the progress bar.
     pub count: usize,
+    /// Set by Ctrl-C.
+    pub stop: Arc<AtomicBool>,
 }
 
 impl Observing<'_> {
@@ -45,13 +47,11 @@ impl Observing<'_> {
             tracing::info!("going on after {} of {} photos", earlier.len(), self.count);
             progress::go_on_from(&bar, earlier.len() as u64, self.count as u64);
         }
-        let stop = Arc::new(AtomicBool::new(false));
-        interrupt::stop_on_interrupt(&stop)?;
         let mut on_new = |observation: &Observation| {
             bar.inc(1);
             kept.as_mut().map_or(Ok(()), |kept| kept.add(observation))
         };
-        let mut observer = Observer::new(earlier, &stop, &mut on_new);
+        let mut observer = Observer::new(earlier, &self.stop, &mut on_new);
         let ended = observe(&mut observer);
         let observations = observer.into_observations();
         bar.finish_and_clear();

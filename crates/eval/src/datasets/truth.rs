@@ -74,6 +74,14 @@ pub enum TruthError {
         /// Line in the file, from 1.
         line: u64,
     },
+    /// Two columns of one name.
+    #[error("{path}: two columns are named `{name}`; rename the one that is not meant")]
+    ColumnTwice {
+        /// The file.
+        path: PathBuf,
+        /// The name.
+        name: String,
+    },
     /// A required column is missing.
     #[error(
         "{path}: expected a comma-separated table with a column `photo` and the columns `lat_deg`,`lon_deg` (or `centre_lat`,`centre_lon`, or `gps_lat`,`gps_lon`); found: {header}"
@@ -146,6 +154,25 @@ pub fn read_rows(path: &Path) -> Result<(Vec<TruthFrame>, Vec<TruthError>), Trut
     Ok((frames, bad))
 }
 
+/// All columns that are read.
+const COLUMNS: [&str; 15] = [
+    "photo",
+    "lat_deg",
+    "lon_deg",
+    "centre_lat",
+    "centre_lon",
+    "gps_lat",
+    "gps_lon",
+    "heading_deg",
+    "flight_yaw_deg",
+    "height_agl_m",
+    "footprint_w_m",
+    "tilt_deg",
+    "truth_err_m",
+    "flat_frac",
+    "place",
+];
+
 /// Where each column of a truth file is.
 struct Columns {
     header: csv::StringRecord,
@@ -158,6 +185,14 @@ struct Columns {
 impl Columns {
     fn find(path: &Path, header: csv::StringRecord) -> Result<Self, TruthError> {
         let find = |names: &[&str]| position(&header, names);
+        for name in COLUMNS {
+            if header.iter().filter(|column| *column == name).count() > 1 {
+                return Err(TruthError::ColumnTwice {
+                    path: path.to_owned(),
+                    name: name.to_owned(),
+                });
+            }
+        }
         // A latitude by one name and a longitude by another may be of two positions.
         let pair = |lat: &str, lon: &str| find(&[lat]).zip(find(&[lon]));
         let centre = pair("lat_deg", "lon_deg").or_else(|| pair("centre_lat", "centre_lon"));
@@ -342,6 +377,15 @@ mod tests {
         for bad in ["a.jpg,1,2,OO4,1,1,-5,1,0", "a.jpg,1,2,OO4,1,1,100,1,1.5"] {
             assert!(read_text(&format!("{header}\n{bad}\n")).is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn two_columns_of_one_name_are_refused_where_they_are_read() {
+        let text = read_text("photo,note,note,lat_deg,lon_deg,lat_deg\n")
+            .unwrap_err()
+            .to_string();
+        assert!(text.contains("two columns are named `lat_deg`"), "{text}");
+        assert!(read_text("photo,note,note,lat_deg,lon_deg\n").is_ok());
     }
 
     #[test]

@@ -161,7 +161,7 @@ impl fmt::Display for Concern {
             Self::UnevenNorth { turn_deg } => write!(
                 f,
                 "north lies up to {turn_deg:.0} degrees from where it lies at its centre: photos are turned by their heading as at the \
-                 centre, and elsewhere get no fix; cut it into smaller maps, or search with --heading unknown"
+                 centre, and elsewhere get no fix; cut it into smaller maps, or search with the heading unknown"
             ),
             Self::Source(text) => f.write_str(text),
         }

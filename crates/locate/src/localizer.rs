@@ -94,6 +94,7 @@ impl LocalizerBuilder {
             None => Model::bundled()?,
         };
         let model = model.with_precision_if_given(self.precision)?;
+        self.options.check_model(&model)?;
         if self.options.mode == Mode::Paper {
             check_pack(&pack)?;
         }

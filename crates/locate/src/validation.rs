@@ -2,6 +2,7 @@
 
 use std::fmt::Display;
 
+use grimnet_net::Model;
 use grimnet_pack::Index;
 use grimnet_photo::{
     HEADING_RANGE_DEG, HEIGHT_AGL_RANGE_M, HFOV_RANGE_DEG, HeadingPrior, PHOTO_GSD_RANGE_M,
@@ -19,6 +20,9 @@ use crate::{
 const MIN_SIDE_PX: u32 = 32;
 /// Largest number of headings that may be tried.
 const MAX_HEADINGS: usize = 360;
+
+/// Largest position error of a map, metres: squares of much more, and radii, are no numbers.
+const MAX_MAP_ERROR_M: f64 = 1e5;
 
 const POSITIVE: &str = "a finite number above 0";
 const NOT_NEGATIVE: &str = "a finite number, 0 or above";
@@ -89,11 +93,31 @@ impl Options {
         if let Some(budget_ms) = self.budget_ms {
             require("budget_ms", budget_ms, is_positive(budget_ms), POSITIVE)?;
         }
-        require_not_negative("map_error_m", self.map_error_m)?;
+        require(
+            "map_error_m",
+            self.map_error_m,
+            (0.0..=MAX_MAP_ERROR_M).contains(&self.map_error_m),
+            "0 to 100000 metres",
+        )?;
         self.vote.as_ref().map_or(Ok(()), check_vote)?;
         self.map_vote.as_ref().map_or(Ok(()), check_map_vote)?;
         check_ransac(&self.ransac)?;
         self.gates.as_ref().map_or(Ok(()), check_gates)
+    }
+
+    /// Checks that the model states the confidence of which a least one is asked.
+    ///
+    /// # Errors
+    /// [`LocateError::InvalidValue`]: the model is not calibrated, so that the gate would have no effect.
+    pub fn check_model(&self, model: &Model) -> Result<()> {
+        let least = self.gates.and_then(|gates| gates.min_confidence);
+        let least = least.unwrap_or(0.0);
+        require(
+            "gates.min_confidence",
+            least,
+            least == 0.0 || model.calibration().confidence.is_some(),
+            "0 with a model that states no confidence: it has to be calibrated first",
+        )
     }
 }
 

@@ -102,7 +102,7 @@ pub enum ModelFileError {
     NotSafetensors(String),
     /// An entry of the metadata that every model has is missing.
     #[error(
-        "its metadata has no entry `{0}`: expected a model written by this program; a checkpoint of a training run becomes one with `grim train CONFIG --export`"
+        "its metadata has no entry `{0}`: expected a model written by this program; a checkpoint of a training run is none until it is exported"
     )]
     MissingMetadata(&'static str),
     /// The format version is not supported.

@@ -6,6 +6,7 @@ use grimnet_eval::datasets::DataSetError;
 use grimnet_eval::datasets::anyvisloc::AnyVisLocError;
 use grimnet_geo::GeoError;
 use grimnet_locate::LocateError;
+use grimnet_net::{ModelFileError, NetError};
 use grimnet_output::OutputError;
 use grimnet_pack::PackError;
 use grimnet_photo::PhotoError;
@@ -98,6 +99,16 @@ fn hint(error: &(dyn std::error::Error + 'static)) -> Option<(&'static str, &'st
             }
             _ => None,
         };
+    }
+    if let Some(NetError::ModelFile {
+        reason: ModelFileError::MissingMetadata(_),
+        ..
+    }) = error.downcast_ref::<NetError>()
+    {
+        return Some((
+            "--export",
+            "grim train CONFIG --export exports a training run",
+        ));
     }
     match error.downcast_ref::<PackError>()? {
         PackError::NotAPack { .. } => Some((

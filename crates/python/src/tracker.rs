@@ -4,7 +4,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use grimnet_flight::{Flight, FlightOptions, Known};
 use grimnet_geo::LonLat;
-use grimnet_track::{Attitude, Height, Input, Start, TrackOptions, Vehicle, Velocity};
+use grimnet_track::{Attitude, FixedMount, Height, Input, Start, TrackOptions, Vehicle, Velocity};
 use pyo3::prelude::*;
 
 use crate::answers::answer_object;
@@ -19,10 +19,12 @@ use crate::track_point::TrackPoint;
 ///
 /// `vehicle` is `multirotor` or `plane`. `start` is the aircraft's place at the first frame, if it is known: latitude and longitude,
 /// degrees, and the radius in metres that holds it with 95 % probability. `focal_length_px` is that of the full-size photos, pixels, if
-/// neither their metadata nor `hfov_deg` tell it.
+/// neither their metadata nor `hfov_deg` tell it. `camera_mount` is how a camera without a gimbal is mounted, degrees: where the picture's
+/// top points, clockwise from the aircraft's nose, and the camera's pitch, -90 straight down; 0 and -90 if it is not given.
 #[pyclass(frozen, module = "grimnet")]
 pub struct Tracker {
     flight: Mutex<Flight>,
+    mount: FixedMount,
 }
 
 impl Tracker {
@@ -41,12 +43,13 @@ impl Tracker {
 #[pymethods]
 impl Tracker {
     #[new]
-    #[pyo3(signature = (localizer, *, vehicle="multirotor", start=None, focal_length_px=None))]
+    #[pyo3(signature = (localizer, *, vehicle="multirotor", start=None, focal_length_px=None, camera_mount=None))]
     fn new(
         localizer: &Bound<'_, Localizer>,
         vehicle: &str,
         start: Option<[f64; 3]>,
         focal_length_px: Option<f64>,
+        camera_mount: Option<[f64; 2]>,
     ) -> PyResult<Self> {
         let vehicle = match vehicle {
             "multirotor" => Vehicle::Multirotor,
@@ -57,6 +60,11 @@ impl Tracker {
                 )));
             }
         };
+        let mount = camera_mount.map_or(Ok(FixedMount::default()), |[yaw_deg, pitch_deg]| {
+            let text = format!("{yaw_deg},{pitch_deg}");
+            text.parse()
+                .map_err(|expected| invalid_value(format!("camera_mount is {text}; {expected}")))
+        })?;
         let options = FlightOptions {
             track: TrackOptions {
                 vehicle,
@@ -72,6 +80,7 @@ impl Tracker {
         let flight = Flight::new(localizer.get().inner.clone(), options).map_err(invalid_value)?;
         Ok(Self {
             flight: Mutex::new(flight),
+            mount,
         })
     }
 
@@ -149,8 +158,8 @@ impl Tracker {
         })
     }
 
-    /// Attitude of an aircraft with a fixed camera that looks down, degrees: yaw clockwise from true north, pitch with the nose
-    /// up, roll with the right side down.
+    /// Attitude of an aircraft on which the camera is mounted as `camera_mount` says, degrees: yaw clockwise from true north, pitch with
+    /// the nose up, roll with the right side down.
     #[pyo3(signature = (time_s, *, yaw_deg, pitch_deg, roll_deg))]
     fn push_attitude(
         &self,
@@ -160,15 +169,17 @@ impl Tracker {
         pitch_deg: f64,
         roll_deg: f64,
     ) -> PyResult<()> {
-        self.push(
-            py,
-            Input::Attitude(Attitude {
-                time_s,
-                yaw_deg,
-                pitch_deg,
-                roll_deg,
-            }),
-        )
+        let aircraft = Attitude {
+            time_s,
+            yaw_deg,
+            pitch_deg,
+            roll_deg,
+        };
+        // As it is given: of one that is not finite the camera's has others that are not.
+        Input::Attitude(aircraft)
+            .validate()
+            .map_err(invalid_value)?;
+        self.push(py, Input::Attitude(self.mount.camera(aircraft)))
     }
 
     /// Attitude of a gimbal, degrees: its pitch is -90 where it looks straight down, as DJI and MAVLink report it.

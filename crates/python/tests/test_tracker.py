@@ -72,6 +72,21 @@ def test_telemetry_that_fixes_contradict_is_warned_of(localizer, lines):
     assert "-30 degrees of pitch" in warning
 
 
+def test_a_mount_turns_the_attitude_of_the_aircraft(localizer, lines):
+    turned, plain = grimnet.Tracker(localizer, camera_mount=[180, -90]), grimnet.Tracker(localizer)
+    for line in lines[:6]:
+        at = seconds(line)
+        turned.push_height(at, agl_m=110.0)
+        plain.push_height(at, agl_m=110.0)
+        turned.push_attitude(at, yaw_deg=279.0, pitch_deg=-2.0, roll_deg=1.0)
+        plain.push_attitude(at, yaw_deg=99.0, pitch_deg=2.0, roll_deg=-1.0)
+        points = [tracker.frame(line["photo"], at) for tracker in (turned, plain)]
+    assert points[0].position_of == "aircraft"
+    assert np.allclose(*((point.lat_deg, point.lon_deg) for point in points), rtol=0, atol=1e-9)
+    with pytest.raises(grimnet.InvalidValueError, match="camera_mount is 0,-5"):
+        grimnet.Tracker(localizer, camera_mount=(0, -5))
+
+
 def test_telemetry_is_taken_in(localizer, lines):
     tracker = grimnet.Tracker(localizer, vehicle="plane", start=(1.0, 1.5, 2000.0), focal_length_px=1000.0)
     for line in lines[:4]:

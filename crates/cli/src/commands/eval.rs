@@ -381,11 +381,11 @@ fn localizer(
         min_confidence: arguments.min_confidence,
         ..LocateOptions::plain(arguments.mode, arguments.adapt)
     };
-    options.check_model(model)?;
     let options = Options {
         keep_matches: true,
         ..options.options()?
     };
+    options.check_model(model)?;
     let build = BuildOptions {
         levels: arguments.retrieval.levels(),
         ..arguments.mode.build_options()

@@ -173,10 +173,8 @@ fn localizer(
     pack: Pack,
     photos: &[PathBuf],
 ) -> Result<Localizer> {
-    let model = arguments.model.open()?;
-    arguments.locate.check_model(&model)?;
     let localizer = Localizer::builder()
-        .model(model)
+        .model(arguments.model.open()?)
         .options(options)
         .build(pack)?;
     if arguments.locate.adapt == AdaptChoice::Flight {

@@ -5,7 +5,6 @@ use std::fmt;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use grimnet_locate::{Adapt, DEFAULT_MAP_ERROR_M, Gates, HeadingPrior, Near, Options, Prior};
-use grimnet_net::Model;
 use grimnet_photo::ViewPrior;
 
 use super::ModeChoice;
@@ -183,20 +182,6 @@ impl LocateOptions {
             },
             ..named
         })
-    }
-
-    /// Checks that the model states what is asked of a fix.
-    ///
-    /// # Errors
-    /// A least confidence, and a model that states none.
-    pub fn check_model(&self, model: &Model) -> Result<()> {
-        let is_asked = self.min_confidence.is_some_and(|least| least > 0.0);
-        if is_asked && model.calibration().confidence.is_none() {
-            bail!(
-                "--min-confidence has no meaning with a model that states no confidence: leave it out, or give the model one (grim calibrate)"
-            );
-        }
-        Ok(())
     }
 
     /// Nothing known but the photos themselves; for commands that give each photo its own prior.

@@ -59,14 +59,17 @@ fn a_confidence_that_is_never_stated_is_refused_before_the_pack_is_built() {
         .save(&model)
         .unwrap();
     let out = folder.path().join("out");
-    for options in [["--mode", "paper"], ["--model", model.to_str().unwrap()]] {
+    for (options, said) in [
+        (["--mode", "paper"], "--min-confidence has no meaning"),
+        (
+            ["--model", model.to_str().unwrap()],
+            "gates.min_confidence is 0.5; expected 0 with a model that states no confidence",
+        ),
+    ] {
         let mut command = grim();
         command.arg("eval").arg(demo()).arg("--out").arg(&out);
         command.args(["--min-confidence", "0.5"]).args(options);
-        command
-            .assert()
-            .code(2)
-            .stderr(contains("--min-confidence has no meaning"));
+        command.assert().code(2).stderr(contains(said));
         assert!(!out.exists(), "{options:?}");
     }
 }

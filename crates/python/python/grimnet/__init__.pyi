@@ -212,6 +212,7 @@ class Tracker:
         vehicle: Literal["multirotor", "plane"] = "multirotor",
         start: _Circle | None = None,
         focal_length_px: float | None = None,
+        camera_mount: tuple[float, float] | list[float] | npt.NDArray[np.float64] | None = None,
     ) -> Tracker: ...
     def frame(
         self,

@@ -81,7 +81,7 @@ pub fn label_pictures(
         .collect();
     if folders.is_empty() {
         return Err(TrainError::Config {
-            reason: "no `[[data]]` folder needs labels: the pairs come from procedural worlds, or all folders serve retrieval; train without --labels".into(),
+            reason: "no `[[data]]` folder needs labels: the pairs come from procedural worlds, or all folders serve retrieval; train without labels".into(),
         });
     }
     let pictures = Pictures::scan(&folders, config.least_picture_px(), config.photo_limits)?;

@@ -315,7 +315,7 @@ fn errors_name_what_is_wrong() {
         .options(options)
         .open(&pack)
         .unwrap_err();
-    let text = "map_error_m is NaN; expected a finite number, 0 or above";
+    let text = "map_error_m is NaN; expected 0 to 100000 metres";
     assert_eq!(error.to_string(), text);
 
     let localizer = Localizer::open(&pack).unwrap();

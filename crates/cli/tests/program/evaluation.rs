@@ -264,6 +264,18 @@ fn footprint_place_and_answerability_come_from_the_truth_file() {
     let frames = std::fs::read_to_string(out.join("frames.csv")).unwrap();
     assert!(frames.lines().next().unwrap().contains("footprint_share"));
     assert!(frames.contains(",town,") && frames.contains(",right"));
+    let mut rows = csv::Reader::from_reader(frames.as_bytes());
+    let header = rows.headers().unwrap().clone();
+    let row = rows.records().next().unwrap().unwrap();
+    let value = |name: &str| -> f64 {
+        let column = header.iter().position(|column| column == name);
+        row[column.unwrap()].parse().unwrap()
+    };
+    let north_m = (value("lat_deg") - value("true_lat_deg")) * 110_580.0;
+    assert!((north_m - value("error_north_m")).abs() < 0.05, "{north_m}");
+    assert!((value("lon_deg") - value("true_lon_deg")).abs() < 1e-3);
+    let [ee, en, nn] = ["ee", "en", "nn"].map(|axes| value(&format!("covariance_{axes}_m2")));
+    assert!(ee * nn > en * en, "{ee} {en} {nn}");
     let page = std::fs::read_to_string(out.join("report.html")).unwrap();
     assert!(page.contains("Reliability"));
     assert!(page.contains("Error of the truth: that of the truth file"));

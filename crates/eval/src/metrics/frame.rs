@@ -15,6 +15,9 @@ pub struct Frame {
     pub photo: String,
     /// Whether a fix was given.
     pub fixed: bool,
+    /// The fix as it was stated.
+    #[serde(skip)]
+    pub stated: Option<ScoredFix>,
     /// The true position of the image centre, if it is known.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<LonLat>,
@@ -110,6 +113,7 @@ impl Frame {
         Self {
             photo: photo.to_owned(),
             fixed: true,
+            stated: Some(*fix),
             error_m: Some(east.hypot(north)),
             error_east_m: Some(east),
             error_north_m: Some(north),

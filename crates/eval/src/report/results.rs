@@ -1,5 +1,6 @@
 //! The content of the files of an evaluation: `summary.json`, `frames.csv`, `failed.jsonl`, `report.html`.
 
+use grimnet_geo::LonLat;
 use grimnet_net::{Calibration, Precision};
 use serde::Serialize;
 
@@ -167,7 +168,7 @@ pub fn files(
 }
 
 /// The columns of `frames.csv`.
-const COLUMNS: [&str; 19] = [
+const COLUMNS: [&str; 26] = [
     "run",
     "photo",
     "state",
@@ -187,6 +188,13 @@ const COLUMNS: [&str; 19] = [
     "truth_err_m",
     "answerable",
     "verdict",
+    "true_lat_deg",
+    "true_lon_deg",
+    "lat_deg",
+    "lon_deg",
+    "covariance_ee_m2",
+    "covariance_en_m2",
+    "covariance_nn_m2",
 ];
 
 fn frames_csv(runs: &[Run]) -> Result<Vec<u8>, ResultsError> {
@@ -196,6 +204,11 @@ fn frames_csv(runs: &[Run]) -> Result<Vec<u8>, ResultsError> {
     let text = |v: Option<String>| v.unwrap_or_default();
     for run in runs {
         for frame in &run.frames {
+            let [true_lat, true_lon] = coordinates(frame.truth);
+            let [lat, lon] = coordinates(frame.stated.map(|fix| fix.position));
+            let [ee, en, nn] = frame.stated.map_or_else(<[String; 3]>::default, |fix| {
+                fix.covariance_en_m2.map(|value| value.to_string())
+            });
             writer.write_record([
                 run.name.clone(),
                 frame.photo.clone(),
@@ -216,10 +229,24 @@ fn frames_csv(runs: &[Run]) -> Result<Vec<u8>, ResultsError> {
                 number(frame.truth_error_m),
                 text(frame.answerable.map(|v| v.to_string())),
                 verdict(frame).to_owned(),
+                true_lat,
+                true_lon,
+                lat,
+                lon,
+                ee,
+                en,
+                nn,
             ])?;
         }
     }
     csv_bytes(writer)
+}
+
+/// Latitude and longitude, degrees; empty without a place.
+fn coordinates(place: Option<LonLat>) -> [String; 2] {
+    place.map_or_else(<[String; 2]>::default, |place| {
+        [place.lat_deg, place.lon_deg].map(|degrees| format!("{degrees:.8}"))
+    })
 }
 
 /// Whether the fix of a photo is right (see [`crate::metrics::footprint`]); empty without a fix.

@@ -218,6 +218,6 @@ fn the_error_says_field_value_and_what_is_expected() {
     };
     assert_eq!(
         options.check().unwrap_err().to_string(),
-        "map_error_m is -2.5; expected a finite number, 0 or above"
+        "map_error_m is -2.5; expected 0 to 100000 metres"
     );
 }

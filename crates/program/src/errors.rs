@@ -185,6 +185,12 @@ mod tests {
             text.ends_with("(--max-photo-memory MIB raises it)"),
             "{text}"
         );
+        let error = anyhow::Error::new(NetError::ModelFile {
+            path: "checkpoint.safetensors".into(),
+            reason: ModelFileError::MissingMetadata("format"),
+        });
+        let text = message_with_hint(&error);
+        assert!(text.contains("(grim train CONFIG --export"), "{text}");
     }
 
     #[test]

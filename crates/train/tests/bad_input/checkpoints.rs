@@ -91,11 +91,14 @@ fn a_damaged_checkpoint_is_named() {
 }
 
 #[test]
-fn a_checkpoint_in_place_of_a_model_says_how_it_becomes_one() {
+fn a_checkpoint_in_place_of_a_model_is_to_be_exported() {
     let folder = tempfile::tempdir().unwrap();
     let config = one_step_run(folder.path());
     let error = Model::open(checkpoint_path(&config)).err().unwrap();
-    assert!(error.to_string().contains("--export"), "{error}");
+    assert!(
+        error.to_string().contains("until it is exported"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -58,4 +58,6 @@ pub use rules::{Finding, Verdict};
 pub use signing::SigningKey;
 pub use telemetry::camera_mount::CameraMount;
 pub use telemetry::mavlink::TelemetryOptions;
-pub use telemetry::{LONGEST_STREAM_GAP_S, Telemetry, TelemetryClock, read_telemetry};
+pub use telemetry::{
+    LONGEST_STREAM_GAP_S, Telemetry, TelemetryClock, VELOCITY_SIGMA_M_S, read_telemetry,
+};

@@ -13,4 +13,4 @@ mod recorded;
 
 pub use self::file::read_telemetry;
 pub use self::mpeg_ts::LONGEST_STREAM_GAP_S;
-pub use self::recorded::{Telemetry, TelemetryClock};
+pub use self::recorded::{Telemetry, TelemetryClock, VELOCITY_SIGMA_M_S};

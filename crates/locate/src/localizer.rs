@@ -148,6 +148,11 @@ impl Localizer {
         &self.options
     }
 
+    /// The model.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     /// The pack.
     pub fn pack(&self) -> &Pack {
         &self.pack

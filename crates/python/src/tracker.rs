@@ -38,6 +38,18 @@ impl Tracker {
             .map(drop)
             .map_err(invalid_value)
     }
+
+    /// Takes in the camera's attitude that follows from `given`, whose angles are checked as they are given: of one that is not finite
+    /// the camera's has others that are not.
+    fn push_camera(
+        &self,
+        py: Python<'_>,
+        given: Attitude,
+        camera: impl FnOnce(Attitude) -> Attitude,
+    ) -> PyResult<()> {
+        Input::Attitude(given).validate().map_err(invalid_value)?;
+        self.push(py, Input::Attitude(camera(given)))
+    }
 }
 
 #[pymethods]
@@ -175,11 +187,7 @@ impl Tracker {
             pitch_deg,
             roll_deg,
         };
-        // As it is given: of one that is not finite the camera's has others that are not.
-        Input::Attitude(aircraft)
-            .validate()
-            .map_err(invalid_value)?;
-        self.push(py, Input::Attitude(self.mount.camera(aircraft)))
+        self.push_camera(py, aircraft, |aircraft| self.mount.camera(aircraft))
     }
 
     /// Attitude of a gimbal, degrees: its pitch is -90 where it looks straight down, as DJI and MAVLink report it.
@@ -192,16 +200,15 @@ impl Tracker {
         pitch_deg: f64,
         roll_deg: f64,
     ) -> PyResult<()> {
-        // As they are given: of one that is not finite the attitude has others that are not.
-        let given = Attitude {
+        let gimbal = Attitude {
             time_s,
             yaw_deg,
             pitch_deg,
             roll_deg,
         };
-        Input::Attitude(given).validate().map_err(invalid_value)?;
-        let attitude = Attitude::from_gimbal(time_s, yaw_deg, pitch_deg, roll_deg);
-        self.push(py, Input::Attitude(attitude))
+        self.push_camera(py, gimbal, |_| {
+            Attitude::from_gimbal(time_s, yaw_deg, pitch_deg, roll_deg)
+        })
     }
 
     /// Height above the ground below, and altitude above mean sea level, metres.

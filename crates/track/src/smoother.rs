@@ -68,12 +68,12 @@ pub fn smooth(
     let mut pieces = 0;
     let mut fix_number = 0;
     for input in &in_order {
+        let change = sensors.take(input);
+        if sensors.looks_too_far_aside(input, options) {
+            continue;
+        }
         match input {
             Input::Fix(fix) => {
-                sensors.take(input);
-                if sensors.looks_too_far_aside(input, options) {
-                    continue;
-                }
                 let root = roots.get(fix_number).copied().flatten();
                 fix_number += 1;
                 let Some(root) = root else { continue };
@@ -88,9 +88,7 @@ pub fn smooth(
                 }
             }
             other => {
-                let change = sensors.take(other);
-                let is_used = !sensors.looks_too_far_aside(other, options);
-                if let Some(piece) = piece.as_mut().filter(|_| is_used) {
+                if let Some(piece) = &mut piece {
                     piece.follow(other, change, &sensors, options);
                 }
             }

@@ -459,8 +459,7 @@ fn conditions(arguments: &CalibrateArgs, model: &Model, files: &[PathBuf]) -> Re
     Ok(text)
 }
 
-/// Draws the procedural worlds, and cuts photos from the pictures, with their maps in `folder`.
-/// `None` if Ctrl-C ended it.
+/// Draws the procedural worlds, and cuts photos from the pictures, with their maps in `folder`. `None` if Ctrl-C ended it.
 fn draw_scenes(
     arguments: &CalibrateArgs,
     folder: &Path,
@@ -476,30 +475,28 @@ fn draw_scenes(
         "drawing maps and photos",
         "scenes",
     );
-    let mut made = Vec::new();
-    let is_stopped = || stop.load(Ordering::Relaxed);
-    for seed in (arguments.seed..).take(arguments.worlds) {
-        if is_stopped() {
-            return Ok(None);
-        }
-        made.push(scenes::world(seed, arguments.photos, folder)?);
-        bar.inc(1);
-    }
-    for (seed, pictures) in (0..).zip(&arguments.pictures) {
-        if is_stopped() {
-            return Ok(None);
-        }
-        made.push(scenes::pictures(
+    let worlds = (arguments.seed..)
+        .take(arguments.worlds)
+        .map(|seed| scenes::world(seed, arguments.photos, folder));
+    let of_pictures = (0..).zip(&arguments.pictures).map(|(seed, pictures)| {
+        scenes::pictures(
             pictures,
             arguments.pictures_gsd,
             arguments.photos,
             seed,
             folder,
-        )?);
+        )
+    });
+    let mut made = Vec::new();
+    for scene in worlds.chain(of_pictures) {
+        made.push(scene?);
         bar.inc(1);
+        if stop.load(Ordering::Relaxed) {
+            return Ok(None);
+        }
     }
     bar.finish_and_clear();
-    Ok((!is_stopped()).then_some(made))
+    Ok(Some(made))
 }
 
 /// The sources whose pictures are not those of `folder`.

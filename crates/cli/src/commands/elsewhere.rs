@@ -10,7 +10,7 @@ use grimnet_eval::elsewhere::{self, ElsewhereTrial, Source};
 use grimnet_eval::elsewhere_summary::{ElsewhereSummary, Group};
 use grimnet_geo::Raster;
 use grimnet_locate::Localizer;
-use grimnet_net::{Model, Precision};
+use grimnet_net::Precision;
 use grimnet_output::OutputFolder;
 use grimnet_pack::Mode;
 use grimnet_photo::PhotoLimits;
@@ -127,7 +127,7 @@ pub fn run(
     options: &ElsewhereOptions,
     sources: &[Source],
     map: &dyn Raster,
-    (model, localizer): (&Model, &Localizer),
+    localizer: &Localizer,
     folder: &OutputFolder,
     photo_limits: PhotoLimits,
 ) -> Result<Exit> {
@@ -149,7 +149,7 @@ pub fn run(
     let summary = ElsewhereSummary::of(&trials);
     let [json, csv] = FILES;
     let results = Results {
-        about: about(&settings, model, localizer),
+        about: about(&settings, localizer),
         summary: &summary,
     };
     let text = serde_json::to_string_pretty(&results)? + "\n";
@@ -185,8 +185,8 @@ struct About {
     version: &'static str,
 }
 
-fn about(settings: &elsewhere::ElsewhereOptions, model: &Model, localizer: &Localizer) -> About {
-    let manifest = localizer.pack().manifest();
+fn about(settings: &elsewhere::ElsewhereOptions, localizer: &Localizer) -> About {
+    let (manifest, model) = (localizer.pack().manifest(), localizer.model());
     let options = localizer.options();
     About {
         map: manifest.map.description.clone(),

@@ -259,7 +259,7 @@ fn run_elsewhere(arguments: &EvalArgs, results: &Results) -> Result<Exit> {
         &arguments.elsewhere,
         &sources,
         map.as_ref(),
-        (&model, &localizer),
+        &localizer,
         &results.folder,
         limits,
     )

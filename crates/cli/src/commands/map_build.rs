@@ -123,7 +123,8 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         .protect_all(&arguments.model.model)
         .protect_all(&arguments.photo);
     policy.check_file(out, OWN_MAGICS)?;
-    for working_file in working_files(&linked_path(out)?) {
+    let [partial, assembling] = working_files(&linked_path(out)?);
+    for working_file in [&partial, &assembling] {
         policy.check_not_input(working_file)?;
     }
     let named = arguments.mode.build_options();
@@ -149,7 +150,6 @@ pub fn run(arguments: &BuildArgs) -> Result<Exit> {
         // Standard output may be where the pack went.
         print_report(&mut std::io::stderr(), &report, out)?;
     } else {
-        let [partial, _] = working_files(&linked_path(out)?);
         interrupt::end_on_interrupt(move || {
             tracing::warn!(
                 "stopped; {} holds the work so far, and the same command goes on with it",

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use grimnet_link::{Address, CameraMount, LinkOptions, NmeaTarget};
+use grimnet_link::{Address, CameraMount, LinkOptions, NmeaTarget, VELOCITY_SIGMA_M_S};
 use grimnet_track::FixedMount;
 
 use super::link_options::{LinkChoice, address};
@@ -43,7 +43,7 @@ pub struct TrackLinkArgs {
     pub camera_mount: Option<FixedMount>,
 
     /// Error of the autopilot's velocity, metres per second (1 sigma per axis); 0: velocities are not used
-    #[arg(long, value_name = "M_S", default_value_t = 0.5, value_parser = values::sigma_m_s, allow_hyphen_values = true, help_heading = LINK)]
+    #[arg(long, value_name = "M_S", default_value_t = VELOCITY_SIGMA_M_S, value_parser = values::sigma_m_s, allow_hyphen_values = true, help_heading = LINK)]
     pub mavlink_velocity_sigma: f64,
 
     /// Print what would be sent to the autopilot, and send nothing; --nmea then takes a file or `-`

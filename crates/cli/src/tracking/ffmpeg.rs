@@ -42,7 +42,8 @@ impl FfmpegVideo {
     /// # Errors
     /// There is no `ffmpeg` on the PATH.
     pub fn open(source: &Path, frames_per_s: f64, limits: PhotoLimits, keep: Keep) -> Result<Self> {
-        let name = without_password(&source.display().to_string());
+        let given = source.display().to_string();
+        let name = without_password(&given);
         let probed: &[&str] = match keep {
             Keep::Newest => &PROBED_OF_STREAM,
             Keep::All => &[],
@@ -76,7 +77,7 @@ impl FfmpegVideo {
             bail!("{name}: ffmpeg has no output");
         };
         if let Some(messages) = ffmpeg.stderr.take() {
-            let (given, shown) = (source.display().to_string(), name.clone());
+            let shown = name.clone();
             // It ends with `ffmpeg`.
             std::thread::spawn(move || {
                 for line in BufReader::new(messages).split(b'\n').map_while(Result::ok) {

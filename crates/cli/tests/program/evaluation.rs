@@ -2,6 +2,14 @@
 
 use super::*;
 
+/// `grim eval` of the photos in `folder` on a map.
+fn eval_on(map: &Path, folder: &Path, heading: &str, out: &Path) -> Command {
+    let mut command = grim();
+    command.arg("eval").arg(folder).arg("--map").arg(map);
+    command.args(["--heading", heading, "--out"]).arg(out);
+    command
+}
+
 #[test]
 fn evaluation_agrees_with_the_demo() {
     let folder = tempfile::tempdir().unwrap();
@@ -94,12 +102,7 @@ fn truth_that_cannot_be_scored_is_named_and_the_rest_is_scored() {
     let table = format!("{header}\n{first}\n{bad}\n");
     std::fs::write(folder.path().join("truth.csv"), table).unwrap();
     let out = folder.path().join("out");
-    let eval = |folder: &Path, map: &Path| {
-        let mut command = grim();
-        command.arg("eval").arg(folder).arg("--map").arg(map);
-        command.args(["--heading", "exif", "--out"]).arg(&out);
-        command
-    };
+    let eval = |folder: &Path, map: &Path| eval_on(map, folder, "exif", &out);
     let map = demo().join("map.tif");
     eval(folder.path(), &map)
         .assert()
@@ -153,13 +156,7 @@ fn photos_that_cannot_be_read_take_no_place_among_the_pictures_of_the_worst() {
     }
     std::fs::write(folder.path().join("truth.csv"), table.join("\n")).unwrap();
     let out = folder.path().join("out");
-    grim()
-        .arg("eval")
-        .arg(folder.path())
-        .arg("--map")
-        .arg(demo().join("map.tif"))
-        .args(["--heading", "exif", "--out"])
-        .arg(&out)
+    eval_on(&demo().join("map.tif"), folder.path(), "exif", &out)
         .assert()
         .success();
     assert!(out.join("matches/flight_001.jpg").is_file());
@@ -229,13 +226,8 @@ fn footprint_place_and_answerability_come_from_the_truth_file() {
     }
     std::fs::write(folder.path().join("truth.csv"), table).unwrap();
     let out = folder.path().join("out");
-    grim()
-        .arg("eval")
-        .arg(folder.path())
-        .arg("--map")
-        .arg(demo().join("map.tif"))
-        .args(["--heading", "known", "--min-confidence", "0", "--out"])
-        .arg(&out)
+    eval_on(&demo().join("map.tif"), folder.path(), "known", &out)
+        .args(["--min-confidence", "0"])
         .assert()
         .success()
         .stdout(contains("right (within 5 % of footprint)"))

@@ -3,7 +3,7 @@
 use grimnet_track::{FixedMount, Input};
 
 /// Error of a velocity per axis that is stated without one, metres per second, 1 sigma.
-pub(super) const VELOCITY_SIGMA_M_S: f64 = 0.5;
+pub const VELOCITY_SIGMA_M_S: f64 = 0.5;
 
 /// What the times of a telemetry file count from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -14,7 +14,7 @@ use super::{
 use crate::{
     attitude::Attitude,
     input::{Input, Miss, PositionFix, RelativeMotion},
-    tilt::{CentreOffset, gsd_over_nadir, top_from_yaw_deg},
+    tilt::{CentreOffset, gsd_over_nadir},
 };
 
 /// Confidences are drawn as if at least this share of fixes were wrong.
@@ -170,7 +170,7 @@ fn fix(
         lonlat: destination_en_m(options.origin(), seen_m.x, seen_m.y),
         covariance_en_m2: sample.covariance_en_m2,
         map_error_m: options.map_error_m,
-        heading_deg: Some(truth.yaw_deg + top_from_yaw_deg(&attitude) + sample.heading_error_deg),
+        heading_deg: Some(attitude.top_deg() + sample.heading_error_deg),
         gsd_m: truth.height_agl_m / options.focal_length_px
             * gsd_over_nadir(&attitude)
             * sample.gsd_ratio,
